@@ -1,0 +1,82 @@
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := setup
+
+DURATION ?= 10
+BAG ?= bags/$(shell date +%Y-%m-%d-%H%M%S)
+PYTEST_ARGS ?=
+
+# An installed ROS is used in place of the wheels. ROS_PREFIX= (empty) asks for the wheels all the same.
+ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
+LOCK := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros,wheels).lock
+
+WITH_ENV := source ./env.bash &&
+COLCON_BUILD := source toolchain/ros_env.bash && colcon build --symlink-install --packages-select
+
+##@ Use
+.PHONY: setup
+setup: install/.package ## Install ROS 2 Jazzy and the Python packages into .venv and build (the default)
+	@echo "Ready: 'make run' drills, 'source env.bash' puts rpud into this shell, 'make help' lists the rest."
+
+.PHONY: run
+run: install/.package ## Drill in real time for DURATION seconds (10) and record to BAG (bags/<time>)
+	@$(WITH_ENV) rpud run --duration $(DURATION) --record $(BAG)
+
+##@ Develop
+.PHONY: test
+test: install/.package ## Run every test; PYTEST_ARGS passes on options
+	@$(WITH_ENV) python -m pytest $(PYTEST_ARGS)
+
+.PHONY: lint
+lint: install/.package .venv/.lint ## Check style, types, the rules of import and package.xml
+	@$(WITH_ENV) toolchain/lint.sh
+
+.PHONY: format
+format: .venv/.lint ## Format the code and mend what ruff can
+	@.venv/bin/ruff format
+	@.venv/bin/ruff check --fix
+
+.PHONY: bench
+bench: install/.package ## Run the benchmarks
+	@$(WITH_ENV) python -m bench
+
+.PHONY: lock
+lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)
+	toolchain/lock.sh
+
+.PHONY: clean
+clean: ## Remove what was built
+	rm -rf build install log .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+
+.PHONY: distclean
+distclean: clean ## Remove the virtual environment as well
+	rm -rf .venv
+
+.PHONY: help
+help: ## Show this help
+	@awk 'BEGIN { FS = ":.*## " } /^##@/ { printf "\n%s\n", substr($$0, 5) } \
+	  /^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+# Set-up leaves stamps, so that it happens once for each state of the files that it depends on. Python sources are
+# not among them: colcon links to them.
+.venv/.installed: $(LOCK) toolchain/find_python.sh
+	@python="$$(ROS_PREFIX='$(ROS_PREFIX)' toolchain/find_python.sh)"
+	@echo "Installing $(if $(ROS_PREFIX),Python packages beside $(ROS_PREFIX),ROS 2 Jazzy and Python packages) into .venv ..."
+	@python="$$(ROS_PREFIX='$(ROS_PREFIX)' toolchain/find_python.sh)"; \
+	"$$python" -m venv --clear $(if $(ROS_PREFIX),--system-site-packages) .venv; \
+	.venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r $(LOCK)
+	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix)
+	@touch $@
+
+.venv/.lint: toolchain/requirements/lint.lock .venv/.installed
+	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r $<
+	@touch $@
+
+install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/msg/*.msg)
+	@$(COLCON_BUILD) rpud_msgs
+	@touch $@
+
+install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/*.yaml)
+	@$(COLCON_BUILD) rpud_sim
+	@touch $@

@@ -1,0 +1,1 @@
+"""A real-time simulator of a rotary-percussive ultrasonic drill."""

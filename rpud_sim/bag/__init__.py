@@ -1,0 +1,1 @@
+"""MCAP bags as rosbag2 understands them: writer, reader and recovery."""

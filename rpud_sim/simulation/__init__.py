@@ -1,0 +1,1 @@
+"""The model under commands: schedule, trajectory, sampling and statistics."""

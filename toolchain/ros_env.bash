@@ -1,0 +1,54 @@
+# Source this in bash or zsh: the virtual environment and ROS 2 Jazzy, without this package. For users: env.bash.
+
+_rpud_prepend() { # NAME FOLDER...: puts the folders in front of the search path NAME, each only once
+  local name="$1" folder value
+  shift
+  for folder in "$@"; do
+    eval "value=\${$name:-}"
+    case ":$value:" in
+      *":$folder:"*) ;;
+      *) export "$name=$folder${value:+:$value}" ;;
+    esac
+  done
+}
+
+_rpud_source() { # FILE: sources it without `set -u` and `set -e`, which ROS's own scripts do not survive
+  local options="$-" code=0
+  set +eu
+  . "$1" || code=$?
+  case "$options" in *u*) set -u ;; esac
+  case "$options" in *e*) set -e ;; esac
+  return "$code"
+}
+
+_rpud_ros_env() {
+  local shell=bash file toolchain venv
+  if [ -n "${ZSH_VERSION:-}" ]; then shell=zsh; fi
+  file="${BASH_SOURCE[0]:-${(%):-%x}}"
+  toolchain="$(cd "$(dirname "$file")" && pwd)"
+  venv="$(dirname "$toolchain")/.venv"
+
+  if [ -d "$venv/share/rclpy" ]; then # ROS as wheels
+    _rpud_prepend AMENT_PREFIX_PATH "$venv"
+    _rpud_prepend CMAKE_PREFIX_PATH "$venv"
+    export CMAKE_TOOLCHAIN_FILE="$toolchain/wheels.cmake"
+    # Python processes would restart themselves to set this; programs in C++ have nobody to do it for them.
+    _rpud_prepend LD_LIBRARY_PATH "$venv/lib" "$venv"/lib/python3.*/site-packages/ros_*.libs
+    export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
+  elif [ -f "$venv/ros_prefix" ]; then # an installed ROS
+    _rpud_source "$(cat "$venv/ros_prefix")/setup.$shell"
+  else
+    echo "rpud_sim: not set up yet: run 'make setup' first" >&2
+    return 1
+  fi
+
+  export VIRTUAL_ENV="$venv"
+  unset PYTHONHOME
+  _rpud_prepend PATH "$venv/bin"
+
+  # A drill on the desk is nobody else's business: stay on this machine unless told otherwise.
+  export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+  export ROS_DOMAIN_ID="${ROS_DOMAIN_ID:-42}"
+}
+
+_rpud_ros_env
