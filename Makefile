@@ -11,6 +11,7 @@ PYTEST_ARGS ?=
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
 LOCK := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros,wheels).lock
 
+PIP_INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps
 WITH_ENV := source ./env.bash &&
 COLCON_BUILD := source toolchain/ros_env.bash && colcon build --symlink-install --packages-select
 
@@ -60,17 +61,17 @@ help: ## Show this help
 
 # Set-up leaves stamps, so that it happens once for each state of the files that it depends on. Python sources are
 # not among them: colcon links to them.
-.venv/.installed: $(LOCK) toolchain/find_python.sh
-	@python="$$(ROS_PREFIX='$(ROS_PREFIX)' toolchain/find_python.sh)"
-	@echo "Installing $(if $(ROS_PREFIX),Python packages beside $(ROS_PREFIX),ROS 2 Jazzy and Python packages) into .venv ..."
+.venv/.installed: toolchain/requirements/installer.lock $(LOCK) toolchain/find_python.sh
 	@python="$$(ROS_PREFIX='$(ROS_PREFIX)' toolchain/find_python.sh)"; \
-	"$$python" -m venv --clear $(if $(ROS_PREFIX),--system-site-packages) .venv; \
-	.venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r $(LOCK)
+	echo "Installing $(if $(ROS_PREFIX),Python packages beside $(ROS_PREFIX),ROS 2 Jazzy) into .venv ..."; \
+	"$$python" -m venv --clear $(if $(ROS_PREFIX),--system-site-packages) .venv
+	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@$(PIP_INSTALL) --no-build-isolation -r $(LOCK)
 	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix)
 	@touch $@
 
 .venv/.lint: toolchain/requirements/lint.lock .venv/.installed
-	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r $<
+	@$(PIP_INSTALL) --only-binary :all: -r $<
 	@touch $@
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/msg/*.msg)

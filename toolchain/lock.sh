@@ -3,18 +3,20 @@
 set -eu
 cd "$(dirname "$0")/requirements"
 
-# pip builds nothing: a source package could run anything at set-up. empy 3 was never released as a wheel.
+# A source package could run anything at set-up, so there is only one: empy 3 was never released as a wheel.
 lock() { # OUTPUT OPTION|INPUT...
   uv pip compile --quiet --upgrade --generate-hashes --only-binary :all: --no-binary empy --no-header \
     --custom-compile-command "make lock" --output-file "$@"
 }
 
-lock wheels.lock --universal --python-version 3.10 runtime.in test.in build.in ros.in
-lock installed_ros.lock --python-version 3.12 --python-platform x86_64-manylinux_2_28 \
+lock installer.lock --universal --python-version 3.10 installer.in
+lock wheels.lock --universal --python-version 3.10 --constraints installer.lock \
+  runtime.in test.in build.in ros.in
+lock installed_ros.lock --python-version 3.12 --python-platform x86_64-manylinux_2_28 --constraints installer.lock \
   runtime.in test.in build.in installed_ros.in
 lock lint.lock --universal --python-version 3.10 --constraints wheels.lock lint.in
 
 # Conditions that hold on every supported machine would only make the lines long.
 sed -i -E "s/ and (python_full_version < '3.14'|platform_python_implementation != 'PyPy')//
   s/(python_full_version < '3.14'|implementation_name == 'cpython'|platform_machine == 'x86_64') and //g
-  s/( and| ;) sys_platform == 'linux'//" wheels.lock lint.lock
+  s/( and| ;) sys_platform == 'linux'//" {installer,wheels,lint}.lock
