@@ -1,0 +1,102 @@
+"""The drill as the engine sees it: constants derived from the parameters, and the moving state."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rpud_sim.model.contact import EffectiveTool, printed_tool, rayleigh_tool, section_spring_rate
+from rpud_sim.model.parameters import Parameters
+from rpud_sim.model.suspension import damping_coefficient
+
+
+class Drill(NamedTuple):
+    """Constants of the drill in SI units.
+
+    While the free mass touches the drill tool, the tool counts as ``tool_mass`` on ``tool_spring_rate`` with
+    ``tool_damping``: m_dt on the restoring spring before drilling (eq. (14)), m_eff,dt on the tool's own elasticity
+    during drilling (eq. (29)).
+    """
+
+    rpud_mass: float
+    rpud_damping: float
+    load_spring_rate: float
+    free_mass: float
+    tool_mass: float
+    tool_damping: float
+    tool_spring_rate: float
+    tool_elasticity: float  # k_eff,dt [N/m], in both regimes
+    actuator_restitution: float
+    drill_tool_restitution: float
+    gravity: float
+    in_rock: bool
+
+
+def effective_tool(parameters: Parameters) -> EffectiveTool:
+    """Return m_eff,dt [kg] and k_eff,dt [N/m] of the drill tool by the chosen contact model."""
+    sections = (
+        (parameters.section_1_area, parameters.section_1_length),
+        (parameters.section_2_area, parameters.section_2_length),
+    )
+    k_1, k_2 = (section_spring_rate(parameters.elastic_modulus, *section) for section in sections)
+    m_1, m_2 = (parameters.drill_tool_density * area * length for area, length in sections)
+    model = printed_tool if parameters.contact_model == "printed" else rayleigh_tool
+    return model(k_1, k_2, m_1, m_2)
+
+
+def derive(parameters: Parameters) -> Drill:
+    """Return the constants that the engine needs."""
+    effective = effective_tool(parameters)
+    in_rock = parameters.regime == "drilling"
+    if in_rock:
+        tool_mass, tool_damping, tool_spring_rate = effective.mass, 0.0, effective.spring_rate
+    else:
+        tool_mass = parameters.drill_tool_mass
+        tool_spring_rate = parameters.restoring_spring_rate
+        tool_damping = damping_coefficient(
+            parameters.drill_tool_damping_ratio, tool_mass, tool_spring_rate
+        )
+    return Drill(
+        rpud_mass=parameters.rpud_mass,
+        rpud_damping=damping_coefficient(
+            parameters.rpud_damping_ratio, parameters.rpud_mass, parameters.load_spring_rate
+        ),
+        load_spring_rate=parameters.load_spring_rate,
+        free_mass=parameters.free_mass,
+        tool_mass=tool_mass,
+        tool_damping=tool_damping,
+        tool_spring_rate=tool_spring_rate,
+        tool_elasticity=effective.spring_rate,
+        actuator_restitution=parameters.actuator_restitution,
+        drill_tool_restitution=parameters.drill_tool_restitution,
+        gravity=parameters.gravity,
+        in_rock=in_rock,
+    )
+
+
+# Everything that moves, at the start of the open segment. Positions in m, velocities in m/s, positive toward the
+# rock; the time is whole seconds and a fraction.
+STATE = np.dtype(
+    [
+        ("seconds", np.int64),
+        ("fraction", np.float64),
+        ("phase", np.float64),
+        ("frequency", np.float64),
+        ("amplitude", np.float64),
+        ("target_amplitude", np.float64),  # taken at the next zero of the vibration
+        ("weight_on_bit", np.float64),
+        ("contact", np.uint8),
+        ("event", np.uint8),
+        ("tool_at_rest", np.uint8),  # in the rock, between two contacts
+        ("u_np", np.float64),
+        ("v_np", np.float64),
+        ("u_fm", np.float64),
+        ("v_fm", np.float64),
+        ("u_dt", np.float64),
+        ("v_dt", np.float64),
+        ("next_event", np.uint8),  # what ends the open segment, an END_* of guards.py
+        ("impacts", np.uint64),  # on the drill tool, so far
+        ("impact_open", np.uint8),  # whether the last of them is still in contact
+        ("standstill", np.int64),  # events in a row without time passing
+    ],
+    align=True,
+)

@@ -1,0 +1,107 @@
+"""The impact in progress: from the blow of the free mass on the drill tool to the end of that contact.
+
+An impact ends when the contact opens, when the free mass strikes the drill tool anew (the actuator drove it while
+it was still there), or when the contact has come to rest.
+"""
+
+import math
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.contact import half_sine_impulse
+from rpud_sim.model.guards import force_on_drill_tool
+from rpud_sim.model.motion import CONTACT_BOTH
+from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at, nodal_plane_motion
+from rpud_sim.model.suspension import decaying_integral
+from rpud_sim.model.vibration import TWO_PI
+
+# Samples of the contact force in which its maximum is sought while all three bodies are in contact.
+FORCE_SAMPLES = 64
+
+
+@compiled
+def tip_integral(segment, time):
+    """Integral of u_ut over the first part of a segment [m s]."""
+    motion = nodal_plane_motion(segment)
+    omega = TWO_PI * segment.vibration_frequency
+    start = TWO_PI * segment.vibration_phase
+    end = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
+    in_phase = motion.vibration_sine + segment.vibration_amplitude
+    steady = in_phase * (math.cos(start) - math.cos(end)) + motion.vibration_cosine * (
+        math.sin(end) - math.sin(start)
+    )
+    return motion.offset * time + decaying_integral(motion, time) + steady / omega
+
+
+@compiled
+def contact_impulse(drill, segment, time):
+    """Momentum that the free mass gives to the drill tool in the first part of a segment in contact [N s]."""
+    _, _, _, _, u_start, v_start, _, _ = motion_at(segment, 0.0)
+    _, _, _, _, u_end, v_end, _, _ = motion_at(segment, time)
+    if segment.contact == CONTACT_BOTH:
+        return (
+            drill.tool_mass * (v_end - v_start)
+            + drill.tool_damping * (u_end - u_start)
+            + drill.tool_spring_rate * tip_integral(segment, time)
+        )
+    return drill.free_mass * (drill.gravity * time - (v_end - v_start))
+
+
+@compiled
+def greatest_contact_force(drill, segment, time):
+    """Greatest force between free mass and drill tool in the first part of a segment in contact [N]."""
+    start, _ = force_on_drill_tool(drill, segment, 0.0)
+    end, _ = force_on_drill_tool(drill, segment, time)
+    greatest = max(start, end)
+    if segment.contact == CONTACT_DRILL_TOOL:
+        # Eq. (38): compression is greatest where the closed form's phase is zero.
+        w = segment.drill_tool_angular_frequency
+        angle = math.atan2(segment.drill_tool_sine, segment.drill_tool_cosine)
+        if angle < 0.0:
+            angle += TWO_PI
+        if angle < w * time:
+            force, _ = force_on_drill_tool(drill, segment, angle / w)
+            greatest = max(greatest, force)
+        return greatest
+    step = time / FORCE_SAMPLES
+    for i in range(1, FORCE_SAMPLES):
+        force, slope = force_on_drill_tool(drill, segment, i * step)
+        _, slope_after = force_on_drill_tool(drill, segment, (i + 1) * step)
+        if slope > 0.0 >= slope_after:
+            crest = (i + slope / (slope - slope_after)) * step
+            force, _ = force_on_drill_tool(drill, segment, crest)
+        greatest = max(greatest, force)
+    return greatest
+
+
+@compiled
+def open_impact(drill, state, impact, collisions):
+    """Begin the record of an impact at the state's time."""
+    impact.sequence = state.impacts
+    impact.seconds = state.seconds
+    impact.fraction = state.fraction
+    impact.impact_velocity = collisions.impact_velocity
+    impact.energy = collisions.energy
+    impact.impulse = collisions.impulse
+    impact.peak_force = 0.0
+    impact.contact_duration = 0.0
+    state.impacts += 1
+    if drill.in_rock:
+        state.impact_open = 1
+        return
+    peak_force, duration, _ = half_sine_impulse(
+        drill.free_mass,
+        drill.tool_mass,
+        drill.drill_tool_restitution,
+        collisions.impact_velocity,
+        drill.tool_elasticity,
+    )
+    impact.peak_force = peak_force
+    impact.contact_duration = duration
+
+
+@compiled
+def follow_impact(drill, segment, impact, time):
+    """Add the first part of a segment in contact to the record of the impact."""
+    impact.impulse += contact_impulse(drill, segment, time)
+    impact.contact_duration += time
+    impact.peak_force = max(impact.peak_force, greatest_contact_force(drill, segment, time))

@@ -1,0 +1,96 @@
+"""From a state to the closed form that follows it: which equations hold for which contact."""
+
+import math
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.segment import (
+    CONTACT_ACTUATOR,
+    CONTACT_DRILL_TOOL,
+    set_drill_tool_motion,
+    set_nodal_plane_motion,
+)
+from rpud_sim.model.suspension import Oscillation, driven_vibration, free_vibration
+from rpud_sim.model.vibration import TWO_PI
+
+CONTACT_BOTH = CONTACT_ACTUATOR | CONTACT_DRILL_TOOL
+
+
+@compiled
+def nodal_plane_closed_form(drill, state, contact):
+    """The nodal plane's ``Oscillation`` under the given contact.
+
+    Alone, or with the free mass in flight or on the drill tool, it obeys eq. (2) with the preload W. With the free
+    mass (and the drill tool behind it) held against the vibrating tip, their inertia and the drill tool's spring
+    act on it as well, moved by u_hv of eq. (1).
+    """
+    if not contact & CONTACT_ACTUATOR:
+        return free_vibration(
+            drill.rpud_mass,
+            drill.rpud_damping,
+            drill.load_spring_rate,
+            state.weight_on_bit,
+            state.u_np,
+            state.v_np,
+        )
+    carried = drill.free_mass
+    damping = 0.0
+    spring_rate = 0.0
+    if contact == CONTACT_BOTH:
+        carried += drill.tool_mass
+        damping = drill.tool_damping
+        spring_rate = drill.tool_spring_rate
+    omega = TWO_PI * state.frequency
+    return driven_vibration(
+        drill.rpud_mass + carried,
+        drill.rpud_damping + damping,
+        drill.load_spring_rate + spring_rate,
+        state.weight_on_bit + drill.free_mass * drill.gravity,
+        (carried * omega * omega - spring_rate) * state.amplitude,
+        -damping * omega * state.amplitude,
+        state.frequency,
+        state.phase,
+        state.u_np,
+        state.v_np,
+    )
+
+
+@compiled
+def drill_tool_closed_form(drill, state, contact):
+    """The drill tool's ``Oscillation``: alone by eq. (14), or with the free mass on it by eq. (31)."""
+    if contact == CONTACT_DRILL_TOOL:
+        return free_vibration(
+            drill.free_mass + drill.tool_mass,
+            drill.tool_damping,
+            drill.tool_spring_rate,
+            drill.free_mass * drill.gravity,
+            state.u_dt,
+            state.v_dt,
+        )
+    if state.tool_at_rest or contact == CONTACT_BOTH:
+        return Oscillation(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return free_vibration(
+        drill.tool_mass,
+        drill.tool_damping,
+        drill.tool_spring_rate,
+        0.0,
+        state.u_dt,
+        state.v_dt,
+    )
+
+
+@compiled
+def begin_segment(drill, state, segment):
+    """Write the closed form that follows from the state into the segment, all but its duration."""
+    segment.start_seconds = state.seconds
+    segment.start_fraction = state.fraction
+    segment.contact = state.contact
+    segment.event = state.event
+    segment.vibration_phase = state.phase
+    segment.vibration_frequency = state.frequency
+    segment.vibration_amplitude = state.amplitude
+    segment.weight_on_bit = state.weight_on_bit
+    set_nodal_plane_motion(segment, nodal_plane_closed_form(drill, state, state.contact))
+    set_drill_tool_motion(segment, drill_tool_closed_form(drill, state, state.contact))
+    segment.free_mass_position = state.u_fm
+    segment.free_mass_velocity = state.v_fm
+    segment.free_mass_acceleration = drill.gravity

@@ -1,0 +1,154 @@
+"""The trajectory's records: segments of closed-form motion, and impacts on the drill tool.
+
+A segment holds everything that is needed to evaluate every motion from its start to its end. Two dtypes are the
+whole vocabulary: NumPy arrays of them leave the engine, are sampled, published and recorded.
+"""
+
+import math
+
+import numpy as np
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.flight import fall
+from rpud_sim.model.suspension import Oscillation, decaying_part
+from rpud_sim.model.vibration import TWO_PI
+
+# Who touches the free mass during a segment: bits, both may be set.
+CONTACT_ACTUATOR = 1
+CONTACT_DRILL_TOOL = 2
+
+# What began a segment: bits.
+EVENT_ACTUATOR_IMPACT = 1
+EVENT_DRILL_TOOL_IMPACT = 2
+EVENT_RELEASE = 4
+EVENT_COMMAND = 8
+EVENT_LIMIT = 16
+
+_OSCILLATION = ("offset", "decay_rate", "angular_frequency", "cosine", "sine")
+
+# Times are whole seconds and a fraction from 0 to 1, so that they keep their precision in long runs. Lengths in m,
+# rates in 1/s, phases in cycles; the field names are those of rpud_msgs/Trajectory.
+SEGMENT = np.dtype(
+    [
+        ("start_seconds", np.int64),
+        ("start_fraction", np.float64),
+        ("duration", np.float64),
+        ("contact", np.uint8),
+        ("event", np.uint8),
+        ("vibration_phase", np.float64),
+        ("vibration_frequency", np.float64),
+        ("vibration_amplitude", np.float64),
+        ("weight_on_bit", np.float64),
+        *((f"nodal_plane_{name}", np.float64) for name in _OSCILLATION),
+        ("nodal_plane_vibration_sine", np.float64),
+        ("nodal_plane_vibration_cosine", np.float64),
+        ("free_mass_position", np.float64),
+        ("free_mass_velocity", np.float64),
+        ("free_mass_acceleration", np.float64),
+        *((f"drill_tool_{name}", np.float64) for name in _OSCILLATION),
+    ],
+    align=True,
+)
+
+IMPACT = np.dtype(
+    [
+        ("sequence", np.uint64),
+        ("seconds", np.int64),
+        ("fraction", np.float64),
+        ("peak_force", np.float64),
+        ("contact_duration", np.float64),
+        ("impact_velocity", np.float64),
+        ("impulse", np.float64),
+        ("energy", np.float64),
+    ],
+    align=True,
+)
+
+
+@compiled
+def nodal_plane_motion(segment):
+    """The nodal plane's ``Oscillation`` of a segment."""
+    return Oscillation(
+        segment.nodal_plane_offset,
+        segment.nodal_plane_decay_rate,
+        segment.nodal_plane_angular_frequency,
+        segment.nodal_plane_cosine,
+        segment.nodal_plane_sine,
+        segment.nodal_plane_vibration_sine,
+        segment.nodal_plane_vibration_cosine,
+    )
+
+
+@compiled
+def drill_tool_motion(segment):
+    """The drill tool's ``Oscillation`` of a segment."""
+    return Oscillation(
+        segment.drill_tool_offset,
+        segment.drill_tool_decay_rate,
+        segment.drill_tool_angular_frequency,
+        segment.drill_tool_cosine,
+        segment.drill_tool_sine,
+        0.0,
+        0.0,
+    )
+
+
+@compiled
+def set_nodal_plane_motion(segment, motion):
+    """Write the nodal plane's ``Oscillation`` into a segment."""
+    segment.nodal_plane_offset = motion.offset
+    segment.nodal_plane_decay_rate = motion.decay_rate
+    segment.nodal_plane_angular_frequency = motion.angular_frequency
+    segment.nodal_plane_cosine = motion.cosine
+    segment.nodal_plane_sine = motion.sine
+    segment.nodal_plane_vibration_sine = motion.vibration_sine
+    segment.nodal_plane_vibration_cosine = motion.vibration_cosine
+
+
+@compiled
+def set_drill_tool_motion(segment, motion):
+    """Write the drill tool's ``Oscillation`` into a segment."""
+    segment.drill_tool_offset = motion.offset
+    segment.drill_tool_decay_rate = motion.decay_rate
+    segment.drill_tool_angular_frequency = motion.angular_frequency
+    segment.drill_tool_cosine = motion.cosine
+    segment.drill_tool_sine = motion.sine
+
+
+@compiled
+def motion_at(segment, time):
+    """Every body's motion at a time after a segment's start.
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        time: since its start [s].
+
+    Returns:
+        u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt [m, m/s], positive toward the rock.
+    """
+    omega = TWO_PI * segment.vibration_frequency
+    angle = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
+    sine = math.sin(angle)
+    cosine = math.cos(angle)
+    displacement, velocity = decaying_part(nodal_plane_motion(segment), time)
+    steady_sine = segment.nodal_plane_vibration_sine
+    steady_cosine = segment.nodal_plane_vibration_cosine
+    u_np = segment.nodal_plane_offset + displacement + steady_sine * sine + steady_cosine * cosine
+    v_np = velocity + omega * (steady_sine * cosine - steady_cosine * sine)
+    u_ut = u_np + segment.vibration_amplitude * sine
+    v_ut = v_np + omega * segment.vibration_amplitude * cosine
+    if segment.contact == CONTACT_ACTUATOR | CONTACT_DRILL_TOOL:
+        return u_np, v_np, u_ut, v_ut, u_ut, v_ut, u_ut, v_ut
+    displacement, v_dt = decaying_part(drill_tool_motion(segment), time)
+    u_dt = segment.drill_tool_offset + displacement
+    if segment.contact == CONTACT_ACTUATOR:
+        return u_np, v_np, u_ut, v_ut, u_ut, v_ut, u_dt, v_dt
+    if segment.contact == CONTACT_DRILL_TOOL:
+        return u_np, v_np, u_ut, v_ut, u_dt, v_dt, u_dt, v_dt
+    u_fm, v_fm = fall(
+        segment.free_mass_position,
+        segment.free_mass_velocity,
+        segment.free_mass_acceleration,
+        time,
+    )
+    return u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt

@@ -1,0 +1,160 @@
+"""Bodies on springs: the damped oscillator behind eqs. (2), (8), (9) and (14)-(16).
+
+Every suspended body of the drill obeys, with phase angle phi = 2 pi f t,
+
+    m x'' + c x' + k x = F + H_s sin(phi) + H_c cos(phi)
+
+The nodal plane alone has F = W (the preload of the load spring) and H = 0; while the free mass is held against
+the vibrating tip, the vibration appears on the right-hand side. The closed form is kept as six numbers, an
+``Oscillation``; offset F/k, a decaying part as in eq. (8), and a steady vibration.
+"""
+
+import math
+from typing import NamedTuple
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.vibration import TWO_PI
+
+
+class Oscillation(NamedTuple):
+    """Closed form of a suspended body from the start of a segment.
+
+    x(s) = offset + exp(-decay_rate s) (cosine cos(w s) + sine sin(w s))
+           + vibration_sine sin(phi(s)) + vibration_cosine cos(phi(s)),  w = angular_frequency
+    """
+
+    offset: float  # [m]
+    decay_rate: float  # a = xi omega_n [1/s]
+    angular_frequency: float  # omega_d = omega_n sqrt(1 - xi^2) [rad/s]
+    cosine: float  # A_1 of eq. (9) [m]
+    sine: float  # A_2 of eq. (9) [m]
+    vibration_sine: float  # [m]
+    vibration_cosine: float  # [m]
+
+
+@compiled
+def damping_coefficient(damping_ratio, mass, spring_rate):
+    """c = 2 xi omega_n m [N s/m], from the text after eqs. (2) and (14)."""
+    return 2.0 * damping_ratio * math.sqrt(spring_rate / mass) * mass
+
+
+@compiled
+def free_vibration(mass, damping, spring_rate, force, position, velocity):
+    """Closed form of a body on a spring under a constant force, eqs. (8)-(9) and (15)-(16).
+
+    Args:
+        mass: [kg].
+        damping: c [N s/m], less than critical.
+        spring_rate: k [N/m].
+        force: F [N].
+        position: at the start [m].
+        velocity: at the start [m/s].
+
+    Returns:
+        The ``Oscillation``.
+    """
+    a = 0.5 * damping / mass
+    w = math.sqrt(spring_rate / mass - a * a)
+    offset = force / spring_rate
+    A_1 = position - offset
+    A_2 = (velocity + a * A_1) / w
+    return Oscillation(offset, a, w, A_1, A_2, 0.0, 0.0)
+
+
+@compiled
+def driven_vibration(
+    mass, damping, spring_rate, force, force_sine, force_cosine, frequency, phase, position, velocity
+):
+    """Closed form of a body on a spring that also feels the harmonic vibration.
+
+    Args:
+        mass: [kg].
+        damping: c [N s/m], less than critical.
+        spring_rate: k [N/m].
+        force: constant part F [N].
+        force_sine: H_s [N].
+        force_cosine: H_c [N].
+        frequency: of the vibration [Hz].
+        phase: of the vibration at the start [cycles].
+        position: at the start [m].
+        velocity: at the start [m/s].
+
+    Returns:
+        The ``Oscillation``.
+    """
+    omega = TWO_PI * frequency
+    stiffness = spring_rate - mass * omega * omega
+    resistance = damping * omega
+    square = stiffness * stiffness + resistance * resistance
+    vibration_sine = (stiffness * force_sine + resistance * force_cosine) / square
+    vibration_cosine = (stiffness * force_cosine - resistance * force_sine) / square
+    sin_phase = math.sin(TWO_PI * phase)
+    cos_phase = math.cos(TWO_PI * phase)
+    steady = vibration_sine * sin_phase + vibration_cosine * cos_phase
+    steady_rate = omega * (vibration_sine * cos_phase - vibration_cosine * sin_phase)
+    free = free_vibration(
+        mass, damping, spring_rate, force, position - steady, velocity - steady_rate
+    )
+    return Oscillation(
+        free.offset,
+        free.decay_rate,
+        free.angular_frequency,
+        free.cosine,
+        free.sine,
+        vibration_sine,
+        vibration_cosine,
+    )
+
+
+@compiled
+def decaying_part(motion, time):
+    """Decaying part of an ``Oscillation`` after a time: displacement [m] and velocity [m/s], eq. (8)."""
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    decay = math.exp(-a * time)
+    cosine = decay * math.cos(w * time)
+    sine = decay * math.sin(w * time)
+    displacement = motion.cosine * cosine + motion.sine * sine
+    velocity = (w * motion.sine - a * motion.cosine) * cosine - (
+        w * motion.cosine + a * motion.sine
+    ) * sine
+    return displacement, velocity
+
+
+@compiled
+def decaying_integral(motion, time):
+    """Integral over time of the decaying part [m s]."""
+    a = motion.decay_rate
+    w = motion.angular_frequency
+    displacement, velocity = decaying_part(motion, time)
+    start_rate = w * motion.sine - a * motion.cosine
+    # From x'' + 2 a x' + (a^2 + w^2) x = 0, integrated once.
+    change = velocity - start_rate + 2.0 * a * (displacement - motion.cosine)
+    return -change / (a * a + w * w)
+
+
+@compiled
+def reacting_force(weight_on_bit, load_spring_rate, damping, position, velocity):
+    """R = W - k_1 u_np - c_1 v_np [N], positive while the spring pushes the drill toward the rock."""
+    return weight_on_bit - load_spring_rate * position - damping * velocity
+
+
+@compiled
+def decaying_derivatives(motion, displacement, velocity):
+    """Second [m/s^2] and third [m/s^3] derivative of the decaying part, from its equation of motion."""
+    square = motion.decay_rate**2 + motion.angular_frequency**2
+    acceleration = -square * displacement - 2.0 * motion.decay_rate * velocity
+    jerk = -square * velocity - 2.0 * motion.decay_rate * acceleration
+    return acceleration, jerk
+
+
+@compiled
+def decaying_amplitude(motion):
+    """Bound on the decaying part at all later times [m]."""
+    return math.hypot(motion.cosine, motion.sine)
+
+
+@compiled
+def undamped_frequency(motion):
+    """omega_n [rad/s]; each derivative of the decaying part is at most omega_n times the bound of the one before."""
+    return math.hypot(motion.decay_rate, motion.angular_frequency)

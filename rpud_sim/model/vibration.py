@@ -1,0 +1,42 @@
+"""Harmonic vibration of the actuator's bottom side: eqs. (1) and (3)."""
+
+import math
+
+from rpud_sim.model.compile import compiled
+
+TWO_PI = 2.0 * math.pi
+
+
+@compiled
+def harmonic_vibration(amplitude, frequency, phase):
+    """Displacement and velocity of the harmonic vibration, eq. (1).
+
+    Args:
+        amplitude: A_0 [m].
+        frequency: f_0 [Hz].
+        phase: f_0 t [cycles]; kept in cycles because one cycle is a whole number.
+
+    Returns:
+        u_hv [m] and v_hv [m/s], positive toward the rock.
+    """
+    angle = TWO_PI * phase
+    u_hv = amplitude * math.sin(angle)
+    v_hv = TWO_PI * frequency * amplitude * math.cos(angle)
+    return u_hv, v_hv
+
+
+@compiled
+def advance_phase(phase, frequency, duration):
+    """Phase after a duration [s], from 0 to 1 [cycles]."""
+    advanced = phase + frequency * duration
+    return advanced - math.floor(advanced)
+
+
+@compiled
+def time_to_zero_displacement(phase, frequency):
+    """Time until the vibration next passes through zero displacement [s], never zero.
+
+    At such an instant the amplitude can change without moving the actuator's tip.
+    """
+    half_cycles = 2.0 * phase
+    return 0.5 * (math.floor(half_cycles) + 1.0 - half_cycles) / frequency
