@@ -1,0 +1,96 @@
+"""Message definitions and type hashes, read from an ament installation without ROS running."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from rpud_sim.bag.errors import DefinitionNotFoundError
+
+_SEPARATOR = "=" * 80
+_PRIMITIVES = frozenset(
+    "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 "
+    "string wstring".split()
+)
+_TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
+_FIELD_TYPE = re.compile(r"\s*([A-Za-z][\w/]*)")
+
+
+def find_definition(type_name: str, prefixes: Iterable[str | Path] | None = None) -> str:
+    """Give the complete `ros2msg` definition of a message type, with all it depends on.
+
+    `type_name` is like `std_msgs/msg/Header`; `prefixes` are installation prefixes, by default
+    those of AMENT_PREFIX_PATH. Raises DefinitionNotFoundError.
+    """
+    places = _places(prefixes)
+    parts = [_read(type_name, places, ".msg")]
+    seen = {_short_name(type_name)}
+    pending = list(_dependencies(parts[0], type_name))
+    while pending:
+        dependency = pending.pop(0)
+        if dependency in seen:
+            continue
+        seen.add(dependency)
+        text = _read(dependency, places, ".msg")
+        parts.append(f"{_SEPARATOR}\nMSG: {dependency}\n{text}")
+        pending.extend(_dependencies(text, dependency))
+    return "\n".join(parts)
+
+
+def find_type_hash(type_name: str, prefixes: Iterable[str | Path] | None = None) -> str:
+    """Give the `RIHS01_...` hash of a message type from its installed description.
+
+    Arguments are those of `find_definition`. Raises DefinitionNotFoundError.
+    """
+    package, name = _split(type_name)
+    description = _read(type_name, _places(prefixes), ".json")
+    try:
+        for entry in json.loads(description)["type_hashes"]:
+            if entry["type_name"] == f"{package}/msg/{name}":
+                return str(entry["hash_string"])
+    except (KeyError, TypeError, ValueError):
+        pass
+    raise DefinitionNotFoundError(f"the installed description of {type_name} has no type hash")
+
+
+def _places(prefixes: Iterable[str | Path] | None) -> list[Path]:
+    if prefixes is None:
+        prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    return [Path(prefix) / "share" for prefix in prefixes]
+
+
+def _split(type_name: str) -> tuple[str, str]:
+    match = _TYPE_NAME.fullmatch(type_name)
+    if match is None:
+        raise DefinitionNotFoundError(
+            f"message type is {type_name!r}; it must be of the form package/msg/Name"
+        )
+    return match[1], match[2]
+
+
+def _short_name(type_name: str) -> str:
+    return "/".join(_split(type_name))
+
+
+def _read(type_name: str, places: list[Path], suffix: str) -> str:
+    package, name = _split(type_name)
+    for place in places:
+        file = place / package / "msg" / f"{name}{suffix}"
+        if file.is_file():
+            return file.read_text(encoding="utf-8")
+    raise DefinitionNotFoundError(
+        f"no definition of {type_name} under AMENT_PREFIX_PATH (share/{package}/msg/{name}{suffix})"
+    )
+
+
+def _dependencies(text: str, type_name: str) -> Iterator[str]:
+    """Yield the `package/Name` of each field that is itself a message, in order."""
+    package, _ = _split(type_name)
+    for line in text.splitlines():
+        match = _FIELD_TYPE.match(line)
+        if match is None or match[1] in _PRIMITIVES:
+            continue
+        yield _short_name(match[1] if "/" in match[1] else f"{package}/{match[1]}")

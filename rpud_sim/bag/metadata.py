@@ -1,0 +1,206 @@
+"""The metadata of a rosbag2 bag, version 9 (Jazzy). Times and durations are integer nanoseconds.
+
+The same content is stored twice: in `metadata.yaml` under one outer key, and without that key in
+the MCAP file's metadata record `rosbag2`. rosbag2 reads every field without asking whether it is
+there, so every field is always written.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+
+from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.qos import QosProfile, profiles_from_yaml
+
+FILE_NAME = "metadata.yaml"
+RECORD_NAME = "rosbag2"
+RECORD_KEY = "serialized_metadata"
+VERSION = 9
+
+_OUTER_KEY = "rosbag2_bagfile_information"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A recorded topic: its absolute name, its type, and what its publishers offered."""
+
+    name: str
+    type: str
+    type_hash: str = ""
+    offered_qos: tuple[QosProfile, ...] = ()
+    serialization_format: str = "cdr"
+
+
+@dataclass(frozen=True)
+class FileInformation:
+    """One storage file of the bag: its name within the bag, and what it holds [ns]."""
+
+    path: str
+    start_time: int
+    duration: int
+    message_count: int
+
+
+@dataclass(frozen=True)
+class BagMetadata:
+    """All that rosbag2 keeps about a bag. Times are nanoseconds since the epoch.
+
+    The compression of MCAP chunks is not named here: rosbag2 means by `compression_format`
+    that whole files or messages are compressed outside of the storage.
+    """
+
+    start_time: int
+    duration: int
+    message_count: int
+    topics: tuple[tuple[Topic, int], ...]
+    files: tuple[FileInformation, ...]
+    custom_data: Mapping[str, str] = field(default_factory=dict)
+    ros_distro: str = field(default_factory=lambda: os.environ.get("ROS_DISTRO") or "jazzy")
+    relative_file_paths: tuple[str, ...] = ()
+    compression_format: str = ""
+    compression_mode: str = ""
+    storage_identifier: str = "mcap"
+    version: int = VERSION
+
+    def to_document(self) -> str:
+        """Give the text of `metadata.yaml`."""
+        return _dump({_OUTER_KEY: self._to_mapping()})
+
+    def to_record(self) -> str:
+        """Give the text of the MCAP metadata record."""
+        return _dump(self._to_mapping())
+
+    def _to_mapping(self) -> dict[str, Any]:
+        return {
+            "version": self.version,
+            "storage_identifier": self.storage_identifier,
+            "duration": {"nanoseconds": self.duration},
+            "starting_time": {"nanoseconds_since_epoch": self.start_time},
+            "message_count": self.message_count,
+            "topics_with_message_count": [
+                {
+                    "topic_metadata": {
+                        "name": topic.name,
+                        "type": topic.type,
+                        "serialization_format": topic.serialization_format,
+                        "offered_qos_profiles": [qos.to_mapping() for qos in topic.offered_qos],
+                        "type_description_hash": topic.type_hash,
+                    },
+                    "message_count": count,
+                }
+                for topic, count in self.topics
+            ],
+            "compression_format": self.compression_format,
+            "compression_mode": self.compression_mode,
+            "relative_file_paths": list(self.relative_file_paths)
+            or [file.path for file in self.files],
+            "files": [
+                {
+                    "path": file.path,
+                    "starting_time": {"nanoseconds_since_epoch": file.start_time},
+                    "duration": {"nanoseconds": file.duration},
+                    "message_count": file.message_count,
+                }
+                for file in self.files
+            ],
+            "custom_data": dict(self.custom_data),
+            "ros_distro": self.ros_distro,
+        }
+
+
+def metadata_from_document(text: str) -> BagMetadata:
+    """Read the text of a `metadata.yaml`, of this or an earlier version.
+
+    Raises BagFormatError where it is not one.
+    """
+    document = _load(text)
+    if not isinstance(document, Mapping) or _OUTER_KEY not in document:
+        raise BagFormatError(f"{FILE_NAME} has no {_OUTER_KEY}")
+    return _from_mapping(document[_OUTER_KEY])
+
+
+def metadata_from_record(text: str) -> BagMetadata:
+    """Read the text of the MCAP metadata record `rosbag2`.
+
+    Raises BagFormatError where it is not one.
+    """
+    return _from_mapping(_load(text))
+
+
+def dump_offered_qos(profiles: tuple[QosProfile, ...]) -> str:
+    """Give the YAML text of the channel metadata `offered_qos_profiles`."""
+    return _dump([profile.to_mapping() for profile in profiles])
+
+
+def load_offered_qos(text: str) -> tuple[QosProfile, ...]:
+    """Read the YAML text of the channel metadata `offered_qos_profiles`.
+
+    Raises BagFormatError where it is not such a list.
+    """
+    return profiles_from_yaml(_load(text))
+
+
+def _from_mapping(value: Any) -> BagMetadata:
+    try:
+        return BagMetadata(
+            start_time=int(value["starting_time"]["nanoseconds_since_epoch"]),
+            duration=int(value["duration"]["nanoseconds"]),
+            message_count=int(value["message_count"]),
+            topics=tuple(
+                (_topic(item["topic_metadata"]), int(item["message_count"]))
+                for item in value["topics_with_message_count"] or ()
+            ),
+            files=tuple(
+                FileInformation(
+                    path=str(item["path"]),
+                    start_time=int(item["starting_time"]["nanoseconds_since_epoch"]),
+                    duration=int(item["duration"]["nanoseconds"]),
+                    message_count=int(item["message_count"]),
+                )
+                for item in value.get("files") or ()
+            ),
+            custom_data={
+                str(key): str(item) for key, item in (value.get("custom_data") or {}).items()
+            },
+            ros_distro=str(value.get("ros_distro") or ""),
+            relative_file_paths=tuple(str(path) for path in value["relative_file_paths"] or ()),
+            compression_format=str(value.get("compression_format") or ""),
+            compression_mode=str(value.get("compression_mode") or ""),
+            storage_identifier=str(value["storage_identifier"]),
+            version=int(value["version"]),
+        )
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise BagFormatError(f"the rosbag2 metadata is unreadable: {error!r}") from error
+
+
+def _topic(value: Mapping[str, Any]) -> Topic:
+    offered = value.get("offered_qos_profiles")
+    # A list since version 9; before, the YAML text of a list.
+    profiles = (
+        load_offered_qos(offered) if isinstance(offered, str) else profiles_from_yaml(offered)
+    )
+    return Topic(
+        name=str(value["name"]),
+        type=str(value["type"]),
+        type_hash=str(value.get("type_description_hash") or ""),
+        offered_qos=profiles,
+        serialization_format=str(value["serialization_format"]),
+    )
+
+
+def _dump(value: Any) -> str:
+    text: str = yaml.safe_dump(value, sort_keys=False, allow_unicode=True)
+    return text
+
+
+def _load(text: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError) as error:
+        line = " ".join(str(error).split())
+        raise BagFormatError(f"the rosbag2 metadata is not YAML: {line}") from error

@@ -1,0 +1,106 @@
+"""Quality-of-service profiles as rosbag2 writes them. Durations are integer nanoseconds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rpud_sim.bag.errors import BagFormatError
+
+INFINITE = 2**63 - 1
+"""An unlimited duration [ns]; in YAML `sec: 9223372036`, `nsec: 854775807`."""
+
+_SECOND = 1_000_000_000
+
+# Position = the number that rosbag2 wrote before version 9 of its metadata; text = what it writes since.
+_HISTORY = ("system_default", "keep_last", "keep_all", "unknown")
+_RELIABILITY = ("system_default", "reliable", "best_effort", "unknown", "best_available")
+_DURABILITY = ("system_default", "transient_local", "volatile", "unknown", "best_available")
+_LIVELINESS = (
+    "system_default",
+    "automatic",
+    "manual_by_node",
+    "manual_by_topic",
+    "unknown",
+    "best_available",
+)
+
+
+@dataclass(frozen=True)
+class QosProfile:
+    """One publisher's offer. Policies are rosbag2's words, durations nanoseconds or INFINITE.
+
+    Discovery does not carry history and depth, so a recorded offer has `unknown` and 0 there.
+    """
+
+    history: str = "unknown"
+    depth: int = 0
+    reliability: str = "reliable"
+    durability: str = "volatile"
+    deadline: int = INFINITE
+    lifespan: int = INFINITE
+    liveliness: str = "automatic"
+    liveliness_lease_duration: int = INFINITE
+    avoid_ros_namespace_conventions: bool = False
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Give the fields as rosbag2's YAML has them."""
+        return {
+            "history": self.history,
+            "depth": self.depth,
+            "reliability": self.reliability,
+            "durability": self.durability,
+            "deadline": _duration_to_mapping(self.deadline),
+            "lifespan": _duration_to_mapping(self.lifespan),
+            "liveliness": self.liveliness,
+            "liveliness_lease_duration": _duration_to_mapping(self.liveliness_lease_duration),
+            "avoid_ros_namespace_conventions": self.avoid_ros_namespace_conventions,
+        }
+
+
+def profiles_from_yaml(value: Any) -> tuple[QosProfile, ...]:
+    """Read a list of profiles out of parsed YAML, with policies as words or as older numbers.
+
+    Raises BagFormatError where it is not such a list.
+    """
+    if not value:
+        return ()
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        raise BagFormatError(f"offered_qos_profiles is {value!r}; it must be a list")
+    return tuple(_profile_from_mapping(item) for item in value)
+
+
+def _profile_from_mapping(item: Any) -> QosProfile:
+    try:
+        return QosProfile(
+            history=_policy(item["history"], _HISTORY),
+            depth=int(item["depth"]),
+            reliability=_policy(item["reliability"], _RELIABILITY),
+            durability=_policy(item["durability"], _DURABILITY),
+            deadline=_duration_from_mapping(item["deadline"]),
+            lifespan=_duration_from_mapping(item["lifespan"]),
+            liveliness=_policy(item["liveliness"], _LIVELINESS),
+            liveliness_lease_duration=_duration_from_mapping(item["liveliness_lease_duration"]),
+            avoid_ros_namespace_conventions=bool(item["avoid_ros_namespace_conventions"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise BagFormatError(
+            f"a profile of offered_qos_profiles is unreadable: {error!r}"
+        ) from error
+
+
+def _policy(value: Any, words: Sequence[str]) -> str:
+    if isinstance(value, int):
+        return words[value] if 0 <= value < len(words) else "unknown"
+    return value if value in words else "unknown"
+
+
+def _duration_to_mapping(nanoseconds: int) -> dict[str, int]:
+    return {"sec": nanoseconds // _SECOND, "nsec": nanoseconds % _SECOND}
+
+
+def _duration_from_mapping(value: Mapping[str, Any]) -> int:
+    # Older middlewares wrote other spellings of "unlimited", all of them longer than a century.
+    nanoseconds = int(value["sec"]) * _SECOND + int(value["nsec"])
+    return INFINITE if nanoseconds >= 0x7FFFFFFF * _SECOND else nanoseconds

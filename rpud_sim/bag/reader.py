@@ -1,0 +1,172 @@
+"""Read a rosbag2 bag, or a single MCAP file, in bounded memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from contextlib import ExitStack
+from functools import cached_property
+from pathlib import Path, PurePosixPath
+from types import TracebackType
+
+from rpud_sim.bag.errors import BagFormatError, BagNotFoundError
+from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
+from rpud_sim.bag.losses import Losses, losses_from_record
+from rpud_sim.bag.messages import Message, merged
+from rpud_sim.bag.metadata import FILE_NAME, metadata_from_document
+from rpud_sim.bag.storage_file import StorageFile, TopicSummary, clear_errors
+
+
+class BagReader:
+    """An open bag: what is in it, and its messages in the order of their log times.
+
+    `path` is a bag's directory or one MCAP file. All times are integer nanoseconds since the
+    epoch. Raises BagNotFoundError, or BagFormatError where a file is damaged or incomplete.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Open the files and read their indexes."""
+        self._path = Path(path)
+        self._open_files = ExitStack()
+        try:
+            self._files = [
+                self._open_files.enter_context(StorageFile(file))
+                for file in _storage_files(self._path)
+            ]
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def path(self) -> Path:
+        """The path the bag was opened with."""
+        return self._path
+
+    @property
+    def size(self) -> int:
+        """Bytes of the MCAP files."""
+        return sum(file.size for file in self._files)
+
+    @property
+    def message_count(self) -> int:
+        """Messages of all topics."""
+        return sum(file.statistics.message_count for file in self._files)
+
+    @property
+    def start_time(self) -> int:
+        """Log time of the first message [ns]; 0 in an empty bag."""
+        return min((file.statistics.message_start_time for file in self._filled), default=0)
+
+    @property
+    def end_time(self) -> int:
+        """Log time of the last message [ns]; 0 in an empty bag."""
+        return max((file.statistics.message_end_time for file in self._filled), default=0)
+
+    @property
+    def duration(self) -> int:
+        """From the first to the last message [ns]."""
+        return self.end_time - self.start_time
+
+    @property
+    def compression(self) -> str:
+        """Compression of the chunks: `none`, `zstd`, `lz4`, or several with commas."""
+        names = {
+            index.compression or "none" for file in self._files for index in file.chunk_indexes
+        }
+        return ",".join(sorted(names)) or "none"
+
+    @cached_property
+    def topics(self) -> tuple[TopicSummary, ...]:
+        """All topics in the order of their names, also those without a message."""
+        losses = {
+            topic: item
+            for record in self.records(LOSSES_RECORD)
+            for topic, item in losses_from_record(record).items()
+        }
+        names = {channel.topic for file in self._files for channel in file.channels.values()}
+        return tuple(self._summary(name, losses.get(name)) for name in sorted(names))
+
+    def records(self, name: str) -> list[dict[str, str]]:
+        """Give the metadata records of that name, in the order in which they were written."""
+        return [content for file in self._files for content in file.records(name)]
+
+    def messages(self, topics: Collection[str] | None = None, start: int = 0) -> Iterator[Message]:
+        """Yield messages in the order of their log times.
+
+        `topics` limits them to these names; `start` skips that many nanoseconds from the bag's
+        beginning. A file without chunks is read in the order in which it was written. Raises
+        BagFormatError where the file is damaged.
+        """
+        start_time = self.start_time + start
+        return merged(
+            source for file in self._filled for source in file.sources(topics, start_time)
+        )
+
+    def close(self) -> None:
+        """Release the files."""
+        self._open_files.close()
+
+    def __enter__(self) -> BagReader:
+        """Give the reader itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Release the files."""
+        self.close()
+
+    @property
+    def _filled(self) -> list[StorageFile]:
+        # Statistics of a file without messages say that it starts at 0.
+        return [file for file in self._files if file.statistics.message_count]
+
+    def _summary(self, name: str, losses: Losses | None) -> TopicSummary:
+        parts = [file.topic(name) for file in self._files if name in file.topic_names]
+        times = [
+            time for part in parts for time in (part.first_time, part.last_time) if time is not None
+        ]
+        return TopicSummary(
+            topic=parts[0].topic,
+            message_count=sum(part.message_count for part in parts),
+            first_time=min(times, default=None),
+            last_time=max(times, default=None),
+            definition=parts[0].definition,
+            losses=losses,
+        )
+
+
+def _storage_files(path: Path) -> list[Path]:
+    """Name the MCAP files of a bag, in the order of its metadata."""
+    if path.is_file():
+        return [path]
+    if not path.is_dir():
+        raise BagNotFoundError(f"there is no bag at {path}")
+    document = path / FILE_NAME
+    if not document.is_file():
+        files = sorted(path.glob("*.mcap"))
+        if not files:
+            raise BagNotFoundError(f"{path} holds neither {FILE_NAME} nor an MCAP file")
+        return files
+    with clear_errors(document):
+        metadata = metadata_from_document(document.read_text(encoding="utf-8"))
+    if metadata.storage_identifier != "mcap":
+        raise BagFormatError(
+            f"{document}: storage is {metadata.storage_identifier!r}; only 'mcap' is read"
+        )
+    if metadata.compression_mode.lower() not in ("", "none"):
+        raise BagFormatError(
+            f"{document}: compression_mode is {metadata.compression_mode!r}; "
+            "only compression of MCAP chunks is read"
+        )
+    return [path / _inside(name, document) for name in metadata.relative_file_paths]
+
+
+def _inside(name: str, document: Path) -> str:
+    pure = PurePosixPath(name)
+    if pure.is_absolute() or ".." in pure.parts:
+        raise BagFormatError(f"{document}: the file {name!r} is outside of the bag")
+    return name
