@@ -30,7 +30,9 @@ setup(
         "tqdm",
         "zstandard",
     ],
-    extras_require={"test": ["hypothesis", "mcap-ros2-support", "pytest", "pytest-timeout", "rosbags"]},
+    extras_require={
+        "test": ["hypothesis", "mcap-ros2-support", "pytest", "pytest-timeout", "rosbags"]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -1,0 +1,39 @@
+"""Fixtures for every test. This module is imported before any test, and so before any rclpy."""
+
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+from hypothesis import settings
+from support import Process, claim_ros_domain
+
+_domain, _domain_lock = claim_ros_domain()
+_log_folder = tempfile.TemporaryDirectory(prefix="rpud_sim_log_")
+os.environ.update(
+    ROS_DOMAIN_ID=str(_domain),
+    ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+    ROS_PYTHON_CHECK_FIELDS="1",  # without it a wrong type in a message field ends the process
+    ROS_LOG_DIR=_log_folder.name,
+    PYTHONUNBUFFERED="1",  # so that a line can be waited for
+    MPLBACKEND="Agg",
+)
+os.environ.pop("ROS_LOCALHOST_ONLY", None)  # deprecated, and it would overrule the discovery range
+
+# The first example compiles, which takes longer than any deadline. CI must not fail by chance.
+settings.register_profile("rpud_sim", deadline=None, derandomize="CI" in os.environ)
+settings.load_profile("rpud_sim")
+
+
+@pytest.fixture
+def process() -> Iterator[Callable[..., Process]]:
+    """Start real processes, as in `process("rpud", "run")`; the end of the test stops them."""
+    with ExitStack() as stack:
+
+        def start(*command: str | os.PathLike, **options) -> Process:
+            started = Process(*command, **options)
+            stack.callback(started.stop)
+            return started
+
+        yield start

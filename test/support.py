@@ -1,0 +1,131 @@
+"""What tests share: a ROS domain of their own and real processes that never outlive a test."""
+
+import contextlib
+import fcntl
+import os
+import re
+import signal
+import subprocess
+import tempfile
+import threading
+from pathlib import Path
+from typing import IO
+
+GRACE = 5.0  # seconds that a process has to obey a signal
+
+
+def claim_ros_domain() -> tuple[int, IO[str]]:
+    """Take a ROS domain that no other test run on this machine uses, and the lock that holds it.
+
+    It is held while the returned file is open. 101 is the last domain whose ports lie below those
+    that Linux gives to outgoing connections.
+    """
+    folder = Path(tempfile.gettempdir()) / f"rpud_sim_domains_{os.getuid()}"
+    folder.mkdir(exist_ok=True)
+    for domain in range(101, 0, -1):
+        lock = (folder / str(domain)).open("w")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.close()
+        else:
+            return domain, lock
+    raise RuntimeError(f"all ROS domains are in use: see {folder}")
+
+
+class Process:
+    """A real process in a group of its own; its output and errors are read as they come."""
+
+    def __init__(self, *command: str | os.PathLike, **options):
+        """Start `command`; `options` go to `subprocess.Popen`."""
+        self.command = [os.fspath(word) for word in command]
+        self._popen = subprocess.Popen(
+            self.command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,
+            **options,
+        )
+        self.pid = self._popen.pid
+        self._lines: list[str] = []
+        self._ended = False
+        self._changed = threading.Condition()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        for line in self._popen.stdout:
+            with self._changed:
+                self._lines.append(line.rstrip("\n"))
+                self._changed.notify_all()
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
+    @property
+    def output(self) -> str:
+        """All that it printed until now."""
+        with self._changed:
+            return "\n".join(self._lines)
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._popen.poll() is None
+
+    def wait_for_line(self, pattern: str, timeout: float = 30.0) -> re.Match:
+        """Return the match in the first line of all its output that has `pattern`, or fail."""
+        expression = re.compile(pattern)
+
+        def match() -> re.Match | None:
+            return next(filter(None, map(expression.search, self._lines)), None)
+
+        with self._changed:
+            self._changed.wait_for(lambda: match() or self._ended, timeout)
+            if found := match():
+                return found
+            reason = "ended without it" if self._ended else f"not within {timeout} s"
+            raise self._failure(f"did not print {pattern!r} ({reason})")
+
+    def wait(self, timeout: float = 30.0) -> int:
+        """Return the exit code, all output read; fail when it does not end."""
+        try:
+            code = self._popen.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise self._failure(f"did not end within {timeout} s") from None
+        self._reader.join(GRACE)
+        return code
+
+    def interrupt(self) -> None:
+        """Send SIGINT, as Ctrl-C does."""
+        self._popen.send_signal(signal.SIGINT)
+
+    def terminate(self) -> None:
+        """Send SIGTERM, as `kill` and service managers do."""
+        self._popen.terminate()
+
+    def kill(self) -> None:
+        """Send SIGKILL, which leaves it no time for anything."""
+        self._popen.kill()
+
+    def stop(self) -> None:
+        """End it by the gentlest signal that it obeys, then whatever it left in its group."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            self._popen.send_signal(number)
+            try:
+                self._popen.wait(GRACE)
+                break
+            except subprocess.TimeoutExpired:
+                pass
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+        self._reader.join(GRACE)
+        self._popen.stdout.close()
+
+    def _failure(self, what: str) -> AssertionError:
+        return AssertionError(
+            f"{' '.join(self.command)} {what}; its output:\n" + "\n".join(self._lines)
+        )

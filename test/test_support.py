@@ -1,0 +1,79 @@
+"""The tests' own tools: a leaked process or a shared ROS domain would spoil every other test."""
+
+import os
+import select
+import signal
+import sys
+
+import pytest
+from support import Process, claim_ros_domain
+
+STUBBORN = """
+import signal, subprocess, sys, time
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+print("child", child.pid, flush=True)
+time.sleep(600)
+"""
+
+
+def has_ended(pid: int) -> bool:
+    """Wait until a process that need not be a child has ended, or 5 s."""
+    try:
+        descriptor = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return True
+    ready, _, _ = select.select([descriptor], [], [], 5.0)
+    os.close(descriptor)
+    return bool(ready)
+
+
+def test_two_claims_get_two_domains():
+    first, first_lock = claim_ros_domain()
+    second, second_lock = claim_ros_domain()
+    with first_lock, second_lock:
+        assert len({first, second, int(os.environ["ROS_DOMAIN_ID"])}) == 3
+        assert all(0 < domain <= 101 for domain in (first, second))
+
+
+def test_wait_for_line_finds_lines_already_printed(process):
+    printer = process(sys.executable, "-c", "print('one 1'); print('two 2')")
+    assert printer.wait() == 0
+    assert printer.wait_for_line(r"two (\d)").group(1) == "2"
+    assert printer.wait_for_line(r"one (\d)").group(1) == "1"
+    assert printer.output == "one 1\ntwo 2"
+
+
+def test_wait_for_line_fails_with_the_output_when_the_process_ends(process):
+    printer = process(sys.executable, "-c", "print('the reason')")
+    with pytest.raises(AssertionError, match="the reason"):
+        printer.wait_for_line("never")
+
+
+def test_wait_for_line_fails_after_its_timeout(process):
+    sleeper = process(sys.executable, "-c", "import time; time.sleep(600)")
+    with pytest.raises(AssertionError, match="within"):
+        sleeper.wait_for_line("never", timeout=0.1)
+    assert sleeper.running
+
+
+def test_stop_ends_a_process_that_ignores_sigint_and_its_children(monkeypatch):
+    monkeypatch.setattr("support.GRACE", 1.0)
+    stubborn = Process(sys.executable, "-c", STUBBORN)
+    child = int(stubborn.wait_for_line(r"child (\d+)").group(1))
+    stubborn.stop()
+    assert stubborn.wait() == -signal.SIGTERM
+    assert has_ended(child)
+
+
+def test_signals_reach_only_their_process():
+    first = Process(sys.executable, "-c", "import time; print('up'); time.sleep(600)")
+    second = Process(sys.executable, "-c", "import time; print('up'); time.sleep(600)")
+    try:
+        first.wait_for_line("up")
+        first.kill()
+        assert first.wait() == -signal.SIGKILL
+        assert second.running
+    finally:
+        first.stop()
+        second.stop()

@@ -1,0 +1,20 @@
+#!/bin/bash
+# Runs every check, so that one run shows all that is wrong. Needs the environment of env.bash.
+cd "$(dirname "$0")/.."
+
+failed=()
+check() {
+  echo "--- $*"
+  "$@" || failed+=("$1 ${2:-}")
+}
+check ruff check
+check ruff format --check
+check mypy
+check lint-imports
+check python toolchain/check_manifests.py
+
+if [ ${#failed[@]} -gt 0 ]; then
+  echo "lint: failed:$(printf ' %s,' "${failed[@]}" | sed 's/,$//')" >&2
+  exit 1
+fi
+echo "lint: all checks passed"
