@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import struct
 import zlib
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import BinaryIO
@@ -76,12 +77,12 @@ def merged(sources: Iterable[Source]) -> Iterator[Message]:
 
     A source is opened when nothing older is left; messages of equal time keep the sources' order.
     """
-    pending = sorted(sources, key=lambda source: source.start_time, reverse=True)
+    pending = deque(sorted(sources, key=lambda source: source.start_time))
     opened = 0
     queue: list[tuple[int, int, Message, Iterator[Message]]] = []
     while pending or queue:
-        while pending and (not queue or pending[-1].start_time <= queue[0][0]):
-            messages = pending.pop().open()
+        while pending and (not queue or pending[0].start_time <= queue[0][0]):
+            messages = pending.popleft().open()
             for message in messages:
                 heapq.heappush(queue, (message.log_time, opened, message, messages))
                 break

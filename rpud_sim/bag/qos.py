@@ -13,7 +13,7 @@ INFINITE = 2**63 - 1
 
 _SECOND = 1_000_000_000
 
-# Position = the number that rosbag2 wrote before version 9 of its metadata; text = what it writes since.
+# The place is the number that rosbag2 wrote until version 8, the word what it writes since.
 _HISTORY = ("system_default", "keep_last", "keep_all", "unknown")
 _RELIABILITY = ("system_default", "reliable", "best_effort", "unknown", "best_available")
 _DURABILITY = ("system_default", "transient_local", "volatile", "unknown", "best_available")

@@ -42,14 +42,17 @@ class TopicSummary:
 
     @property
     def rate(self) -> float:
-        """Mean rate between the first and the last message [Hz]; 0 where there are fewer than two."""
+        """Mean rate from the first to the last message [Hz]; 0 where there are fewer than two."""
         if self.first_time is None or self.last_time is None or self.last_time <= self.first_time:
             return 0.0
         return (self.message_count - 1) * 1e9 / (self.last_time - self.first_time)
 
 
 class StorageFile:
-    """One MCAP file with its summary."""
+    """One open MCAP file with its summary.
+
+    Raises BagNotFoundError, or BagFormatError where it is damaged or incomplete.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -78,17 +81,21 @@ class StorageFile:
 
     @property
     def channels(self) -> dict[int, Channel]:
+        """The channels by their numbers."""
         return self._index.channels
 
     @property
     def chunk_indexes(self) -> list[ChunkIndex]:
+        """Where the chunks are; empty in a file without chunks."""
         return self._index.chunk_indexes
 
     @cached_property
     def topic_names(self) -> set[str]:
+        """The names of its topics."""
         return {channel.topic for channel in self.channels.values()}
 
     def records(self, name: str) -> Iterator[dict[str, str]]:
+        """Yield the metadata records of that name."""
         with clear_errors(self._path):
             for record in self._reader.iter_metadata():
                 if record.name == name:
@@ -119,6 +126,7 @@ class StorageFile:
             )
 
     def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
+        """Yield the chunks that may hold messages of `topics` from `start_time` [ns] on."""
         wanted = {
             number: channel.topic
             for number, channel in self.channels.items()

@@ -160,9 +160,10 @@ class BagWriter:
             os.fsync(self._stream.fileno())
 
     def close(self) -> None:
-        """Complete the bag: its index, its statistics and `metadata.yaml`. Closing again is harmless.
+        """Complete the bag with its index, its statistics and `metadata.yaml`.
 
-        After a failed write it only releases the file. Raises BagError where the disk fails.
+        Closing again is harmless; after a failed write it only releases the file. Raises BagError
+        where the disk fails.
         """
         if self._stream is None:
             return
@@ -189,13 +190,12 @@ class BagWriter:
 
     def _create_directory(self) -> None:
         try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.mkdir()
-        except FileExistsError as error:
-            raise BagExistsError(
-                f"{self._path} exists already; a bag is never overwritten"
-            ) from error
+            os.makedirs(self._path)
         except OSError as error:
+            if os.path.lexists(self._path):
+                raise BagExistsError(
+                    f"{self._path} exists already; a bag is never overwritten"
+                ) from error
             raise BagError(f"cannot create the bag {self._path}: {error.strerror}") from error
 
     def _complete(self, stream: BinaryIO) -> None:

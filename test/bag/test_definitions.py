@@ -1,0 +1,99 @@
+"""Definitions are complete, in order and without repetition, as the `ros2msg` encoding wants."""
+
+import json
+
+import pytest
+
+from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.bag.errors import DefinitionNotFoundError
+
+
+@pytest.fixture
+def prefix(tmp_path):
+    def add(name, text):
+        package, message = name.split("/")
+        file = tmp_path / "share" / package / "msg" / f"{message}.msg"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+
+    add(
+        "a_msgs/Outer",
+        "# a Comment of Words\n"
+        'string NAME = "b_msgs/Leaf"\n'
+        "Inner[] inner\n"
+        "  b_msgs/Leaf[<=3] leaves\n"
+        "string<=10[<=5] words\n"
+        "float64[4] numbers\n"
+        "wstring wide\n"
+        "c_msgs/msg/Long long\n",
+    )
+    add("a_msgs/Inner", "b_msgs/Leaf leaf\nInner2 next\n")
+    add("a_msgs/Inner2", "int8 x\n")
+    add("b_msgs/Leaf", "int8 LEAF=1\nuint8 y")
+    add("c_msgs/Long", "bool z\n")
+    return tmp_path
+
+
+def test_dependencies_follow_in_order_once_each(prefix):
+    text = find_definition("a_msgs/msg/Outer", [prefix])
+    parts = text.split("\n" + "=" * 80 + "\n")
+    heads = [part.partition("\n")[0] for part in parts[1:]]
+    assert heads == [
+        "MSG: a_msgs/Inner",
+        "MSG: b_msgs/Leaf",
+        "MSG: c_msgs/Long",
+        "MSG: a_msgs/Inner2",
+    ]
+    assert parts[0].startswith("# a Comment")
+    assert parts[2] == "MSG: b_msgs/Leaf\nint8 LEAF=1\nuint8 y"
+
+
+def test_earlier_prefixes_win(prefix, tmp_path):
+    overlay = tmp_path / "overlay"
+    file = overlay / "share" / "b_msgs" / "msg" / "Leaf.msg"
+    file.parent.mkdir(parents=True)
+    file.write_text("int16 other\n")
+    assert find_definition("b_msgs/msg/Leaf", [overlay, prefix]) == "int16 other\n"
+
+
+def test_the_environment_is_the_default(prefix, monkeypatch):
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{prefix}")
+    assert find_definition("a_msgs/msg/Inner2") == "int8 x\n"
+
+
+@pytest.mark.parametrize("name", ["a_msgs/msg/Missing", "Outer", "a/b/c/d", "../a/Outer", ""])
+def test_an_unknown_type_is_named(prefix, name):
+    with pytest.raises(DefinitionNotFoundError, match=name or "''"):
+        find_definition(name, [prefix])
+
+
+def test_a_missing_dependency_is_named(prefix):
+    (prefix / "share" / "b_msgs" / "msg" / "Leaf.msg").unlink()
+    with pytest.raises(DefinitionNotFoundError, match="b_msgs/Leaf"):
+        find_definition("a_msgs/msg/Outer", [prefix])
+
+
+def test_the_type_hash_comes_from_the_installed_description(prefix):
+    file = prefix / "share" / "a_msgs" / "msg" / "Outer.json"
+    hashes = [
+        {"type_name": "b_msgs/msg/Leaf", "hash_string": "RIHS01_00"},
+        {"type_name": "a_msgs/msg/Outer", "hash_string": "RIHS01_11"},
+    ]
+    file.write_text(json.dumps({"type_hashes": hashes}))
+    assert find_type_hash("a_msgs/msg/Outer", [prefix]) == "RIHS01_11"
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"type_hashes": []}'])
+def test_a_description_without_the_hash_is_refused(prefix, text):
+    (prefix / "share" / "a_msgs" / "msg" / "Outer.json").write_text(text)
+    with pytest.raises(DefinitionNotFoundError, match="a_msgs/msg/Outer"):
+        find_type_hash("a_msgs/msg/Outer", [prefix])
+
+
+def test_the_real_messages_are_found_and_their_hashes_agree_with_an_independent_library():
+    rosbags = pytest.importorskip("rosbags.typesys")
+    name = "geometry_msgs/msg/WrenchStamped"
+    types = rosbags.get_types_from_msg(find_definition(name), name)
+    store = rosbags.get_typestore(rosbags.Stores.EMPTY)
+    store.register(types)
+    assert store.hash_rihs01(name) == find_type_hash(name)

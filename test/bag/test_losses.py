@@ -1,0 +1,22 @@
+"""Counts of lost messages survive the bag."""
+
+import pytest
+
+from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.losses import Losses, losses_from_record, losses_to_record
+
+
+def test_round_trip():
+    losses = {"/a": Losses(transport=3, queue=2), "/b": Losses(transport=None, queue=1)}
+    assert losses_from_record(losses_to_record(losses)) == losses
+
+
+def test_the_total_is_unknown_where_the_transport_does_not_tell():
+    assert Losses(transport=3, queue=2).total == 5
+    assert Losses(transport=None, queue=2).total is None
+
+
+@pytest.mark.parametrize("text", ["", "3", "{}", '{"transport": "x", "queue": 1}'])
+def test_another_content_is_refused(text):
+    with pytest.raises(BagFormatError, match="rpud_losses"):
+        losses_from_record({"/a": text})

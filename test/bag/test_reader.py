@@ -1,0 +1,241 @@
+"""Reading is in order, in bounded memory, and damage is one clear error."""
+
+import contextlib
+import tracemalloc
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType, Writer
+from sample_bags import (
+    CHAT,
+    SECOND,
+    START,
+    STRING,
+    STRING_DEFINITION,
+    TALK,
+    serialized_string,
+    write_bag,
+)
+
+import rpud_sim.bag
+from rpud_sim.bag import BagError, BagFormatError, BagNotFoundError, BagReader, BagWriter
+from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+
+
+def texts(messages):
+    return [message.data[8:-1].decode() for message in messages]
+
+
+def test_a_bag_tells_what_it_holds(tmp_path):
+    write_bag(tmp_path / "run", 11)
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert isinstance(bag, BagReader)
+        assert bag.path == tmp_path / "run"
+        assert bag.message_count == 11
+        assert (bag.start_time, bag.end_time) == (START, START + 10_000_000)
+        assert bag.duration == 10_000_000
+        assert bag.size == (tmp_path / "run" / "run_0.mcap").stat().st_size
+        assert bag.compression == "zstd"
+        chat, talk = bag.topics
+    assert (talk.topic, talk.message_count, talk.definition) == (TALK, 11, STRING_DEFINITION)
+    assert (talk.first_time, talk.last_time) == (START, START + 10_000_000)
+    assert talk.rate == pytest.approx(1000.0)
+    assert talk.losses is None
+    assert (chat.topic, chat.message_count, chat.rate) == (CHAT, 0, 0.0)
+    assert (chat.first_time, chat.last_time) == (None, None)
+
+
+def test_a_single_file_is_a_bag(tmp_path):
+    write_bag(tmp_path / "run", 3)
+    (tmp_path / "run" / "metadata.yaml").unlink()
+    for path in (tmp_path / "run", tmp_path / "run" / "run_0.mcap"):
+        with rpud_sim.bag.open(str(path)) as bag:
+            assert texts(bag.messages()) == ["message 0", "message 1", "message 2"]
+
+
+def test_messages_come_in_the_order_of_their_log_times_across_chunks(tmp_path):
+    times = [5, 3, 9, 1, 7, 2, 8, 0, 6, 4]
+    with BagWriter(tmp_path / "run", chunk_size=60) as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.add_topic(CHAT, STRING_DEFINITION)
+        for time in times:
+            topic = TALK if time % 2 else CHAT
+            bag.write(topic.name, serialized_string(str(time)), START + time, START)
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert texts(bag.messages()) == [str(n) for n in range(10)]
+        assert texts(bag.messages([CHAT.name])) == ["0", "2", "4", "6", "8"]
+        assert texts(bag.messages(start=7)) == ["7", "8", "9"]
+        assert texts(bag.messages([TALK.name], start=10)) == []
+        assert {message.topic for message in bag.messages([TALK.name])} == {TALK.name}
+        chat, talk = bag.topics
+        assert (chat.first_time, chat.last_time) == (START, START + 8)
+        assert (talk.first_time, talk.last_time) == (START + 1, START + 9)
+
+
+def test_messages_of_equal_time_keep_the_order_in_which_they_were_written(tmp_path):
+    with BagWriter(tmp_path / "run", chunk_size=100) as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        for number in range(20):
+            bag.write(TALK.name, serialized_string(str(number)), START, START)
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert texts(bag.messages()) == [str(n) for n in range(20)]
+
+
+def test_two_iterations_do_not_disturb_each_other(tmp_path):
+    write_bag(tmp_path / "run", 100, chunk_size=200)
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        pairs = list(zip(bag.messages(), bag.messages(), strict=True))
+    assert len(pairs) == 100
+    assert all(first == second for first, second in pairs)
+
+
+def test_split_bags_are_read_as_one(tmp_path):
+    write_bag(tmp_path / "run", 10)
+    with BagWriter(tmp_path / "late") as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.write(TALK.name, serialized_string("late"), START + SECOND, START)
+    (tmp_path / "late" / "late_0.mcap").rename(tmp_path / "run" / "run_1.mcap")
+    document = tmp_path / "run" / "metadata.yaml"
+    document.write_text(
+        document.read_text().replace("- run_0.mcap", "- run_0.mcap\n  - run_1.mcap")
+    )
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert bag.message_count == 11
+        assert bag.duration == SECOND
+        assert texts(bag.messages())[-2:] == ["message 9", "late"]
+        _, talk = bag.topics
+        assert (talk.message_count, talk.last_time) == (11, START + SECOND)
+
+
+@pytest.mark.parametrize("chunked", [True, False])
+def test_files_of_other_writers_are_read(tmp_path, chunked):
+    with (tmp_path / "other.mcap").open("wb") as stream:
+        writer = Writer(stream, compression=CompressionType.LZ4, use_chunking=chunked)
+        writer.start()
+        schema = writer.register_schema(STRING, "ros2msg", STRING_DEFINITION.encode())
+        # Two publishers of a topic may have a channel each; the metadata may be missing.
+        channels = [writer.register_channel("/a", "cdr", schema) for _ in range(2)]
+        for number in range(6):
+            time = START + number
+            data = serialized_string(str(number))
+            writer.add_message(channels[number % 2], time, data, time)
+        writer.finish()
+    with rpud_sim.bag.open(tmp_path / "other.mcap") as bag:
+        assert texts(bag.messages()) == ["0", "1", "2", "3", "4", "5"]
+        assert texts(bag.messages(start=4)) == ["4", "5"]
+        [topic] = bag.topics
+        assert topic.message_count == 6
+        assert topic.topic.offered_qos == ()
+        assert bag.compression == ("lz4" if chunked else "none")
+        assert topic.rate == (pytest.approx(1e9) if chunked else 0.0)
+
+
+def test_losses_are_told(tmp_path):
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.add_record(RECORD_NAME, losses_to_record({TALK.name: Losses(2, 1)}))
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        [topic] = bag.topics
+    assert topic.losses == Losses(transport=2, queue=1)
+
+
+def test_memory_stays_bounded_by_the_chunks(tmp_path):
+    with BagWriter(tmp_path / "run", compression="none", chunk_size=100_000) as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        for number in range(20_000):
+            bag.write(TALK.name, bytes(1000), START + number, START)
+    tracemalloc.start()
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert sum(1 for _ in bag.messages()) == 20_000
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2_000_000
+
+
+def test_what_is_not_there_is_named(tmp_path):
+    with pytest.raises(BagNotFoundError, match=r"no bag at .*missing"):
+        rpud_sim.bag.open(tmp_path / "missing")
+    with pytest.raises(BagNotFoundError, match=r"neither metadata.yaml nor an MCAP file"):
+        rpud_sim.bag.open(tmp_path)
+    write_bag(tmp_path / "run")
+    (tmp_path / "run" / "run_0.mcap").unlink()
+    with pytest.raises(BagNotFoundError, match=r"run_0.mcap does not exist"):
+        rpud_sim.bag.open(tmp_path / "run")
+
+
+def test_what_is_no_bag_is_named(tmp_path):
+    file = tmp_path / "notes.mcap"
+    file.write_text("these are just some notes of a student")
+    with pytest.raises(BagFormatError, match=r"notes.mcap is not an MCAP file"):
+        rpud_sim.bag.open(file)
+    file.write_bytes(b"")
+    with pytest.raises(BagFormatError, match=r"notes.mcap is not an MCAP file"):
+        rpud_sim.bag.open(file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("storage_identifier: mcap", "storage_identifier: sqlite3", "'sqlite3'; only 'mcap'"),
+        ("compression_mode: ''", "compression_mode: FILE", "compression_mode is 'FILE'"),
+        ("- run_0.mcap", "- ../run_0.mcap", "outside of the bag"),
+        ("- run_0.mcap", "- /etc/passwd", "outside of the bag"),
+        ("version: 9", "version: nine", "metadata.yaml"),
+    ],
+)
+def test_metadata_that_cannot_be_followed_is_refused(tmp_path, old, new, complaint):
+    document = write_bag(tmp_path / "run") / "metadata.yaml"
+    text = document.read_text()
+    assert old in text
+    document.write_text(text.replace(old, new))
+    with pytest.raises(BagFormatError, match=complaint):
+        rpud_sim.bag.open(tmp_path / "run")
+
+
+def test_a_file_cut_off_anywhere_is_a_clear_error(tmp_path):
+    file = write_bag(tmp_path / "run", 20) / "run_0.mcap"
+    whole = file.read_bytes()
+    for length in range(len(whole)):
+        file.write_bytes(whole[:length])
+        with pytest.raises(BagFormatError, match=r"run_0.mcap is (cut off|not an MCAP file)"):
+            rpud_sim.bag.open(file)
+
+
+def test_a_bag_that_was_never_closed_is_a_clear_error(tmp_path):
+    bag = BagWriter(tmp_path / "run")
+    bag.add_topic(TALK, STRING_DEFINITION)
+    bag.write(TALK.name, b"", START, START)
+    bag.flush()
+    with pytest.raises(BagFormatError, match=r"cut off: it was not closed"):
+        rpud_sim.bag.open(tmp_path / "run")
+    bag.close()
+
+
+def test_a_damaged_chunk_is_found_by_its_checksum(tmp_path):
+    file = write_bag(tmp_path / "run", 5, compression="none") / "run_0.mcap"
+    file.write_bytes(file.read_bytes().replace(b"message 3", b"massage 3"))
+    with (
+        rpud_sim.bag.open(tmp_path / "run") as bag,
+        pytest.raises(BagFormatError, match=r"run_0.mcap: the checksum of a chunk is wrong"),
+    ):
+        list(bag.messages())
+
+
+@pytest.fixture(scope="module")
+def whole_file(tmp_path_factory):
+    return write_bag(tmp_path_factory.mktemp("whole") / "run", 20, chunk_size=300) / "run_0.mcap"
+
+
+@settings(max_examples=300, deadline=None)
+@given(data=st.data())
+def test_changed_bytes_never_cause_anything_but_a_bag_error(whole_file, tmp_path_factory, data):
+    content = bytearray(whole_file.read_bytes())
+    for _ in range(data.draw(st.integers(1, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    file = tmp_path_factory.mktemp("damaged") / "run_0.mcap"
+    file.write_bytes(content)
+    with contextlib.suppress(BagError), rpud_sim.bag.open(file) as bag:
+        assert bag.compression
+        assert len(bag.topics) <= 2
+        list(bag.messages())

@@ -1,0 +1,243 @@
+"""Bags are what rosbag2 writes: read back by libraries that share no code with the writer."""
+
+import itertools
+import os
+import resource
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.records import Message as McapMessage
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
+from rosbags.typesys import Stores, get_typestore
+from sample_bags import (
+    CHAT,
+    START,
+    STRING,
+    STRING_DEFINITION,
+    STRING_HASH,
+    TALK,
+    serialized_string,
+    write_bag,
+)
+
+import rpud_sim.bag
+from rpud_sim.bag import BagError, BagExistsError, BagWriter
+
+
+@pytest.mark.parametrize("compression", ["none", "zstd"])
+def test_rosbags_reads_topics_offers_times_and_content(tmp_path, compression):
+    write_bag(tmp_path / "run", 10, compression=compression)
+    with AnyReader([tmp_path / "run"]) as bag:
+        talk, chat = sorted(bag.connections, key=lambda connection: connection.msgcount)[::-1]
+        assert (talk.topic, talk.msgtype, talk.msgcount) == (TALK.name, STRING, 10)
+        assert talk.digest == STRING_HASH
+        assert (chat.topic, chat.msgcount) == (CHAT.name, 0)
+        offers = chat.ext.offered_qos_profiles
+        assert [offer.reliability for offer in offers] == [
+            QosReliability.BEST_EFFORT,
+            QosReliability.RELIABLE,
+        ]
+        assert offers[1].durability == QosDurability.TRANSIENT_LOCAL
+        assert offers[0].deadline.sec == 9223372036
+        messages = [
+            (time, bag.deserialize(data, connection.msgtype).data)
+            for connection, time, data in bag.messages()
+        ]
+    assert messages == [(START + n * 1_000_000, f"message {n}") for n in range(10)]
+
+
+def test_mcap_ros2_support_decodes_it(tmp_path):
+    write_bag(tmp_path / "run", 10)
+    with (tmp_path / "run" / "run_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        texts = [item.decoded_message.data for item in reader.iter_decoded_messages()]
+    assert texts == [f"message {n}" for n in range(10)]
+
+
+def test_the_file_has_what_rosbag2_s_has(tmp_path):
+    write_bag(tmp_path / "run", 1000, chunk_size=4096)
+    with (tmp_path / "run" / "run_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        records = {record.name: record.metadata for record in reader.iter_metadata()}
+        messages = [message for _, _, message in reader.iter_messages()]
+    [schema] = summary.schemas.values()
+    assert (schema.name, schema.encoding) == (STRING, "ros2msg")
+    assert schema.data.decode() == STRING_DEFINITION
+    channel = next(item for item in summary.channels.values() if item.topic == TALK.name)
+    assert channel.message_encoding == "cdr"
+    assert channel.metadata.keys() == {"offered_qos_profiles", "topic_type_hash"}
+    assert channel.metadata["topic_type_hash"] == STRING_HASH
+    assert yaml.safe_load(channel.metadata["offered_qos_profiles"])[0]["durability"] == "volatile"
+    assert summary.statistics.message_count == 1000
+    assert summary.statistics.message_start_time == START
+    assert summary.statistics.message_end_time == START + 999_000_000
+    assert len(summary.chunk_indexes) > 1
+    assert all(index.message_index_offsets for index in summary.chunk_indexes)
+    assert [message.publish_time for message in messages[:2]] == [START - 1000, START + 999_000]
+    document = yaml.safe_load((tmp_path / "run" / "metadata.yaml").read_text())
+    record = yaml.safe_load(records["rosbag2"]["serialized_metadata"])
+    assert record == document["rosbag2_bagfile_information"]
+    assert record["relative_file_paths"] == ["run_0.mcap"]
+    assert record["message_count"] == 1000
+    assert record["starting_time"] == {"nanoseconds_since_epoch": START}
+    assert record["duration"] == {"nanoseconds": 999_000_000}
+    counts = [topic["message_count"] for topic in record["topics_with_message_count"]]
+    assert counts == [1000, 0]
+    assert sorted(os.listdir(tmp_path / "run")) == ["metadata.yaml", "run_0.mcap"]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**63 - 1)), max_size=50),
+    st.sampled_from(["none", "zstd"]),
+    st.sampled_from([1, 200, 1 << 20]),
+)
+def test_any_bytes_at_any_times_come_back(tmp_path_factory, content, compression, chunk_size):
+    path = tmp_path_factory.mktemp("bags") / "run"
+    with BagWriter(path, compression=compression, chunk_size=chunk_size) as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        for data, time in content:
+            bag.write(TALK.name, data, time, time)
+    by_time = sorted(content, key=lambda item: item[1])
+    with rpud_sim.bag.open(path) as bag:
+        own = [(message.data, message.log_time) for message in bag.messages()]
+    with (path / "run_0.mcap").open("rb") as stream:
+        other = [(item.data, item.log_time) for _, _, item in make_reader(stream).iter_messages()]
+    assert sorted(own) == sorted(other) == sorted(content)
+    assert [time for _, time in own] == [time for _, time in by_time]
+
+
+def test_nothing_is_overwritten(tmp_path):
+    write_bag(tmp_path / "run")
+    before = (tmp_path / "run" / "run_0.mcap").read_bytes()
+    with pytest.raises(BagExistsError, match=r"exists already"):
+        BagWriter(tmp_path / "run")
+    assert (tmp_path / "run" / "run_0.mcap").read_bytes() == before
+    (tmp_path / "file").touch()
+    with pytest.raises(BagExistsError, match=r"exists already"):
+        BagWriter(tmp_path / "file")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(BagExistsError, match=r"exists already"):
+        BagWriter(tmp_path / "empty")
+
+
+def test_the_folders_above_are_made(tmp_path):
+    path = write_bag(tmp_path / "runs" / "today" / "first")
+    with rpud_sim.bag.open(path) as bag:
+        assert bag.message_count == 10
+
+
+def test_a_bag_can_be_written_in_the_current_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_bag(Path("run"))
+    assert (tmp_path / "run" / "run_0.mcap").is_file()
+
+
+def test_where_no_folder_can_be_made_it_says_so(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(BagError, match=r"cannot create the bag"):
+        BagWriter(tmp_path / "file" / "run")
+
+
+def test_an_error_inside_leaves_a_complete_bag(tmp_path):
+    def fail():
+        with BagWriter(tmp_path / "run") as bag:
+            bag.add_topic(TALK, STRING_DEFINITION)
+            bag.write(TALK.name, serialized_string("kept"), START, START)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert bag.message_count == 1
+
+
+def test_an_empty_bag_is_complete(tmp_path):
+    BagWriter(tmp_path / "run").close()
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert (bag.message_count, bag.duration, bag.topics) == (0, 0, ())
+    with AnyReader([tmp_path / "run"]) as bag:
+        assert bag.message_count == 0
+
+
+def test_closing_twice_is_harmless(tmp_path):
+    bag = BagWriter(tmp_path / "run")
+    bag.close()
+    bag.close()
+
+
+def test_what_was_flushed_is_in_the_file_before_it_is_closed(tmp_path):
+    bag = BagWriter(tmp_path / "run")
+    bag.add_topic(TALK, STRING_DEFINITION)
+    bag.write(TALK.name, serialized_string("safe"), START, START)
+    bag.flush()
+    with (tmp_path / "run" / "run_0.mcap").open("rb") as stream:
+        # In the file are its header, the schema, the channel and the message, and no end yet.
+        *_, last = itertools.islice(StreamReader(stream).records, 4)
+    assert isinstance(last, McapMessage)
+    bag.close()
+
+
+def test_records_are_kept_by_name(tmp_path):
+    with BagWriter(tmp_path / "run", custom_data={"place": "Mars"}) as bag:
+        bag.add_record("rpud_manifest", {"seed": "1", "nested": '{"a": 2}'})
+        bag.add_record("rpud_manifest", {"seed": "2"})
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert bag.records("rpud_manifest") == [{"seed": "1", "nested": '{"a": 2}'}, {"seed": "2"}]
+        assert bag.records("other") == []
+    document = yaml.safe_load((tmp_path / "run" / "metadata.yaml").read_text())
+    assert document["rosbag2_bagfile_information"]["custom_data"] == {"place": "Mars"}
+
+
+def test_a_type_without_a_definition_has_an_empty_schema(tmp_path):
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_topic(TALK)
+        bag.write(TALK.name, serialized_string("raw"), START, START)
+    with AnyReader([tmp_path / "run"], default_typestore=get_typestore(Stores.EMPTY)) as bag:
+        assert bag.message_count == 1
+
+
+def test_misuse_is_named(tmp_path):
+    with pytest.raises(BagError, match=r"compression is 'lzma'; it must be one of none, zstd"):
+        BagWriter(tmp_path / "run", compression="lzma")
+    assert not (tmp_path / "run").exists()
+    with BagWriter(tmp_path / "run") as bag:
+        with pytest.raises(BagError, match=r"/rpud/talk was not declared"):
+            bag.write(TALK.name, b"", START, START)
+        bag.add_topic(TALK, STRING_DEFINITION)
+        with pytest.raises(BagError, match=r"declared twice"):
+            bag.add_topic(TALK, STRING_DEFINITION)
+        for time in (-1, 2**63):
+            with pytest.raises(BagError, match=f"log_time {time} ns"):
+                bag.write(TALK.name, b"", time, START)
+
+
+@pytest.fixture
+def small_disk():
+    """Let no file of this process grow beyond 64 KiB; writing more fails as on a full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_is_one_clear_error(tmp_path, small_disk):
+    bag = BagWriter(tmp_path / "run", compression="none")
+    bag.add_topic(TALK, STRING_DEFINITION)
+    for _ in range(6):
+        bag.write(TALK.name, bytes(10_000), START, START)
+        bag.flush()
+    bag.write(TALK.name, bytes(10_000), START, START)
+    with pytest.raises(BagError, match=r"cannot write the bag .*run: File too large"):
+        bag.flush()
+    bag.close()
+    assert not (tmp_path / "run" / "metadata.yaml").exists()
