@@ -67,7 +67,8 @@ help: ## Show this help
 	"$$python" -m venv --clear $(if $(ROS_PREFIX),--system-site-packages) .venv
 	@$(PIP_INSTALL) --only-binary :all: -r $<
 	@$(PIP_INSTALL) --no-build-isolation -r $(LOCK)
-	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix)
+	@# colcon looks for ROS in folders with such files, and warns where they are missing.
+	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix,touch .venv/local_setup.{sh,bash,zsh})
 	@touch $@
 
 .venv/.lint: toolchain/requirements/lint.lock .venv/.installed

@@ -1,0 +1,35 @@
+"""Start the drill and record its topics: `ros2 launch rpud_sim drill_record.launch.py`."""
+
+from datetime import datetime
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe the drill node and, beside it, the recorder of its namespace."""
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "bag",
+                default_value=f"rpud_{datetime.now():%Y_%m_%d-%H_%M_%S}",
+                description="Folder of the new bag",
+            ),
+            # Declares namespace, config, log_level and use_sim_time for all that follows too.
+            IncludeLaunchDescription(
+                PathJoinSubstitution([FindPackageShare("rpud_sim"), "launch", "drill.launch.py"])
+            ),
+            Node(
+                package="rpud_sim",
+                executable="recorder",
+                namespace=LaunchConfiguration("namespace"),
+                arguments=["--out", LaunchConfiguration("bag")],
+                parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
+                ros_arguments=["--log-level", LaunchConfiguration("log_level")],
+                output="screen",
+            ),
+        ]
+    )

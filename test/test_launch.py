@@ -1,0 +1,103 @@
+"""The launch files: what they declare, and that what they start exists and takes their flags."""
+
+import ast
+import importlib.util
+import os
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+
+ROOT = Path(__file__).resolve().parent.parent
+LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))
+
+every_launch_file = pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+
+
+def calls(path: Path, name: str) -> list[ast.Call]:
+    """Return every call of a function in a launch file."""
+    return [
+        node
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", None) == name
+    ]
+
+
+def keyword(call: ast.Call, name: str) -> str | None:
+    """Return the literal that a call gives to a keyword."""
+    return next((ast.literal_eval(k.value) for k in call.keywords if k.arg == name), None)
+
+
+def strings(path: Path) -> set[str]:
+    """Return every string in a launch file, docstrings with them."""
+    tree = ast.walk(ast.parse(path.read_text()))
+    return {n.value for n in tree if isinstance(n, ast.Constant) and isinstance(n.value, str)}
+
+
+def declared(path: Path) -> set[str]:
+    """Return the arguments that a launch file declares, itself or by including another."""
+    own = {call.args[0].value for call in calls(path, "DeclareLaunchArgument")}
+    included = [other for other in LAUNCH_FILES if other.name in strings(path)]
+    return own.union(*map(declared, included))
+
+
+def test_there_are_the_three_launch_files():
+    assert [path.name for path in LAUNCH_FILES] == [
+        "drill.launch.py",
+        "drill_record.launch.py",
+        "replay.launch.py",
+    ]
+
+
+@every_launch_file
+def test_launch_file_is_installed(path):
+    installed = Path(get_package_share_directory("rpud_sim"), "launch", path.name)
+    assert installed.read_text() == path.read_text()
+
+
+@every_launch_file
+def test_every_argument_has_a_description(path):
+    for call in calls(path, "DeclareLaunchArgument"):
+        assert keyword(call, "description"), call.args[0].value
+
+
+@every_launch_file
+def test_what_is_used_is_declared(path):
+    used = {
+        call.args[0].value
+        for call in calls(path, "LaunchConfiguration")
+        if isinstance(call.args[0], ast.Constant)
+    }
+    assert used <= declared(path)
+    assert {"namespace", "log_level"} <= used
+
+
+@every_launch_file
+def test_nodes_are_executables_of_the_package(path):
+    folder = Path(get_package_prefix("rpud_sim"), "lib", "rpud_sim")
+    nodes = calls(path, "Node")
+    assert nodes
+    for node in nodes:
+        assert keyword(node, "package") == "rpud_sim"
+        assert os.access(folder / keyword(node, "executable"), os.X_OK)
+
+
+@pytest.mark.parametrize(
+    ("executable", "flags"),
+    [("recorder", ["--out"]), ("replayer", ["--rate", "--start", "--loop", "--clock"])],
+)
+def test_executables_know_the_flags_that_they_are_given(process, executable, flags):
+    helper = process(executable, "--help")
+    assert helper.wait() == 0
+    assert [flag for flag in flags if flag not in helper.output] == []
+
+
+@every_launch_file
+def test_launch_description_can_be_built(path):
+    pytest.importorskip("launch_ros", reason="launch comes with an installed ROS only")
+    spec = importlib.util.spec_from_file_location("launch_file", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    description = module.generate_launch_description()
+    arguments = {argument.name for argument in description.get_launch_arguments()}
+    assert {call.args[0].value for call in calls(path, "DeclareLaunchArgument")} <= arguments

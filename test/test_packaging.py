@@ -1,0 +1,87 @@
+"""The two packages as colcon, ROS and pip see them."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from ament_index_python.packages import get_package_share_directory
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def manifest_version(folder: Path) -> str | None:
+    """Return the version in a package.xml."""
+    return ElementTree.parse(folder / "package.xml").getroot().findtext("version")
+
+
+def test_colcon_finds_both_packages_as_ros_packages():
+    """A mistake in package.xml would silently make rpud_sim a plain Python package."""
+    output = subprocess.check_output(["colcon", "list"], cwd=ROOT, text=True)
+    assert set(output.splitlines()) == {
+        "rpud_msgs\tmsg_defs\t(ros.ament_cmake)",
+        "rpud_sim\t.\t(ros.ament_python)",
+    }
+
+
+def test_both_packages_and_the_metadata_have_one_version():
+    assert manifest_version(ROOT) == manifest_version(ROOT / "msg_defs") == version("rpud_sim")
+
+
+def test_every_message_is_built():
+    text = (ROOT / "msg_defs" / "CMakeLists.txt").read_text()
+    files = {f"msg/{path.name}" for path in (ROOT / "msg_defs" / "msg").iterdir()}
+    assert set(re.findall(r"msg/\w+\.msg", text)) == files
+
+
+@pytest.mark.parametrize("pattern", ["launch/*.launch.py", "config/*.yaml", "package.xml"])
+def test_data_files_are_installed(pattern):
+    share = Path(get_package_share_directory("rpud_sim"))
+    files = [path.relative_to(ROOT) for path in ROOT.glob(pattern)]
+    assert files
+    for file in files:
+        assert (share / file).read_text() == (ROOT / file).read_text()
+
+
+@pytest.fixture(scope="module")
+def plain_install(tmp_path_factory) -> Path:
+    """Install a copy of the package with pip, as outside ROS, and return the prefix."""
+    source = tmp_path_factory.mktemp("source")
+    for name in ("package.xml", "setup.py", "setup.cfg", "pyproject.toml"):
+        shutil.copy(ROOT / name, source)
+    for name in ("rpud_sim", "resource", "launch", "config"):
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    prefix = tmp_path_factory.mktemp("prefix")
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps"]
+    subprocess.check_call([*pip, "--no-build-isolation", "--prefix", prefix, source])
+    return prefix
+
+
+def test_pip_installs_the_commands_and_the_configuration(plain_install):
+    commands = {path.name for path in (plain_install / "bin").iterdir()}
+    assert commands == {"rpud", "drill_node", "recorder", "replayer"}
+    assert (plain_install / "share/rpud_sim/package.xml").is_file()
+    assert {path.name for path in (plain_install / "share/rpud_sim/config").iterdir()} == {
+        path.name for path in (ROOT / "config").glob("*.yaml")
+    }
+
+
+def test_pip_installs_nothing_but_the_package(plain_install):
+    (site_packages,) = plain_install.glob("lib/python3.*/site-packages")
+    folders = {path.name for path in site_packages.iterdir() if path.suffix != ".dist-info"}
+    assert folders == {"rpud_sim"}
+
+
+def test_command_installed_with_pip_runs(plain_install):
+    (site_packages,) = plain_install.glob("lib/python3.*/site-packages")
+    output = subprocess.check_output(
+        [plain_install / "bin" / "rpud", "--help"],
+        env={**os.environ, "PYTHONPATH": str(site_packages)},
+        text=True,
+    )
+    assert "simulate" in output

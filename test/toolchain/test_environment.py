@@ -1,0 +1,70 @@
+"""env.bash in the shells that people have."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+shells = pytest.mark.parametrize("shell", ["bash", "zsh"])
+
+
+def run(shell: str, script: str, **variables: str) -> subprocess.CompletedProcess:
+    """Run a script in a shell that knows nothing of ROS, in a folder elsewhere."""
+    if shutil.which(shell) is None:
+        pytest.skip(f"{shell} is not installed")
+    environment = {"HOME": os.environ["HOME"], "PATH": os.defpath, "ENV": str(ROOT / "env.bash")}
+    return subprocess.run(
+        [shell, "-c", script],
+        cwd="/",
+        env={**environment, **variables},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+@shells
+def test_sourcing_gives_the_commands_and_the_messages(shell):
+    result = run(shell, '. "$ENV"; command -v rpud drill_node recorder replayer')
+    assert result.stderr == ""
+    assert result.stdout.count("/lib/rpud_sim/") == 4
+    result = run(shell, '. "$ENV"; python -c "import rclpy, rpud_msgs.msg, rpud_sim; print(1)"')
+    assert (result.stdout, result.stderr) == ("1\n", "")
+
+
+@shells
+def test_sourcing_twice_changes_nothing(shell):
+    variables = "$PATH\n$LD_LIBRARY_PATH\n$AMENT_PREFIX_PATH\n$CMAKE_PREFIX_PATH\n$PYTHONPATH"
+    once = run(shell, f'. "$ENV"; echo "{variables}"')
+    twice = run(shell, f'. "$ENV"; . "$ENV"; echo "{variables}"')
+    assert once.stdout == twice.stdout
+    for line in once.stdout.splitlines():
+        assert len(line.split(":")) == len(set(line.split(":")))
+
+
+@shells
+def test_sourcing_survives_and_keeps_strict_options(shell):
+    result = run(shell, 'set -eu; . "$ENV"; echo sourced; echo "$NOT_SET"; echo survived')
+    assert result.returncode != 0
+    assert result.stdout == "sourced\n"
+    assert "NOT_SET" in result.stderr
+
+
+@shells
+def test_ros_stays_on_this_machine_unless_told_otherwise(shell):
+    script = '. "$ENV"; echo $ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE'
+    assert run(shell, script).stdout == "42 LOCALHOST\n"
+    own = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+    assert run(shell, script, **own).stdout == "7 SUBNET\n"
+
+
+def test_sourcing_before_set_up_says_what_to_do(tmp_path):
+    shutil.copy(ROOT / "env.bash", tmp_path)
+    shutil.copytree(ROOT / "toolchain", tmp_path / "toolchain")
+    result = run("bash", '. "$ENV" || echo "code $?"', ENV=str(tmp_path / "env.bash"))
+    assert result.stdout == "code 1\n"
+    assert result.stderr == "rpud_sim: not set up yet: run 'make setup' first\n"
