@@ -10,7 +10,7 @@ check() {
 check ruff check
 check ruff format --check
 check mypy
-check lint-imports
+check lint-imports --no-logo
 check python toolchain/check_manifests.py
 
 if [ ${#failed[@]} -gt 0 ]; then
