@@ -21,10 +21,11 @@ else
   wanted="CPython 3.10 to 3.13"
 fi
 
-# The base executable, because inside .venv itself `python3` is the one that set-up replaces.
+# Inside .venv itself `python3` is the one that set-up replaces, so print the one that it was made from.
 probe="
 import importlib.util, os, sys, sysconfig
-print(getattr(sys, '_base_executable', None) or sys.executable)
+name = 'python%d.%d' % sys.version_info[:2]
+print(sys.executable if sys.prefix == sys.base_prefix else os.path.join(sys.base_prefix, 'bin', name))
 if sys.implementation.name != 'cpython' or sys.version_info[:2] not in ($versions,):
     sys.exit(10)
 header = os.path.join(sysconfig.get_path('include'), 'Python.h')
