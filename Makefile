@@ -61,7 +61,7 @@ help: ## Show this help
 
 # Set-up leaves stamps, so that it happens once for each state of the files that it depends on. Python sources are
 # not among them: colcon links to them.
-.venv/.installed: toolchain/requirements/installer.lock $(LOCK) toolchain/find_python.sh
+.venv/.installed: toolchain/requirements/installer.lock $(LOCK)
 	@python="$$(ROS_PREFIX='$(ROS_PREFIX)' toolchain/find_python.sh)"; \
 	echo "Installing $(if $(ROS_PREFIX),Python packages beside $(ROS_PREFIX),ROS 2 Jazzy) into .venv ..."; \
 	"$$python" -m venv --clear $(if $(ROS_PREFIX),--system-site-packages) .venv
