@@ -1,0 +1,97 @@
+"""What the recorder and the replayer take on the command line. No ROS, so that help is quick."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from math import isfinite
+
+DEFAULT_NAMESPACE = "/rpud"
+COMPRESSIONS = ("none", "zstd")
+CLOCK_RATE = 40.0
+"""Rate of `/clock` where `--clock` names none [Hz]."""
+
+
+def number(unit: str, *, above: float | None = None, least: float | None = None) -> Callable:
+    """Make an argparse type for a finite number in `unit` that is `> above` or `>= least`."""
+    allowed = f"greater than {above:g}" if above is not None else f"at least {least or 0:g}"
+
+    def convert(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        fits = value > above if above is not None else value >= (least or 0)
+        if not (isfinite(value) and fits):
+            raise argparse.ArgumentTypeError(
+                f"{text!r} {unit}; it must be a finite number {allowed}"
+            )
+        return value
+
+    return convert
+
+
+def add_record_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `rpud record` and of the executable `recorder`."""
+    parser.add_argument(
+        "topics",
+        nargs="*",
+        metavar="TOPIC",
+        help="a topic to record, relative to the namespace; without one, the whole namespace",
+    )
+    parser.add_argument(
+        "--out", required=True, metavar="DIR", help="the bag's new folder; nothing is overwritten"
+    )
+    parser.add_argument(
+        "--namespace",
+        default=DEFAULT_NAMESPACE,
+        help="namespace to record and to resolve names in (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--compression",
+        choices=COMPRESSIONS,
+        default="zstd",
+        help="compression of the bag's chunks (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--duration",
+        type=number("s", above=0),
+        metavar="S",
+        help="stop after that many seconds (default: at SIGINT or SIGTERM)",
+    )
+
+
+def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `rpud replay` and of the executable `replayer`."""
+    parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
+    parser.add_argument(
+        "--rate",
+        type=number("(times real time)", above=0),
+        default=1.0,
+        metavar="R",
+        help="how many times as fast as it was recorded (default: 1)",
+    )
+    parser.add_argument(
+        "--start",
+        type=number("s", least=0),
+        default=0.0,
+        metavar="S",
+        help="skip that many seconds of the bag (default: 0)",
+    )
+    parser.add_argument("--loop", action="store_true", help="begin again at the end")
+    parser.add_argument(
+        "--clock",
+        nargs="?",
+        type=number("Hz", above=0),
+        const=CLOCK_RATE,
+        metavar="HZ",
+        help=f"publish the bag's time on /clock that often (default: {CLOCK_RATE:g} Hz)",
+    )
+    parser.add_argument(
+        "--topics", nargs="+", metavar="TOPIC", help="replay only these topics (absolute names)"
+    )
+    parser.add_argument(
+        "--wait-for-subscribers",
+        action="store_true",
+        help="begin only when every replayed topic has a subscriber, however long that takes",
+    )

@@ -1,0 +1,121 @@
+"""The recorder: `rpud record`, and the executable `recorder` of `ros2 run`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+import rclpy
+from rclpy.exceptions import NameValidationException
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from rpud_sim.bag import BagError, BagWriter
+from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
+from rpud_sim.ros.arguments import add_record_arguments
+from rpud_sim.ros.recorder_node import Recorder
+from rpud_sim.ros.recording import MessageQueue, WritingThread
+from rpud_sim.ros.stopping import StopRequest
+
+SKIPPED_RECORD = "rpud_skipped"
+"""Metadata record of topics that could not be recorded, with the reasons."""
+
+_TAKE_PERIOD = 0.005  # s; messages carry the time at which the middleware received them
+_GRAPH_PERIOD = 0.25  # s
+_DISCOVERY = 1.0  # s until the recorder calls itself ready, whatever it has found
+_DRAIN = 0.1  # s in which messages on their way still arrive after a stop
+
+
+def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -> int:
+    """Record until the duration is over or a signal asks to stop; give the exit code."""
+    with StopRequest() as stop:
+        rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            return _record(arguments, stop)
+        except NameValidationException as error:
+            return _fail(" ".join(str(error).split()), 2)
+        except BagError as error:
+            return _fail(str(error), 1)
+        finally:
+            rclpy.try_shutdown()
+
+
+def main() -> None:
+    """Run the executable; ROS arguments follow `--ros-args`."""
+    parser = argparse.ArgumentParser(prog="recorder", description=__doc__)
+    add_record_arguments(parser)
+    sys.exit(run(parser.parse_args(remove_ros_args(sys.argv)[1:]), sys.argv))
+
+
+def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
+    messages = MessageQueue()
+    node = Recorder(messages, arguments.topics, arguments.namespace)
+    with BagWriter(arguments.out, compression=arguments.compression) as bag:
+        writing = WritingThread(messages, bag, stop.request)
+        writing.start()
+        began = time.monotonic()
+        try:
+            _collect(node, bag, stop, arguments.duration)
+            _drain(node)
+            node.finish()
+        finally:
+            messages.close()
+            writing.join()
+        if writing.error is None:
+            bag.add_record(RECORD_NAME, losses_to_record(node.losses))
+            if node.skipped:
+                bag.add_record(SKIPPED_RECORD, node.skipped)
+    if writing.error is not None:
+        raise writing.error
+    print(_summary(node, bag, time.monotonic() - began), flush=True)
+    return 0
+
+
+def _collect(node: Recorder, bag: BagWriter, stop: StopRequest, duration: float | None) -> None:
+    began = time.monotonic()
+    ready: float | None = None
+    look = began
+    while not stop.requested:
+        now = time.monotonic()
+        if now >= look:
+            node.discover()
+            look = now + _GRAPH_PERIOD
+        more = node.take()
+        if ready is None and (node.complete or now >= began + _DISCOVERY):
+            ready = now
+            node.get_logger().info(f"recording {node.topic_count} topics to {bag.path}")
+        if ready is not None and duration is not None and now >= ready + duration:
+            return
+        if not more:
+            stop.wait(_TAKE_PERIOD)
+
+
+def _drain(node: Recorder) -> None:
+    """Take all that the middleware had received when the stop came, or receives right after it."""
+    time.sleep(_DRAIN)
+    until = time.time_ns()
+    while node.take(until):
+        pass
+
+
+def _summary(node: Recorder, bag: BagWriter, seconds: float) -> str:
+    lines = [
+        f"recorded {bag.message_count} messages on {node.topic_count} topics in {seconds:.1f} s "
+        f"({bag.size / 1e6:.2f} MB) to {bag.path}"
+    ]
+    for name, losses in sorted(node.losses.items()):
+        if losses.total is None:
+            lines.append(f"losses on {name} are unknown: the middleware does not number messages")
+        elif losses.total:
+            lines.append(
+                f"lost {losses.total} messages on {name}: {losses.transport} on the way, "
+                f"{losses.queue} as the disk was too slow"
+            )
+    lines += [f"not recorded: {name}: {reason}" for name, reason in sorted(node.skipped.items())]
+    return "\n".join(lines)
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"rpud record: {message}", file=sys.stderr)
+    return code

@@ -1,0 +1,135 @@
+"""The recorder's parts that need no ROS: queue, writing thread, and the count of losses."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rpud_sim.bag import BagError, BagWriter, Message, Topic
+
+QUEUE_CAPACITY = 256 * 2**20
+"""Bytes that may wait to be written."""
+
+FLUSH_PERIOD = 1.0
+"""How long a message may be in memory alone before it is on the disk [s]."""
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """A topic and the definition of its type, ahead of the topic's first message."""
+
+    topic: Topic
+    definition: str
+
+
+class MessageQueue:
+    """Carries messages from the one thread that takes them to the one that writes them.
+
+    It holds at most `capacity` bytes; a message that does not fit is refused. Each counter belongs
+    to one of the two threads, so that neither waits for the other.
+    """
+
+    def __init__(self, capacity: int = QUEUE_CAPACITY) -> None:
+        self._capacity = capacity
+        self._items: queue.SimpleQueue[Message | Declaration | None] = queue.SimpleQueue()
+        self._put_bytes = 0
+        self._got_bytes = 0
+
+    def put(self, message: Message) -> bool:
+        """Append a message; tell whether there was room for it."""
+        size = len(message.data)
+        if self._put_bytes - self._got_bytes + size > self._capacity:
+            return False
+        self._put_bytes += size
+        self._items.put(message)
+        return True
+
+    def declare(self, declaration: Declaration) -> None:
+        """Append a topic's declaration; there is always room for it."""
+        self._items.put(declaration)
+
+    def close(self) -> None:
+        """Append the end."""
+        self._items.put(None)
+
+    def get(self, timeout: float) -> Message | Declaration | None:
+        """Give the next item, or None at the end. Raises queue.Empty after `timeout` seconds."""
+        item = self._items.get(timeout=max(0.0, timeout))
+        if isinstance(item, Message):
+            self._got_bytes += len(item.data)
+        return item
+
+
+class WritingThread(threading.Thread):
+    """Writes what is in the queue until its end, and flushes it to the disk each FLUSH_PERIOD.
+
+    Where writing fails, `error` holds why, `on_error` is called once, and the rest of the queue is
+    left. The bag itself is for others to close when the thread has ended.
+    """
+
+    def __init__(
+        self, messages: MessageQueue, bag: BagWriter, on_error: Callable[[], None]
+    ) -> None:
+        super().__init__(name="bag writer")
+        self.error: BagError | None = None
+        self._messages = messages
+        self._bag = bag
+        self._on_error = on_error
+
+    def run(self) -> None:
+        """Write until the queue ends or the disk fails."""
+        try:
+            self._write()
+        except BagError as error:
+            self.error = error
+            self._on_error()
+
+    def _write(self) -> None:
+        flush_at = time.monotonic() + FLUSH_PERIOD
+        while True:
+            try:
+                item = self._messages.get(flush_at - time.monotonic())
+            except queue.Empty:
+                item = None
+            else:
+                if item is None:
+                    return
+            if isinstance(item, Message):
+                self._bag.write(item.topic, item.data, item.log_time, item.publish_time)
+            elif item is not None:
+                self._bag.add_topic(item.topic, item.definition)
+            if time.monotonic() >= flush_at:
+                self._bag.flush()
+                flush_at = time.monotonic() + FLUSH_PERIOD
+
+
+class SequenceGaps:
+    """Counts messages that never arrived, by the numbers that publishers give their messages.
+
+    Messages do not say who sent them. With one publisher the count is exact. With several, a
+    number that continues none of the sequences heard so far is a gap in the one just below it,
+    unless there are more publishers than sequences: then it begins a new one.
+    """
+
+    def __init__(self, publisher_count: Callable[[], int]) -> None:
+        """`publisher_count` gives the number of publishers now; it is asked at gaps only."""
+        self.missing = 0
+        self._publisher_count = publisher_count
+        self._last: list[int] = []
+
+    def note(self, number: int) -> None:
+        """Note the number of a message that arrived."""
+        last = self._last
+        for place, before in enumerate(last):
+            if number == before + 1:
+                last[place] = number
+                return
+        below = max((before for before in last if before < number), default=None)
+        if below is None or len(last) < self._publisher_count():
+            last.append(number)
+            return
+        self.missing += number - below - 1
+        last[last.index(below)] = number

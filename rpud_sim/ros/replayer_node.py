@@ -1,0 +1,83 @@
+"""The replayer's node: it publishes serialized messages as their first publishers did."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+
+from rpud_sim.bag import Message, TopicSummary
+from rpud_sim.ros.qos import replay_offer
+from rpud_sim.ros.types import UnknownTypeError, message_class
+
+CLOCK = "/clock"
+
+
+class Replayer(Node):
+    """Publishes messages of a bag. It spins in no executor.
+
+    Publishers: `topics`, with their types and the QoS they were offered with; /clock where
+    `with_clock`. Topics whose type is not installed are left out, with a warning.
+    """
+
+    def __init__(self, topics: Iterable[TopicSummary], *, with_clock: bool) -> None:
+        super().__init__("replayer", start_parameter_services=False)
+        self._replayed: dict[str, Publisher] = {}
+        self._clock_message = Clock()
+        self._clock_publisher: Publisher | None = None
+        if with_clock:
+            self._clock_publisher = self.create_publisher(
+                Clock, CLOCK, QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+            )
+        for summary in topics:
+            if with_clock and summary.topic.name == CLOCK:
+                self.get_logger().warning(f"the bag's own {CLOCK} is left out for that of --clock")
+                continue
+            try:
+                message = message_class(summary.topic.type)
+            except UnknownTypeError as error:
+                self.get_logger().warning(f"not replayed: {summary.topic.name}: {error}")
+                continue
+            self._replayed[summary.topic.name] = self.create_publisher(
+                message, summary.topic.name, replay_offer(summary.topic.offered_qos)
+            )
+
+    @property
+    def topic_names(self) -> list[str]:
+        """The topics that are replayed."""
+        return list(self._replayed)
+
+    @property
+    def unheard(self) -> list[str]:
+        """The topics that have no subscriber now."""
+        return [
+            name
+            for name, publisher in self._replayed.items()
+            if not publisher.get_subscription_count()
+        ]
+
+    def publish(self, message: Message) -> None:
+        """Publish a message as it was serialized."""
+        self._replayed[message.topic].publish(message.data)
+
+    def publish_clock(self, bag_time: int) -> None:
+        """Publish the bag's time [ns] on /clock."""
+        assert self._clock_publisher is not None
+        stamp = self._clock_message.clock
+        stamp.sec, stamp.nanosec = divmod(bag_time, 1_000_000_000)
+        self._clock_publisher.publish(self._clock_message)
+
+    def wait_for_acknowledgement(self, seconds: float) -> list[str]:
+        """Wait until reliable subscribers have all messages; name the topics where some lack."""
+        deadline = time.monotonic() + seconds
+        lacking = []
+        for name, publisher in self._replayed.items():
+            left = max(0.0, deadline - time.monotonic())
+            if not publisher.wait_for_all_acked(Duration(nanoseconds=round(left * 1e9))):
+                lacking.append(name)
+        return lacking

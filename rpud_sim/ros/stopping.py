@@ -1,0 +1,59 @@
+"""An orderly stop at SIGINT and SIGTERM, and sleeping that it interrupts."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+from types import FrameType, TracebackType
+
+
+class StopRequest:
+    """Remembers that the program shall stop; while it is entered, SIGINT and SIGTERM ask for it.
+
+    rclpy's own handlers would end the context at once, and with it every chance to take the
+    messages that have arrived. A pipe carries the request, because a lock that the interrupted
+    main thread may hold cannot be taken in a signal handler.
+    """
+
+    def __init__(self) -> None:
+        self._requested = False
+        self._reading, self._writing = os.pipe()
+        os.set_blocking(self._writing, False)
+        self._handlers: dict[int, object] = {}
+
+    def __enter__(self) -> StopRequest:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._handlers[number] = signal.signal(number, self._handle)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+        os.close(self._reading)
+        os.close(self._writing)
+
+    @property
+    def requested(self) -> bool:
+        """Whether the program shall stop."""
+        return self._requested
+
+    def request(self) -> None:
+        """Ask for the stop, from any thread."""
+        if not self._requested:
+            self._requested = True
+            os.write(self._writing, b"\0")
+
+    def wait(self, seconds: float) -> bool:
+        """Sleep for `seconds`, or until the stop is requested; tell whether it is."""
+        if not self._requested:
+            select.select([self._reading], [], [], max(0.0, seconds))
+        return self._requested
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.request()
