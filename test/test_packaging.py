@@ -22,7 +22,8 @@ def manifest_version(folder: Path) -> str | None:
 
 def test_colcon_finds_both_packages_as_ros_packages():
     """A mistake in package.xml would silently make rpud_sim a plain Python package."""
-    output = subprocess.check_output(["colcon", "list"], cwd=ROOT, text=True)
+    environment = {k: v for k, v in os.environ.items() if k != "COLCON_DEFAULTS_FILE"}
+    output = subprocess.check_output(["colcon", "list"], cwd=ROOT, env=environment, text=True)
     assert set(output.splitlines()) == {
         "rpud_msgs\tmsg_defs\t(ros.ament_cmake)",
         "rpud_sim\t.\t(ros.ament_python)",

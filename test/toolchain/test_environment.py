@@ -9,6 +9,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
+pytestmark = pytest.mark.skipif(
+    not (ROOT / ".venv").exists(), reason="set up without make, as a ROS workspace"
+)
 shells = pytest.mark.parametrize("shell", ["bash", "zsh"])
 
 
