@@ -1,0 +1,83 @@
+"""`rpud info` tells people and programs the same."""
+
+import argparse
+import json
+
+import pytest
+from sample_bags import CHAT, START, STRING, TALK, write_bag
+
+from rpud_sim.bag import BagWriter
+from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.cli import info
+
+
+def run(*words):
+    parser = argparse.ArgumentParser()
+    info.add_arguments(parser)
+    return info.run(parser.parse_args([str(word) for word in words]))
+
+
+def test_json_has_the_figures(tmp_path, capsys):
+    path = write_bag(tmp_path / "run", 11)
+    assert run(path, "--json") == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "path": str(path),
+        "duration": 10_000_000,
+        "start_time": START,
+        "end_time": START + 10_000_000,
+        "message_count": 11,
+        "size": (path / "run_0.mcap").stat().st_size,
+        "compression": "zstd",
+        "topics": [
+            {
+                "name": CHAT.name,
+                "type": STRING,
+                "message_count": 0,
+                "rate": 0.0,
+                "losses": None,
+            },
+            {
+                "name": TALK.name,
+                "type": STRING,
+                "message_count": 11,
+                "rate": pytest.approx(1000.0),
+                "losses": None,
+            },
+        ],
+    }
+
+
+def test_losses_are_told(tmp_path, capsys):
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_topic(TALK)
+        bag.add_topic(CHAT)
+        losses = {TALK.name: Losses(2, 1), CHAT.name: Losses(None, 1)}
+        bag.add_record(RECORD_NAME, losses_to_record(losses))
+    assert run(tmp_path / "run", "--json") == 0
+    topics = json.loads(capsys.readouterr().out)["topics"]
+    assert [topic["losses"] for topic in topics] == [None, 3]
+
+
+def test_the_table_has_a_line_for_each_topic(tmp_path, capsys):
+    path = write_bag(tmp_path / "run", 11)
+    assert run(path) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "duration  0.010 s" in lines
+    assert "start     2023-11-14 22:13:20.000 UTC" in lines
+    assert "messages  11" in lines
+    [talk] = [line.split() for line in lines if line.startswith(TALK.name)]
+    assert talk == [TALK.name, STRING, "11", "1000.00", "unknown"]
+
+
+def test_a_missing_bag_is_one_line(tmp_path, capsys):
+    assert run(tmp_path / "missing") == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err == f"rpud info: there is no bag at {tmp_path / 'missing'}\n"
+
+
+def test_a_torn_bag_is_one_line(tmp_path, capsys):
+    file = write_bag(tmp_path / "run") / "run_0.mcap"
+    file.write_bytes(file.read_bytes()[:-20])
+    assert run(tmp_path / "run") == 1
+    assert "run_0.mcap is cut off" in capsys.readouterr().err

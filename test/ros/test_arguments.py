@@ -1,0 +1,66 @@
+"""Numbers on the command line are checked, with one line that names value, unit and range."""
+
+import argparse
+
+import pytest
+
+from rpud_sim.ros.arguments import add_record_arguments, add_replay_arguments
+
+
+@pytest.fixture
+def record():
+    parser = argparse.ArgumentParser(prog="rpud record")
+    add_record_arguments(parser)
+    return parser
+
+
+@pytest.fixture
+def replay():
+    parser = argparse.ArgumentParser(prog="rpud replay")
+    add_replay_arguments(parser)
+    return parser
+
+
+def test_defaults(record, replay):
+    arguments = record.parse_args(["--out", "bag"])
+    assert (arguments.topics, arguments.namespace) == ([], "/rpud")
+    assert (arguments.compression, arguments.duration) == ("zstd", None)
+    arguments = replay.parse_args(["bag"])
+    assert (arguments.rate, arguments.start, arguments.clock) == (1.0, 0.0, None)
+    assert (arguments.topics, arguments.loop, arguments.wait_for_subscribers) == (
+        None,
+        False,
+        False,
+    )
+    assert replay.parse_args(["bag", "--clock"]).clock == 40.0
+    assert replay.parse_args(["bag", "--clock", "100"]).clock == 100.0
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "-inf", "fast", ""])
+@pytest.mark.parametrize(("option", "unit"), [("--rate", "times real time"), ("--clock", "Hz")])
+def test_what_must_be_positive_is_refused_otherwise(replay, capsys, option, unit, value):
+    with pytest.raises(SystemExit) as ended:
+        replay.parse_args(["bag", f"{option}={value}"])
+    assert ended.value.code == 2
+    complaint = capsys.readouterr().err.splitlines()[-1]
+    assert f"{option}: {value!r}" in complaint
+    assert unit in complaint
+    assert "greater than 0" in complaint
+
+
+@pytest.mark.parametrize("value", ["-0.1", "nan", "inf", "x"])
+def test_the_start_is_not_before_the_bag(replay, capsys, value):
+    with pytest.raises(SystemExit) as ended:
+        replay.parse_args(["bag", f"--start={value}"])
+    assert ended.value.code == 2
+    assert f"--start: {value!r} s; it must be a finite number at least 0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("value", ["0", "nan", "inf"])
+def test_the_duration_is_positive(record, capsys, value):
+    with pytest.raises(SystemExit) as ended:
+        record.parse_args(["--out", "bag", f"--duration={value}"])
+    assert ended.value.code == 2
+    assert f"--duration: {value!r} s; it must be a finite number greater than 0" in (
+        capsys.readouterr().err
+    )

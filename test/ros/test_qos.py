@@ -1,0 +1,101 @@
+"""Requests connect to every publisher; a replay is heard by whoever heard the original."""
+
+from rclpy.duration import Duration
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
+
+from rpud_sim.bag.qos import INFINITE
+from rpud_sim.bag.qos import QosProfile as RecordedProfile
+from rpud_sim.ros.qos import is_satisfied, recorded_profile, replay_offer, request_for
+
+SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+RELIABLE = QoSProfile(depth=5)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ALL = (SENSOR, RELIABLE, LATCHED)
+
+
+def fits(offer, request):
+    return qos_check_compatible(offer, request)[0] != QoSCompatibility.ERROR
+
+
+def test_a_request_is_as_strong_as_the_weakest_offer():
+    assert request_for([RELIABLE]).reliability == ReliabilityPolicy.RELIABLE
+    assert request_for([RELIABLE, SENSOR]).reliability == ReliabilityPolicy.BEST_EFFORT
+    assert request_for([LATCHED]).durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert request_for([LATCHED, RELIABLE]).durability == DurabilityPolicy.VOLATILE
+
+
+def test_a_request_connects_to_all_it_was_made_for():
+    for first in ALL:
+        for second in ALL:
+            request = request_for([first, second])
+            assert fits(first, request)
+            assert fits(second, request)
+
+
+def test_it_is_known_when_an_offer_does_not_connect():
+    for made_for in ALL:
+        request = request_for([made_for])
+        for offer in ALL:
+            assert is_satisfied(request, [made_for, offer]) == fits(offer, request)
+
+
+def test_a_profile_is_recorded_in_rosbag2_s_words():
+    profile = QoSProfile(
+        depth=7,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        deadline=Duration(seconds=1, nanoseconds=5),
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+    )
+    recorded = recorded_profile(profile)
+    assert (recorded.history, recorded.depth) == ("keep_last", 7)
+    assert recorded.reliability == "best_effort"
+    assert recorded.durability == "transient_local"
+    assert recorded.deadline == 1_000_000_005
+    assert recorded.liveliness == "manual_by_topic"
+
+
+def test_a_single_offer_is_replayed_as_it_was():
+    offer = replay_offer([RecordedProfile(reliability="best_effort", deadline=5, lifespan=6)])
+    assert offer.history == HistoryPolicy.KEEP_LAST
+    assert offer.reliability == ReliabilityPolicy.BEST_EFFORT
+    assert offer.durability == DurabilityPolicy.VOLATILE
+    assert offer.deadline == Duration(nanoseconds=5)
+    assert offer.lifespan == Duration(nanoseconds=6)
+    assert offer.liveliness == LivelinessPolicy.AUTOMATIC
+
+
+def test_a_latched_topic_stays_latched_with_its_depth_where_that_is_known():
+    latched = RecordedProfile(durability="transient_local")
+    known = RecordedProfile(durability="transient_local", history="keep_last", depth=1)
+    assert replay_offer([latched]).durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert replay_offer([known]).depth == 1
+
+
+def test_of_different_offers_the_strongest_of_each_policy_is_replayed():
+    recorded = [
+        RecordedProfile(reliability="best_effort", deadline=10, lifespan=1),
+        RecordedProfile(durability="transient_local", lifespan=INFINITE),
+        RecordedProfile(liveliness="manual_by_topic", liveliness_lease_duration=3),
+    ]
+    offer = replay_offer(recorded)
+    assert offer.reliability == ReliabilityPolicy.RELIABLE
+    assert offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert offer.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC
+    assert offer.deadline == Duration(nanoseconds=10)
+    assert offer.lifespan == Duration(nanoseconds=INFINITE)
+    assert offer.liveliness_lease_duration == Duration(nanoseconds=3)
+
+
+def test_a_bag_without_offers_is_replayed_reliable_and_volatile():
+    offer = replay_offer([])
+    assert offer.reliability == ReliabilityPolicy.RELIABLE
+    assert offer.durability == DurabilityPolicy.VOLATILE

@@ -1,0 +1,41 @@
+"""SIGINT and SIGTERM ask for a stop, interrupt sleep, and are given back afterwards."""
+
+import os
+import signal
+import threading
+import time
+
+import pytest
+
+from rpud_sim.ros.stopping import StopRequest
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_interrupts_the_sleep(number):
+    before = signal.getsignal(number)
+    with StopRequest() as stop:
+        assert not stop.requested
+        sender = threading.Timer(0.05, os.kill, (os.getpid(), number))
+        sender.start()
+        began = time.monotonic()
+        assert stop.wait(60.0)
+        assert time.monotonic() - began < 30.0
+        assert stop.requested
+        sender.join()
+    assert signal.getsignal(number) is before
+
+
+def test_more_signals_change_nothing():
+    with StopRequest() as stop:
+        for _ in range(100_000):
+            stop.request()
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert stop.wait(60.0)
+
+
+def test_without_a_request_the_sleep_is_as_long_as_asked():
+    with StopRequest() as stop:
+        began = time.monotonic()
+        assert not stop.wait(0.02)
+        assert time.monotonic() - began >= 0.02
+        assert not stop.wait(-1.0)
