@@ -34,7 +34,8 @@ def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -
         try:
             return _record(arguments, stop)
         except NameValidationException as error:
-            return _fail(" ".join(str(error).split()), 2)
+            what, name, *_ = str(error).splitlines()  # below them it points at the character
+            return _fail(f"{what} {name.strip()}", 2)
         except BagError as error:
             return _fail(str(error), 1)
         finally:
@@ -45,7 +46,11 @@ def main() -> None:
     """Run the executable; ROS arguments follow `--ros-args`."""
     parser = argparse.ArgumentParser(prog="recorder", description=__doc__)
     add_record_arguments(parser)
-    sys.exit(run(parser.parse_args(remove_ros_args(sys.argv)[1:]), sys.argv))
+    try:
+        words = remove_ros_args(sys.argv)[1:]
+    except RuntimeError as error:
+        parser.error(str(error))
+    sys.exit(run(parser.parse_args(words), sys.argv))
 
 
 def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:

@@ -13,6 +13,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+from rclpy.validate_namespace import validate_namespace
+from rclpy.validate_topic_name import validate_topic_name
 
 from rpud_sim.bag import BagError, Message, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
@@ -51,10 +53,15 @@ class Recorder(Node):
 
     `topics` are names, resolved in `namespace`; without any, the whole namespace is recorded.
     Subscriptions: those topics, as they appear, with the QoS that their publishers offer.
-    Publishers, services, parameters: none but those that every node has.
+    Publishers, services, parameters: none but those that every node has. Raises rclpy's
+    NameValidationException.
     """
 
     def __init__(self, messages: MessageQueue, topics: Sequence[str], namespace: str) -> None:
+        # The node itself would leave a warning behind, and a bad topic an error without its name.
+        validate_namespace(f"/{namespace.lstrip('/')}")
+        for topic in topics:
+            validate_topic_name(topic)
         super().__init__("recorder", namespace=namespace, start_parameter_services=False)
         self._messages = messages
         self._wanted = [self.resolve_topic_name(topic) for topic in topics]

@@ -50,7 +50,11 @@ def main() -> None:
     """Run the executable; ROS arguments follow `--ros-args`."""
     parser = argparse.ArgumentParser(prog="replayer", description=__doc__)
     add_replay_arguments(parser)
-    sys.exit(run(parser.parse_args(remove_ros_args(sys.argv)[1:]), sys.argv))
+    try:
+        words = remove_ros_args(sys.argv)[1:]
+    except RuntimeError as error:
+        parser.error(str(error))
+    sys.exit(run(parser.parse_args(words), sys.argv))
 
 
 def _chosen(bag: BagReader, arguments: argparse.Namespace) -> list[TopicSummary]:

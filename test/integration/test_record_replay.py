@@ -1,0 +1,335 @@
+"""Talker, recorder, replayer and listener are processes of their own, and talk over DDS."""
+
+import itertools
+import json
+import os
+import re
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
+from rosgraph_msgs.msg import Clock
+from rpud_msgs.msg import ContactForce, NodalPlane, Status
+
+import rpud_sim.bag
+from rpud_sim.bag import BagWriter, QosProfile, Topic
+from rpud_sim.bag.definitions import find_definition, find_type_hash
+
+HERE = Path(__file__).parent
+SECOND = 1_000_000_000
+START = 1_700_000_000 * SECOND
+
+CONTACT_FORCE = "/rpud/contact_force"
+NODAL_PLANE = "/rpud/nodal_plane"
+STATUS = "/rpud/status"
+
+
+@pytest.fixture
+def program(process):
+    """Start one of the programs beside this file."""
+    return lambda name, *words: process(sys.executable, HERE / f"{name}.py", *map(str, words))
+
+
+def contents(path):
+    """Give the messages of a bag as hexadecimal text, by topic."""
+    with rpud_sim.bag.open(path) as bag:
+        found = {summary.topic.name: [] for summary in bag.topics}
+        for message in bag.messages():
+            found[message.topic].append(message.data.hex())
+    return found
+
+
+def losses(path):
+    with rpud_sim.bag.open(path) as bag:
+        return {summary.topic.name: summary.losses.total for summary in bag.topics}
+
+
+def numbers(messages):
+    return [deserialize_message(bytes.fromhex(item), ContactForce).sequence for item in messages]
+
+
+def stop(listener):
+    listener.wait_for_line("heard enough")
+    listener.terminate()
+    heard = listener.wait_for_line(r"^heard (\{.*\})$")
+    return json.loads(heard[1])
+
+
+def finished(process):
+    return process.wait() == 0
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """A bag of a latched status and 100 messages on each of two topics, 10 ms apart."""
+    latched = QosProfile(durability="transient_local")
+    topics = {
+        STATUS: (Status(state=Status.STATE_RUNNING), latched),
+        CONTACT_FORCE: (ContactForce(), QosProfile()),
+        NODAL_PLANE: (NodalPlane(), QosProfile(reliability="best_effort")),
+    }
+    with BagWriter(tmp_path / "bag") as writer:
+        for name, (message, offer) in topics.items():
+            type_name = f"rpud_msgs/msg/{type(message).__name__}"
+            writer.add_topic(
+                Topic(name, type_name, find_type_hash(type_name), (offer,)),
+                find_definition(type_name),
+            )
+        writer.write(STATUS, serialize_message(topics[STATUS][0]), START, START)
+        for number in range(100):
+            time = START + number * SECOND // 100
+            force = ContactForce(sequence=number)
+            writer.write(CONTACT_FORCE, serialize_message(force), time, time)
+            plane = NodalPlane(position=float(number))
+            writer.write(NODAL_PLANE, serialize_message(plane), time, time)
+    return tmp_path / "bag"
+
+
+def test_what_is_said_is_recorded_replayed_and_heard(process, program, tmp_path):
+    everything = ("--expect", f"{CONTACT_FORCE}=500", f"{STATUS}=1", f"{NODAL_PLANE}=400")
+    listener = program("listener", *everything)
+    listener.wait_for_line("listening")
+    recorder = process("recorder", "--out", tmp_path / "run")
+    recorder.wait_for_line(r"recording \d topics to .*run")
+    talker = program("talker", "--count", 500, "--rate", 500, "--subscribers", 2)
+    recorder.wait_for_line(r"subscribed /rpud/contact_force \[rpud_msgs/msg/ContactForce\]")
+    talker.wait_for_line("published 500")
+    recorder.interrupt()
+    assert finished(recorder)
+    recorder.wait_for_line(r"recorded \d+ messages on 3 topics")
+    heard = stop(listener)
+    recorded = contents(tmp_path / "run")
+    assert numbers(recorded[CONTACT_FORCE]) == list(range(500))
+    assert recorded[CONTACT_FORCE] == heard[CONTACT_FORCE]
+    assert recorded[STATUS] == heard[STATUS]
+    assert len(recorded[STATUS]) == 1
+    assert len(recorded[NODAL_PLANE]) + losses(tmp_path / "run")[NODAL_PLANE] == 500
+    talker.terminate()
+    talker.wait()
+
+    with AnyReader([tmp_path / "run"]) as reader:
+        by_topic = {connection.topic: connection for connection in reader.connections}
+        types = {topic: connection.msgtype for topic, connection in by_topic.items()}
+        offers = {topic: by_topic[topic].ext.offered_qos_profiles for topic in by_topic}
+        connection, _, data = next(reader.messages([by_topic[CONTACT_FORCE]]))
+        assert reader.deserialize(data, connection.msgtype).sequence == 0
+        store = reader.typestore
+        for topic, connection in by_topic.items():
+            assert connection.digest == store.hash_rihs01(connection.msgtype), topic
+    assert types[STATUS] == "rpud_msgs/msg/Status"
+    assert [len(offer) for offer in offers.values()] == [1, 1, 1]
+    assert offers[CONTACT_FORCE][0].reliability == QosReliability.RELIABLE
+    assert offers[CONTACT_FORCE][0].durability == QosDurability.VOLATILE
+    assert offers[NODAL_PLANE][0].reliability == QosReliability.BEST_EFFORT
+    assert offers[STATUS][0].durability == QosDurability.TRANSIENT_LOCAL
+
+    listener = program("listener", *everything)
+    listener.wait_for_line("listening")
+    replayer = process("replayer", tmp_path / "run")
+    assert finished(replayer)
+    replayer.wait_for_line(rf"replayed {sum(map(len, recorded.values()))} messages")
+    again = stop(listener)
+    assert again[CONTACT_FORCE] == recorded[CONTACT_FORCE]
+    assert again[STATUS] == recorded[STATUS]
+    assert set(again[NODAL_PLANE]) <= set(recorded[NODAL_PLANE])
+
+
+def test_a_terminated_recorder_keeps_all_that_was_acknowledged(process, program, tmp_path):
+    recorder = process(
+        "recorder", "contact_force", "status", NODAL_PLANE, "--out", tmp_path / "run"
+    )
+    talker = program("talker", "--count", 5000, "--rate", 1e6)
+    talker.wait_for_line("published 5000")
+    recorder.terminate()
+    assert finished(recorder)
+    recorded = contents(tmp_path / "run")
+    assert numbers(recorded[CONTACT_FORCE]) == list(range(5000))
+    assert len(recorded[NODAL_PLANE]) + losses(tmp_path / "run")[NODAL_PLANE] <= 5000
+
+
+def test_a_recorder_that_ends_by_itself_in_the_middle_has_no_gap(process, program, tmp_path):
+    recorder = process("recorder", "--out", tmp_path / "run", "--duration", "3")
+    program("talker", "--count", 100_000, "--rate", 1000)
+    assert finished(recorder)
+    recorded = numbers(contents(tmp_path / "run")[CONTACT_FORCE])
+    assert recorded == list(range(len(recorded)))
+    assert losses(tmp_path / "run")[CONTACT_FORCE] == 0
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        times = [message.log_time for message in bag.messages([CONTACT_FORCE])]
+        sent = [message.publish_time for message in bag.messages([CONTACT_FORCE])]
+    assert all(before <= after for before, after in itertools.pairwise(times))
+    assert all(0 < received - send < SECOND for received, send in zip(times, sent, strict=True))
+
+
+def test_what_is_lost_on_the_way_is_counted(process, program, tmp_path):
+    recorder = process("recorder", "--out", tmp_path / "run")
+    talker = program("talker", "--count", 20_000, "--rate", 10_000)
+    talker.wait_for_line("talking")
+    # While the recorder stands still, the middleware has to drop most of what is best effort.
+    os.kill(recorder.pid, signal.SIGSTOP)
+    time.sleep(1.0)
+    os.kill(recorder.pid, signal.SIGCONT)
+    talker.wait_for_line("published|not acknowledged")
+    recorder.interrupt()
+    assert finished(recorder)
+    positions = [
+        deserialize_message(bytes.fromhex(item), NodalPlane).position
+        for item in contents(tmp_path / "run")[NODAL_PLANE]
+    ]
+    missing = positions[-1] - positions[0] + 1 - len(positions)
+    assert missing > 0
+    assert losses(tmp_path / "run")[NODAL_PLANE] == missing
+    recorder.wait_for_line(rf"lost {missing:.0f} messages on /rpud/nodal_plane")
+
+
+def test_a_type_that_is_not_installed_is_named_and_the_others_go_on(process, program, tmp_path):
+    places = os.environ["PYTHONPATH"].split(os.pathsep)
+    path = os.pathsep.join(place for place in places if "rpud_msgs" not in place)
+    recorder = process(
+        "recorder",
+        "--namespace",
+        "/",
+        "--out",
+        tmp_path / "run",
+        env=os.environ | {"PYTHONPATH": path},
+    )
+    program("talker", "--count", 10)
+    recorder.wait_for_line("not recorded: /rpud/status: type rpud_msgs/msg/Status is not installed")
+    recorder.wait_for_line(r"subscribed /rosout \[rcl_interfaces/msg/Log\]")
+    recorder.interrupt()
+    assert finished(recorder)
+    recorder.wait_for_line("^not recorded: /rpud/status: ")
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert bag.records("rpud_skipped")[0].keys() == {CONTACT_FORCE, NODAL_PLANE, STATUS}
+
+
+def test_a_recorder_overwrites_nothing_and_says_so(process, bag):
+    recorder = process("recorder", "--out", bag)
+    assert recorder.wait() == 1
+    assert recorder.output.splitlines()[-1] == (
+        f"rpud record: {bag} exists already; a bag is never overwritten"
+    )
+
+
+def test_a_recorder_says_when_the_disk_is_full(process, program, tmp_path):
+    # No file of the recorder can grow beyond 64 KiB.
+    recorder = process(
+        "bash",
+        "-c",
+        'ulimit -f 64; exec recorder --compression none --out "$0"',
+        tmp_path / "run",
+    )
+    program("talker", "--count", 100_000, "--rate", 2000)
+    assert recorder.wait() == 1
+    assert recorder.output.splitlines()[-1] == (
+        f"rpud record: cannot write the bag {tmp_path / 'run'}: File too large"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--namespace", "no spaces"], "rpud record: Invalid namespace: .*'/no spaces'"),
+        (["bad topic"], "rpud record: Invalid topic name: .*'bad topic'"),
+    ],
+)
+def test_a_recorder_names_what_is_no_name(process, tmp_path, words, complaint):
+    recorder = process("recorder", *words, "--out", tmp_path / "run")
+    assert recorder.wait() == 2
+    assert re.fullmatch(complaint, recorder.output)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_replay_loops_gives_the_time_and_keeps_latched_topics(process, program, bag):
+    replayer = process("replayer", bag, "--loop", "--clock", "50", "--rate", "4")
+    replayer.wait_for_line("replaying .*bag: 3 topics, 1.0 s at 4 times real time")
+    expected = (f"{STATUS}=1", f"{CONTACT_FORCE}=150", "/clock=20")
+    listener = program("listener", "--expect", *expected)
+    heard = stop(listener)
+    replayer.interrupt()
+    assert finished(replayer)
+    replayer.wait_for_line(r"replayed \d+ messages")
+    stamps = [deserialize_message(bytes.fromhex(item), Clock).clock for item in heard["/clock"]]
+    times = [stamp.sec * SECOND + stamp.nanosec for stamp in stamps]
+    assert all(START <= at <= START + SECOND for at in times)
+    # At 50 Hz and four times real time a tick is 80 ms of the bag. A new pass begins at the start.
+    steps = {after - before for before, after in itertools.pairwise(times)}
+    assert 80_000_000 in steps
+    sequences = numbers(heard[CONTACT_FORCE])
+    assert {(before + 1) % 100 for before in sequences[:-1]} == set(sequences[1:])
+
+
+def test_a_replay_can_begin_later_and_leave_topics_out(process, program, bag):
+    listener = program("listener", "--expect", f"{CONTACT_FORCE}=50", f"{STATUS}=0")
+    listener.wait_for_line("listening")
+    replayer = process(
+        "replayer", bag, "--start", "0.5", "--wait-for-subscribers", "--topics", CONTACT_FORCE
+    )
+    assert finished(replayer)
+    replayer.wait_for_line("replayed 50 messages")
+    heard = stop(listener)
+    assert numbers(heard[CONTACT_FORCE]) == list(range(50, 100))
+    assert heard[STATUS] == []
+
+
+def test_a_replay_waits_for_subscribers_as_long_as_it_takes(process, program, bag):
+    replayer = process("replayer", bag, "--wait-for-subscribers", "--topics", CONTACT_FORCE)
+    replayer.wait_for_line("waiting for subscribers of /rpud/contact_force")
+    listener = program("listener", "--expect", f"{CONTACT_FORCE}=100")
+    heard = stop(listener)
+    assert numbers(heard[CONTACT_FORCE]) == list(range(100))
+    assert finished(replayer)
+
+
+def test_a_replay_keeps_the_time_between_messages(process, program, bag, tmp_path):
+    recorder = process("recorder", CONTACT_FORCE, "--out", tmp_path / "again")
+    replayer = process("replayer", bag, "--rate", "0.5", "--topics", CONTACT_FORCE)
+    assert finished(replayer)
+    recorder.terminate()
+    assert finished(recorder)
+    with rpud_sim.bag.open(tmp_path / "again") as again:
+        sent = [message.publish_time for message in again.messages()]
+    assert len(sent) == 100
+    # 99 steps of 20 ms: no drift, whatever a busy machine does to a single step.
+    assert sent[-1] - sent[0] == pytest.approx(1.98 * SECOND, abs=0.1 * SECOND)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "complaint"),
+    [
+        (["--start", "1.5"], 2, "--start is 1.5 s; it must be from 0 to 0.990 s"),
+        (["--topics", "/rpud/none"], 2, "--topics names /rpud/none; .* has /rpud/contact_force"),
+        (["--rate", "0"], 2, "--rate: '0' .times real time.; it must be a finite number greater"),
+        (["--rate", "nan"], 2, "--rate: 'nan'"),
+    ],
+)
+def test_a_replay_refuses_what_does_not_fit_the_bag(process, bag, words, code, complaint):
+    replayer = process("replayer", bag, *words)
+    assert replayer.wait() == code
+    assert re.search(complaint, replayer.output.splitlines()[-1])
+
+
+def test_a_replay_of_no_bag_is_one_line(process, bag, tmp_path):
+    replayer = process("replayer", tmp_path / "missing")
+    assert replayer.wait() == 1
+    assert replayer.output == f"rpud replay: there is no bag at {tmp_path / 'missing'}"
+    file = bag / "bag_0.mcap"
+    file.write_bytes(file.read_bytes()[:500])
+    replayer = process("replayer", bag)
+    assert replayer.wait() == 1
+    assert replayer.output == (
+        f"rpud replay: {file} is cut off: it was not closed, or lost its end"
+    )
+
+
+def test_a_replay_names_types_that_are_not_installed(process, bag):
+    places = os.environ["PYTHONPATH"].split(os.pathsep)
+    path = os.pathsep.join(place for place in places if "rpud_msgs" not in place)
+    replayer = process("replayer", bag, env=os.environ | {"PYTHONPATH": path})
+    assert replayer.wait() == 1
+    assert f"rpud replay: no type of {bag} is installed here" in replayer.output
