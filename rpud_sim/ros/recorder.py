@@ -14,6 +14,7 @@ from rclpy.utilities import remove_ros_args
 from rpud_sim.bag import BagError, BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
 from rpud_sim.ros.arguments import add_record_arguments
+from rpud_sim.ros.progress import ProgressLine
 from rpud_sim.ros.recorder_node import Recorder
 from rpud_sim.ros.recording import MessageQueue, WritingThread
 from rpud_sim.ros.stopping import StopRequest
@@ -23,7 +24,8 @@ SKIPPED_RECORD = "rpud_skipped"
 
 _TAKE_PERIOD = 0.005  # s; messages carry the time at which the middleware received them
 _GRAPH_PERIOD = 0.25  # s
-_DISCOVERY = 1.0  # s until the recorder calls itself ready, whatever it has found
+_DISCOVERY = 3.5  # s until it calls itself ready; the middleware announces itself every 3 s
+_SETTLING = 0.5  # s without a new topic after which it calls itself ready
 _DRAIN = 0.1  # s in which messages on their way still arrive after a stop
 
 
@@ -61,7 +63,8 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
         writing.start()
         began = time.monotonic()
         try:
-            _collect(node, bag, stop, arguments.duration)
+            with ProgressLine(bag.path.name) as progress:
+                _collect(node, bag, stop, arguments.duration, progress)
             _drain(node)
             node.finish()
         finally:
@@ -77,21 +80,32 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
     return 0
 
 
-def _collect(node: Recorder, bag: BagWriter, stop: StopRequest, duration: float | None) -> None:
+def _collect(
+    node: Recorder,
+    bag: BagWriter,
+    stop: StopRequest,
+    duration: float | None,
+    progress: ProgressLine,
+) -> None:
     began = time.monotonic()
-    ready: float | None = None
-    look = began
+    looked = float("-inf")
+    ready_at = began + _DISCOVERY
+    ready = False
     while not stop.requested:
         now = time.monotonic()
-        if now >= look:
-            node.discover()
-            look = now + _GRAPH_PERIOD
+        if now >= looked + _GRAPH_PERIOD:
+            looked = now
+            if node.discover() and not ready:
+                ready_at = now if node.complete else now + _SETTLING
         more = node.take()
-        if ready is None and (node.complete or now >= began + _DISCOVERY):
-            ready = now
+        if not ready and now >= ready_at:
+            ready = True
             node.get_logger().info(f"recording {node.topic_count} topics to {bag.path}")
-        if ready is not None and duration is not None and now >= ready + duration:
+        if duration is not None and now >= ready_at + duration:
             return
+        if progress.is_due:
+            lost = sum(losses.total or 0 for losses in node.losses.values())
+            progress.show(f"{now - began:.0f} s, {node.taken} messages, {lost} lost")
         if not more:
             stop.wait(_TAKE_PERIOD)
 

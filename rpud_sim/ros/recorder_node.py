@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any
@@ -69,6 +69,7 @@ class Recorder(Node):
         self._recordings: dict[str, _Recording] = {}
         self._batch: list[Message] = []
         self.skipped: dict[str, str] = {}
+        self.taken = 0
 
     @property
     def topic_count(self) -> int:
@@ -86,8 +87,12 @@ class Recorder(Node):
         """Lost messages of each topic."""
         return {name: recording.losses for name, recording in self._recordings.items()}
 
-    def discover(self) -> None:
-        """Subscribe to the wanted topics that have appeared; follow changes of their publishers."""
+    def discover(self) -> bool:
+        """Subscribe to wanted topics that have appeared; tell whether there were any.
+
+        Topics whose publishers have changed are subscribed as these need it.
+        """
+        known = len(self._recordings) + len(self.skipped)
         for name, types in self.get_topic_names_and_types():
             if name in self._recordings or name in self.skipped or not self._is_wanted(name):
                 continue
@@ -100,6 +105,7 @@ class Recorder(Node):
                 self.get_logger().warning(f"not recorded: {name}: {error}")
         for recording in self._recordings.values():
             self._follow(recording)
+        return len(self._recordings) + len(self.skipped) > known
 
     def take(self, until: int | None = None) -> bool:
         """Move what has arrived into the queue; tell whether there may be more.
@@ -125,7 +131,8 @@ class Recorder(Node):
         for recording in self._recordings.values():
             self._declare(recording, heard=False)
 
-    def _hand_over(self, messages: Iterable[Message]) -> None:
+    def _hand_over(self, messages: Sequence[Message]) -> None:
+        self.taken += len(messages)
         for message in messages:
             if not self._messages.put(message):
                 self._recordings[message.topic].queue_losses += 1
