@@ -43,7 +43,7 @@ from rpud_sim.model.segment import (
     SEGMENT,
     motion_at,
 )
-from rpud_sim.model.vibration import advance_phase
+from rpud_sim.model.vibration import advance_phase, harmonic_vibration
 
 # Segments no longer than this count as no time passing [s].
 SHORTEST_SEGMENT = 1e-13
@@ -89,6 +89,9 @@ def settle(drill, state, impact, impacts, count, closed, event):
     if closed & CONTACT_DRILL_TOOL:
         state.u_fm = state.u_dt
         state.tool_at_rest = 0
+    elif closed & CONTACT_ACTUATOR:
+        u_hv, _ = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+        state.u_fm = state.u_np + u_hv
     collisions = exchange_momentum(drill, state, closed)
     if collisions.actuator_struck:
         event |= EVENT_ACTUATOR_IMPACT

@@ -6,8 +6,9 @@ contact. Its second derivative has a bound B, so that from a value g and a slope
     step = (g' + sqrt(g'^2 + 2 B g)) / B
 
 The search makes such steps, one after another. It cannot pass a root, however near two roots are, and near a simple
-root the steps converge to it quadratically from the left. Where the vibrating tip is concerned, the step is taken
-from the slower gap to the tip's envelope whenever that is longer.
+root the steps converge to it quadratically from the left. Two longer steps are as safe: while the second derivative
+g'' is certain to stay positive, by a bound on the third, the guard lies above its tangent; and a gap to the vibrating
+tip is at least the slowly changing gap to the tip's envelope.
 """
 
 import math
@@ -45,22 +46,76 @@ LONGEST_SEGMENT = 0.01
 # An approach that is this near to its root is an event [s]; a departing body is given at least ten times as long.
 TIME_RESOLUTION = 1e-15
 
-# Velocities that differ by less are the same [m/s]: touching bodies with the same velocity do not collide.
+# Touching bodies whose velocities differ by less [m/s] do not collide, unless they overlap by more than this [m].
 SAME_VELOCITY = 1e-9
+DEEPEST_OVERLAP = 1e-15
+
+# A contact force may be negative by this much [N] before its contact opens.
+WEAKEST_PULL = 1e-12
+
+
+@compiled
+def tip_acceleration_at(segment, time, motion):
+    """Acceleration of the actuator's tip, given ``motion_at`` the same time [m/s^2]."""
+    u_np, v_np, u_ut, v_ut, _, _, _, _ = motion
+    omega = TWO_PI * segment.vibration_frequency
+    steady = 0.0
+    steady_rate = 0.0
+    if segment.contact & CONTACT_ACTUATOR:
+        angle = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
+        sine = math.sin(angle)
+        cosine = math.cos(angle)
+        in_phase = segment.nodal_plane_vibration_sine
+        in_quadrature = segment.nodal_plane_vibration_cosine
+        steady = in_phase * sine + in_quadrature * cosine
+        steady_rate = omega * (in_phase * cosine - in_quadrature * sine)
+    acceleration, _ = decaying_derivatives(
+        nodal_plane_motion(segment),
+        u_np - steady - segment.nodal_plane_offset,
+        v_np - steady_rate,
+    )
+    return acceleration - omega * omega * (u_ut - u_np + steady)
+
+
+@compiled
+def drill_tool_acceleration_at(segment, motion):
+    """Acceleration of the drill tool, given ``motion_at`` the same time [m/s^2]."""
+    _, _, _, _, _, _, u_dt, v_dt = motion
+    acceleration, _ = decaying_derivatives(
+        drill_tool_motion(segment), u_dt - segment.drill_tool_offset, v_dt
+    )
+    return acceleration
 
 
 @compiled
 def gap_to_actuator(segment, time):
-    """Gap u_fm - u_ut between free mass and actuator: value [m], slope [m/s], and value to the tip's envelope."""
-    u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = motion_at(segment, time)
-    return u_fm - u_ut, v_fm - v_ut, u_fm - u_np - segment.vibration_amplitude, v_fm - v_np
+    """Gap u_fm - u_ut between free mass and actuator.
+
+    Returns:
+        Value [m], slope [m/s] and second derivative [m/s^2] of the gap; value and slope of the gap to the envelope.
+    """
+    motion = motion_at(segment, time)
+    u_np, v_np, u_ut, v_ut, u_fm, v_fm, _, _ = motion
+    if segment.contact == 0:
+        acceleration = segment.free_mass_acceleration
+    else:
+        acceleration = drill_tool_acceleration_at(segment, motion)
+    acceleration -= tip_acceleration_at(segment, time, motion)
+    envelope = u_fm - u_np - segment.vibration_amplitude
+    return u_fm - u_ut, v_fm - v_ut, acceleration, envelope, v_fm - v_np
 
 
 @compiled
 def gap_to_drill_tool(segment, time):
-    """Gap u_dt - u_fm between drill tool and free mass: value [m] and slope [m/s]."""
-    u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = motion_at(segment, time)
-    return u_dt - u_fm, v_dt - v_fm
+    """Gap u_dt - u_fm between drill tool and free mass: value [m], slope [m/s] and second derivative [m/s^2]."""
+    motion = motion_at(segment, time)
+    _, _, _, _, u_fm, v_fm, u_dt, v_dt = motion
+    acceleration = drill_tool_acceleration_at(segment, motion)
+    if segment.contact == 0:
+        acceleration -= segment.free_mass_acceleration
+    else:
+        acceleration -= tip_acceleration_at(segment, time, motion)
+    return u_dt - u_fm, v_dt - v_fm, acceleration
 
 
 @compiled
@@ -136,8 +191,13 @@ def tip_amplitude(segment):
 
 
 @compiled
-def curvature_bounds(drill, segment, end):
-    """Bounds on the second derivative of a guard: of the guard itself, and of the gap to the tip's envelope."""
+def derivative_bounds(drill, segment, end):
+    """Bounds that hold for the whole segment on the derivatives of a guard.
+
+    Returns:
+        Bounds on the second derivative of the guard and on its third (infinite where it is not used), and on the
+        second derivative of the gap to the tip's envelope.
+    """
     nodal_plane = nodal_plane_motion(segment)
     drill_tool = drill_tool_motion(segment)
     omega = TWO_PI * segment.vibration_frequency
@@ -145,22 +205,26 @@ def curvature_bounds(drill, segment, end):
     dt_rate = undamped_frequency(drill_tool)
     np_acceleration = np_rate**2 * decaying_amplitude(nodal_plane)
     dt_acceleration = dt_rate**2 * decaying_amplitude(drill_tool)
-    tip = tip_amplitude(segment)
+    tip_acceleration = omega**2 * math.hypot(
+        segment.nodal_plane_vibration_sine + segment.vibration_amplitude,
+        segment.nodal_plane_vibration_cosine,
+    )
     if end == END_ACTUATOR_IMPACT:
-        in_flight = segment.contact == 0
-        slow = np_acceleration + (drill.gravity if in_flight else dt_acceleration)
-        return slow + omega**2 * tip, slow
+        slow = np_acceleration + (drill.gravity if segment.contact == 0 else dt_acceleration)
+        third = np_rate * np_acceleration + omega * tip_acceleration
+        if segment.contact != 0:
+            third += dt_rate * dt_acceleration
+        return slow + tip_acceleration, third, slow
     if end == END_DRILL_TOOL_IMPACT:
-        if segment.contact == CONTACT_ACTUATOR:
-            bound = np_acceleration + omega**2 * tip + dt_acceleration
-        else:
-            bound = drill.gravity + dt_acceleration
-        return bound, bound
+        third = dt_rate * dt_acceleration
+        if segment.contact == 0:
+            return dt_acceleration + drill.gravity, third, 0.0
+        third += np_rate * np_acceleration + omega * tip_acceleration
+        return dt_acceleration + np_acceleration + tip_acceleration, third, 0.0
     if end == END_DRILL_TOOL_REST:
-        return dt_acceleration, dt_acceleration
+        return dt_acceleration, math.inf, 0.0
     if segment.contact == CONTACT_DRILL_TOOL:
-        bound = drill.free_mass * dt_rate**2 * dt_acceleration
-        return bound, bound
+        return drill.free_mass * dt_rate**2 * dt_acceleration, math.inf, 0.0
     mass = 0.0
     damping = 0.0
     spring_rate = 0.0
@@ -171,44 +235,66 @@ def curvature_bounds(drill, segment, end):
         damping = drill.tool_damping
         spring_rate = drill.tool_spring_rate
     bound = np_acceleration * (mass * np_rate**2 + damping * np_rate + spring_rate)
-    bound += omega**2 * tip * (mass * omega**2 + damping * omega + spring_rate)
-    return bound, bound
+    bound += tip_acceleration * (mass * omega**2 + damping * omega + spring_rate)
+    return bound, math.inf, 0.0
 
 
 @compiled
 def safe_step(value, slope, bound):
-    """Time within which a guard cannot reach zero [s]."""
+    """Time within which a guard cannot reach zero, by a bound on its second derivative [s]."""
     return (slope + math.sqrt(slope * slope + 2.0 * bound * max(value, 0.0))) / bound
+
+
+@compiled
+def convex_step(value, slope, curvature, bound):
+    """Time within which a guard cannot reach zero, as long as it is certain to be convex [s]."""
+    if not curvature > 0.0:
+        return 0.0
+    convex = curvature / bound
+    if slope < 0.0:
+        convex = min(convex, max(value, 0.0) / -slope)
+    return convex
 
 
 @compiled
 def first_root(drill, segment, end, limit):
     """First time before the limit at which a guard reaches zero from above [s]; infinite if there is none."""
-    bound, envelope_bound = curvature_bounds(drill, segment, end)
+    bound, third_bound, envelope_bound = derivative_bounds(drill, segment, end)
     # A guard that cannot bend still needs a bound to divide by.
     bound = max(bound, 1e-9)
+    third_bound = max(third_bound, 1e-9)
     envelope_bound = max(envelope_bound, 1e-9)
+    is_gap = end == END_ACTUATOR_IMPACT or end == END_DRILL_TOOL_IMPACT
+    touching_step = math.sqrt(2.0 * DEEPEST_OVERLAP / bound)
+    shortest_step = 10.0 * TIME_RESOLUTION
+    if not is_gap:
+        shortest_step = max(shortest_step, math.sqrt(2.0 * WEAKEST_PULL / bound))
     time = 0.0
     while time < limit:
+        curvature = 0.0
         step = 0.0
         if end == END_ACTUATOR_IMPACT:
-            value, slope, envelope, envelope_slope = gap_to_actuator(segment, time)
+            value, slope, curvature, envelope, envelope_slope = gap_to_actuator(segment, time)
             if envelope > 0.0:
                 step = safe_step(envelope, envelope_slope, envelope_bound)
         elif end == END_DRILL_TOOL_IMPACT:
-            value, slope = gap_to_drill_tool(segment, time)
+            value, slope, curvature = gap_to_drill_tool(segment, time)
         elif end == END_ACTUATOR_RELEASE:
             value, slope = force_on_actuator(drill, segment, time)
         elif end == END_DRILL_TOOL_RELEASE:
             value, slope = force_on_drill_tool(drill, segment, time)
         else:
             value, slope = decaying_part(drill_tool_motion(segment), time)
-        step = max(step, safe_step(value, slope, bound))
-        if slope < 0.0 and (value <= 0.0 or step < TIME_RESOLUTION):
-            parting = time == 0.0 and slope > -SAME_VELOCITY
-            if not (parting and end <= END_DRILL_TOOL_IMPACT):
-                return time
-        time += max(step, 10.0 * TIME_RESOLUTION)
+        step = max(
+            step,
+            safe_step(value, slope, bound),
+            convex_step(value, slope, curvature, third_bound),
+        )
+        if is_gap and slope > -SAME_VELOCITY and value > -DEEPEST_OVERLAP:
+            step = max(step, touching_step)
+        elif slope < 0.0 and (value <= 0.0 or step < TIME_RESOLUTION):
+            return time
+        time += max(step, shortest_step)
     return math.inf
 
 

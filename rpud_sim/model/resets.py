@@ -25,6 +25,7 @@ from rpud_sim.model.suspension import decaying_derivatives, decaying_part
 from rpud_sim.model.vibration import TWO_PI, harmonic_vibration
 
 LOWEST_BOUNCE = 1e-12  # [m]
+SAME_ACCELERATION = 1e-6  # a contact that pulls by less still holds; its guard then decides [m/s^2]
 MOST_COLLISIONS = 1000  # at one instant; then the bodies go on together
 
 
@@ -136,7 +137,7 @@ def hold_both(drill, state, v_ut, v_hv):
         + drill.tool_spring_rate * state.u_dt
     )
     on_tip = on_tool + drill.free_mass * (acceleration - drill.gravity)
-    if on_tool > 0.0 and on_tip > 0.0:
+    if on_tool >= 0.0 and on_tip >= 0.0:
         state.v_fm = together
         state.v_dt = together
         return True
@@ -151,7 +152,7 @@ def hold_on_drill_tool(drill, state, must_not_reach):
     together = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
     state.v_dt = together
     acceleration = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
-    if must_not_reach <= acceleration < drill.gravity:
+    if must_not_reach <= acceleration <= drill.gravity + SAME_ACCELERATION:
         state.v_fm = together
         return True
     state.v_dt = separate
@@ -165,7 +166,7 @@ def hold_on_actuator(drill, state, v_ut, v_hv, must_not_reach):
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass, state.v_fm)
     state.v_np = together - v_hv
     acceleration = tip_acceleration(drill, state, CONTACT_ACTUATOR)
-    if drill.gravity < acceleration <= must_not_reach:
+    if drill.gravity - SAME_ACCELERATION <= acceleration <= must_not_reach:
         state.v_fm = together
         return True
     state.v_np = separate
@@ -189,13 +190,16 @@ def lasting_contact(drill, state, closed, drill_tool_struck):
     v_ut = state.v_np + v_hv
     tip = tip_acceleration(drill, state, 0)
     tool = tool_acceleration(drill, state, 0)
-    on_tool = closed & CONTACT_DRILL_TOOL and returns_at_once(
-        state.v_dt - state.v_fm, drill.gravity - tool
+    on_tip = closed & CONTACT_ACTUATOR and returns_at_once(
+        state.v_fm - v_ut, tip - drill.gravity
     )
-    ahead = drill.gravity
-    if on_tool:
+    behind = tip if on_tip else drill.gravity
+    on_tool = closed & CONTACT_DRILL_TOOL and returns_at_once(
+        state.v_dt - state.v_fm, behind - tool
+    )
+    if on_tool and closed & CONTACT_ACTUATOR and not on_tip:
         ahead = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
-    on_tip = closed & CONTACT_ACTUATOR and returns_at_once(state.v_fm - v_ut, tip - ahead)
+        on_tip = returns_at_once(state.v_fm - v_ut, tip - ahead)
     if on_tool and on_tip and hold_both(drill, state, v_ut, v_hv):
         return CONTACT_BOTH
     if on_tool:
