@@ -13,7 +13,7 @@ from typing import BinaryIO
 import zstandard
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader, SeekingReader
-from mcap.records import Channel, ChunkIndex, MessageIndex, Statistics
+from mcap.records import Channel, ChunkIndex, MessageIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.summary import Summary
 
@@ -22,6 +22,7 @@ from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.messages import Message, Source, chunk_messages
 from rpud_sim.bag.metadata import Topic, load_offered_qos
 
+_NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 _MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -105,7 +106,7 @@ class StorageFile:
         """Summarize one topic of this file; publishers may have had a channel each."""
         with clear_errors(self._path):
             channels = [channel for channel in self.channels.values() if channel.topic == name]
-            schema = self._index.schemas[channels[0].schema_id]
+            schema = self._index.schemas.get(channels[0].schema_id, _NO_SCHEMA)
             first, last = self._time_span({channel.id for channel in channels})
             counts = self.statistics.channel_message_counts
             return TopicSummary(

@@ -16,6 +16,8 @@ QUEUE_CAPACITY = 256 * 2**20
 FLUSH_PERIOD = 1.0
 """How long a message may be in memory alone before it is on the disk [s]."""
 
+_SEQUENCES = 64  # of one topic; those of publishers that left are forgotten at last
+
 
 @dataclass(frozen=True)
 class Declaration:
@@ -118,18 +120,18 @@ class SequenceGaps:
         """`publisher_count` gives the number of publishers now; it is asked at gaps only."""
         self.missing = 0
         self._publisher_count = publisher_count
-        self._last: list[int] = []
+        self._last: list[int] = []  # of each sequence; the one heard last is at the end
 
     def note(self, number: int) -> None:
         """Note the number of a message that arrived."""
         last = self._last
-        for place, before in enumerate(last):
-            if number == before + 1:
-                last[place] = number
-                return
-        below = max((before for before in last if before < number), default=None)
-        if below is None or len(last) < self._publisher_count():
-            last.append(number)
-            return
-        self.missing += number - below - 1
-        last[last.index(below)] = number
+        if number - 1 in last:
+            last.remove(number - 1)
+        else:
+            below = max((before for before in last if before < number), default=None)
+            if below is not None and len(last) >= self._publisher_count():
+                self.missing += number - below - 1
+                last.remove(below)
+        last.append(number)
+        if len(last) > _SEQUENCES:
+            del last[0]

@@ -39,6 +39,8 @@ class Replayer(Node):
                 self.get_logger().warning(f"the bag's own {CLOCK} is left out for that of --clock")
                 continue
             try:
+                if summary.topic.serialization_format != "cdr":
+                    raise UnknownTypeError(f"it is in {summary.topic.serialization_format!r}")
                 message = message_class(summary.topic.type)
             except UnknownTypeError as error:
                 self.get_logger().warning(f"not replayed: {summary.topic.name}: {error}")

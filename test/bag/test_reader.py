@@ -131,6 +131,19 @@ def test_files_of_other_writers_are_read(tmp_path, chunked):
         assert topic.rate == (pytest.approx(1e9) if chunked else 0.0)
 
 
+def test_a_channel_without_a_schema_has_no_type(tmp_path):
+    with (tmp_path / "other.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/a", "json", schema_id=0)
+        writer.add_message(channel, START, b"{}", START)
+        writer.finish()
+    with rpud_sim.bag.open(tmp_path / "other.mcap") as bag:
+        [topic] = bag.topics
+        assert (topic.topic.type, topic.topic.serialization_format) == ("", "json")
+        assert [message.data for message in bag.messages()] == [b"{}"]
+
+
 def test_losses_are_told(tmp_path):
     with BagWriter(tmp_path / "run") as bag:
         bag.add_topic(TALK, STRING_DEFINITION)

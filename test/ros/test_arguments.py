@@ -4,6 +4,8 @@ import argparse
 
 import pytest
 
+from rpud_sim.bag.writer import COMPRESSIONS
+from rpud_sim.ros import arguments as arguments_module
 from rpud_sim.ros.arguments import add_record_arguments, add_replay_arguments
 
 
@@ -34,6 +36,10 @@ def test_defaults(record, replay):
     )
     assert replay.parse_args(["bag", "--clock"]).clock == 40.0
     assert replay.parse_args(["bag", "--clock", "100"]).clock == 100.0
+
+
+def test_the_compressions_are_the_writer_s():
+    assert set(arguments_module.COMPRESSIONS) == set(COMPRESSIONS)
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "-inf", "fast", ""])

@@ -101,6 +101,14 @@ def test_gaps_of_several_publishers_are_counted():
     assert gaps.missing == 1 + 2
 
 
+def test_thousands_of_short_publishers_leave_no_gap_and_no_trace():
+    gaps = SequenceGaps(lambda: 2)
+    for steady in range(5000, 10_000):
+        for number in (steady, 1, 2, 3):
+            gaps.note(number)
+    assert gaps.missing == 0
+
+
 def test_a_publisher_that_comes_back_begins_anew():
     gaps = SequenceGaps(lambda: 1)
     for number in (7, 8, 9, 1, 2, 5):
