@@ -10,7 +10,7 @@ import numpy as np
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.flight import fall
-from rpud_sim.model.suspension import Oscillation, decaying_part
+from rpud_sim.model.suspension import Oscillation, decaying_integral, decaying_part
 from rpud_sim.model.vibration import TWO_PI
 
 # Who touches the free mass during a segment: bits, both may be set.
@@ -152,3 +152,16 @@ def motion_at(segment, time):
         time,
     )
     return u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt
+
+
+@compiled
+def nodal_plane_integral(segment, time):
+    """Integral of u_np over the first part of a segment [m s]."""
+    motion = nodal_plane_motion(segment)
+    omega = TWO_PI * segment.vibration_frequency
+    start = TWO_PI * segment.vibration_phase
+    end = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
+    steady = motion.vibration_sine * (math.cos(start) - math.cos(end)) + (
+        motion.vibration_cosine * (math.sin(end) - math.sin(start))
+    )
+    return motion.offset * time + decaying_integral(motion, time) + steady / omega

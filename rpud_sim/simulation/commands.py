@@ -1,0 +1,90 @@
+"""Commands to the drill: checked once, when they are made, and immutable from then on."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from rpud_sim.model.parameters import QUANTITIES, ParameterError, Parameters, Quantity
+
+VOLTAGE = Quantity("V", "amplitude of the voltage on the piezoelectric stack", 0.0, 1e3)
+NOMINAL_VOLTAGE = Quantity(
+    "V", "voltage at which the vibration has its nominal amplitude", 0.0, 1e3, exclusive=True
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class WeightOnBit:
+    """The constant force with which the preloaded load spring pushes the drill toward the rock.
+
+    Args:
+        force: W [N].
+
+    Raises:
+        ParameterError: if the force is outside its range.
+    """
+
+    force: float
+
+    def __post_init__(self) -> None:
+        force = QUANTITIES["weight_on_bit"].check("weight_on_bit", self.force)
+        object.__setattr__(self, "force", force)
+
+
+@dataclasses.dataclass(frozen=True)
+class Drive:
+    """The sinusoidal voltage on the piezoelectric stack.
+
+    A drive that is not enabled may leave voltage and frequency at zero, which keeps the present ones.
+
+    Args:
+        enabled: whether the actuator is driven.
+        voltage: amplitude [V].
+        frequency: [Hz].
+
+    Raises:
+        ParameterError: if a value is outside its range.
+    """
+
+    enabled: bool
+    voltage: float
+    frequency: float
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.enabled, bool):
+            raise ParameterError(f"drive enabled = {self.enabled!r} is not true or false")
+        object.__setattr__(self, "voltage", VOLTAGE.check("drive voltage", self.voltage))
+        if not self.enabled and self.frequency == 0.0:
+            object.__setattr__(self, "frequency", 0.0)
+            return
+        frequency = QUANTITIES["vibration_frequency"].check("drive frequency", self.frequency)
+        object.__setattr__(self, "frequency", frequency)
+
+
+@dataclasses.dataclass(frozen=True)
+class Applied:
+    """The commands in force, and since when.
+
+    Times are integer nanoseconds of simulation time.
+    """
+
+    weight_on_bit: WeightOnBit
+    weight_on_bit_time: int
+    drive: Drive
+    drive_time: int
+
+
+def vibration_amplitude(drive: Drive, parameters: Parameters, nominal_voltage: float) -> float:
+    """Return the amplitude of the vibration under a drive [m].
+
+    The amplitude is proportional to the voltage; the paper gives the amplitude alone, so that the nominal voltage is
+    an assumed value.
+
+    Raises:
+        ParameterError: if the amplitude is outside its range.
+    """
+    if not drive.enabled:
+        return 0.0
+    amplitude = parameters.vibration_amplitude * drive.voltage / nominal_voltage
+    return QUANTITIES["vibration_amplitude"].check(
+        f"vibration_amplitude at drive voltage {drive.voltage:g} V", amplitude
+    )

@@ -1,0 +1,122 @@
+"""Samples of the trajectory: every channel at any times, exact."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.drill import Drill
+from rpud_sim.model.guards import force_on_drill_tool
+from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at
+from rpud_sim.model.suspension import reacting_force
+
+CHANNELS = (
+    "nodal_plane_position",
+    "nodal_plane_velocity",
+    "actuator_position",
+    "actuator_velocity",
+    "free_mass_position",
+    "free_mass_velocity",
+    "drill_tool_displacement",
+    "drill_tool_velocity",
+    "contact_force",
+    "reacting_force",
+)
+
+NANOSECONDS = 1_000_000_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Times:
+    """Times since the simulation's zero, each as whole seconds and a fraction from 0 to 1.
+
+    Args:
+        seconds: shape (n,), int64 [s].
+        fraction: shape (n,) [s].
+    """
+
+    seconds: np.ndarray
+    fraction: np.ndarray
+
+    @staticmethod
+    def from_nanoseconds(nanoseconds: np.ndarray | int) -> Times:
+        """Return the times given in integer nanoseconds, shape (n,)."""
+        seconds, rest = np.divmod(np.atleast_1d(np.asarray(nanoseconds, np.int64)), NANOSECONDS)
+        return Times(seconds, rest / NANOSECONDS)
+
+    @staticmethod
+    def from_grid(first: int, count: int, rate: int) -> Times:
+        """Return the times of ``count`` samples from number ``first`` on, at a whole number of samples per second."""
+        seconds, rest = np.divmod(np.arange(first, first + count, dtype=np.int64), rate)
+        return Times(seconds, rest / rate)
+
+
+@dataclasses.dataclass(frozen=True)
+class Samples:
+    """All channels at the given times, each of shape (n,); SI units, positive toward the rock."""
+
+    nodal_plane_position: np.ndarray
+    nodal_plane_velocity: np.ndarray
+    actuator_position: np.ndarray
+    actuator_velocity: np.ndarray
+    free_mass_position: np.ndarray
+    free_mass_velocity: np.ndarray
+    drill_tool_displacement: np.ndarray
+    drill_tool_velocity: np.ndarray
+    contact_force: np.ndarray
+    reacting_force: np.ndarray
+    in_contact: np.ndarray
+
+
+@compiled
+def _fill(drill, segments, seconds, fraction, channels, in_contact):
+    index = 0
+    for i in range(len(seconds)):
+        while index + 1 < len(segments):
+            after = segments[index + 1]
+            ahead = float(seconds[i] - after.start_seconds) + (fraction[i] - after.start_fraction)
+            if ahead < 0.0:
+                break
+            index += 1
+        segment = segments[index]
+        time = float(seconds[i] - segment.start_seconds) + (fraction[i] - segment.start_fraction)
+        motion = motion_at(segment, time)
+        for k in range(8):
+            channels[k, i] = motion[k]
+        force = 0.0
+        touching = segment.contact & CONTACT_DRILL_TOOL
+        if touching:
+            force, _ = force_on_drill_tool(drill, segment, time)
+        channels[8, i] = force
+        channels[9, i] = reacting_force(
+            segment.weight_on_bit,
+            drill.load_spring_rate,
+            drill.rpud_damping,
+            motion[0],
+            motion[1],
+        )
+        in_contact[i] = touching != 0
+
+
+def sample(drill: Drill, segments: np.ndarray, times: Times) -> Samples:
+    """Sample all channels of a trajectory.
+
+    Args:
+        drill: constants of the drill.
+        segments: ``SEGMENT`` records in order, without a gap.
+        times: in ascending order, not before the first segment; later than the last one's end continues its closed
+            form.
+
+    Returns:
+        ``Samples`` of the same length as the times.
+    """
+    count = len(times.seconds)
+    channels = np.empty((len(CHANNELS), count))
+    in_contact = np.empty(count, np.bool_)
+    if count:
+        _fill(drill, segments, times.seconds, times.fraction, channels, in_contact)
+    channels.flags.writeable = False
+    in_contact.flags.writeable = False
+    return Samples(**dict(zip(CHANNELS, channels, strict=True)), in_contact=in_contact)

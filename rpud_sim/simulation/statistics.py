@@ -1,0 +1,140 @@
+"""Figures of a run, accumulated block by block."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.segment import (
+    EVENT_ACTUATOR_IMPACT,
+    EVENT_DRILL_TOOL_IMPACT,
+    EVENT_RELEASE,
+    motion_at,
+    nodal_plane_integral,
+)
+from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.simulation.simulation import Block
+
+FIGURES = (
+    "events",
+    "drill_tool_impact_rate",
+    "actuator_impact_rate",
+    "impact_velocity_mean",
+    "contact_force_mean",
+    "contact_force_max",
+    "contact_duration_mean",
+    "kinetic_energy_rate",
+    "reacting_force_mean",
+)
+
+
+@compiled
+def reacting_force_integral(drill, segment, start, end):
+    """Integral of R = W - k_1 u_np - c_1 v_np over a part of a segment [N s]."""
+    u_start = motion_at(segment, start)[0]
+    u_end = motion_at(segment, end)[0]
+    position = nodal_plane_integral(segment, end) - nodal_plane_integral(segment, start)
+    return (
+        segment.weight_on_bit * (end - start)
+        - drill.load_spring_rate * position
+        - drill.rpud_damping * (u_end - u_start)
+    )
+
+
+@compiled
+def _sum_reacting_force(drill, segments, seconds, fraction, from_seconds, from_fraction):
+    total = 0.0
+    for i in range(len(segments)):
+        segment = segments[i]
+        start = float(from_seconds - segment.start_seconds) + (
+            from_fraction - segment.start_fraction
+        )
+        end = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
+        start = max(start, 0.0)
+        end = min(end, segment.duration)
+        if end > start:
+            total += reacting_force_integral(drill, segment, start, end)
+    return total
+
+
+class Statistics:
+    """Sums over blocks, from which the figures of a run are made.
+
+    The mean reacting force is the exact time average of the closed forms; impacts count when their contact ends.
+    """
+
+    def __init__(self) -> None:
+        self._duration = 0
+        self._events = 0
+        self._actuator_impacts = 0
+        self._impacts = 0
+        self._impact_velocity = 0.0
+        self._contact_force = 0.0
+        self._contact_force_max = -math.inf
+        self._contact_duration = 0.0
+        self._energy = 0.0
+        self._reacting_impulse = 0.0
+
+    def add(self, block: Block) -> None:
+        """Add what happened in a block."""
+        # All but the first began in this block; the very first began at time zero.
+        event = np.append(block.segments["event"], block.open_segment["event"])
+        if block.start > 0:
+            event = event[1:]
+        happened = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
+        self._duration += block.end - block.start
+        self._events += int(np.count_nonzero(event & happened))
+        self._actuator_impacts += int(np.count_nonzero(event & EVENT_ACTUATOR_IMPACT))
+        impacts = block.impacts
+        if len(impacts):
+            self._impacts += len(impacts)
+            self._impact_velocity += float(impacts["impact_velocity"].sum())
+            self._contact_force += float(impacts["peak_force"].sum())
+            self._contact_force_max = max(
+                self._contact_force_max, float(impacts["peak_force"].max())
+            )
+            self._contact_duration += float(impacts["contact_duration"].sum())
+            self._energy += float(impacts["energy"].sum())
+        self._reacting_impulse += _reacting_impulse(block)
+
+    def figures(self) -> dict[str, float | int | None]:
+        """Return the figures named in ``FIGURES`` and the duration, in SI units; None where nothing was to average."""
+        duration = self._duration / NANOSECONDS
+        count = self._impacts
+
+        def rate(total: float) -> float | None:
+            return total / duration if duration > 0.0 else None
+
+        def mean(total: float) -> float | None:
+            return total / count if count else None
+
+        return {
+            "duration": duration,
+            "events": self._events,
+            "drill_tool_impact_rate": rate(count),
+            "actuator_impact_rate": rate(self._actuator_impacts),
+            "impact_velocity_mean": mean(self._impact_velocity),
+            "contact_force_mean": mean(self._contact_force),
+            "contact_force_max": self._contact_force_max if count else None,
+            "contact_duration_mean": mean(self._contact_duration),
+            "kinetic_energy_rate": rate(self._energy),
+            "reacting_force_mean": rate(self._reacting_impulse),
+        }
+
+
+def _reacting_impulse(block: Block) -> float:
+    segments = np.concatenate([block.segments, block.open_segment])
+    seconds, rest = divmod(block.end, NANOSECONDS)
+    from_seconds, from_rest = divmod(block.start, NANOSECONDS)
+    return float(
+        _sum_reacting_force(
+            block.drill,
+            segments,
+            seconds,
+            rest / NANOSECONDS,
+            from_seconds,
+            from_rest / NANOSECONDS,
+        )
+    )
