@@ -227,3 +227,16 @@ def test_a_topic_of_two_types_is_left_out_and_named(peer, record, nodes):
     assert recorder.skipped.keys() == {"/rpud/a"}
     assert "several types: std_msgs/msg/Int32, std_msgs/msg/String" in recorder.skipped["/rpud/a"]
     rclpy.shutdown(context=other)
+
+
+def test_a_launch_file_s_namespace_is_recorded():
+    rclpy.init(args=["--ros-args", "-r", "__ns:=/launched"])
+    recorder = Recorder(MessageQueue(), ["a"], "/rpud")
+    try:
+        assert recorder.get_namespace() == "/launched"
+        recorder.create_publisher(String, "/launched/a", RELIABLE)
+        until(discovered(recorder, 1))
+        assert recorder.losses.keys() == {"/launched/a"}
+    finally:
+        recorder.destroy_node()
+        rclpy.try_shutdown()
