@@ -69,6 +69,12 @@ def test_the_table_has_a_line_for_each_topic(tmp_path, capsys):
     assert talk == [TALK.name, STRING, "11", "1000.00", "unknown"]
 
 
+def test_an_empty_bag_has_no_times(tmp_path, capsys):
+    assert run(write_bag(tmp_path / "run", 0)) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert {"duration  0.000 s", "start     -", "end       -", "messages  0"} <= set(lines)
+
+
 def test_a_missing_bag_is_one_line(tmp_path, capsys):
     assert run(tmp_path / "missing") == 1
     captured = capsys.readouterr()
