@@ -1,1 +1,27 @@
-"""The model under commands: schedule, trajectory, sampling and statistics."""
+"""The model under commands: commands, configuration, trajectory sampling, statistics and ensembles."""
+
+from rpud_sim.model.parameters import (
+    CONTACT_MODELS,
+    NAMES,
+    QUANTITIES,
+    REGIMES,
+    ParameterError,
+    Parameters,
+    Quantity,
+    check_choice,
+    preset,
+)
+from rpud_sim.model.segment import SEGMENT
+
+__all__ = [
+    "CONTACT_MODELS",
+    "NAMES",
+    "QUANTITIES",
+    "REGIMES",
+    "SEGMENT",
+    "ParameterError",
+    "Parameters",
+    "Quantity",
+    "check_choice",
+    "preset",
+]

@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from rpud_sim.model.parameters import Parameters
-from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.simulation.commands import WeightOnBit
+from rpud_sim.simulation.sampling import NANOSECONDS, Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
@@ -68,8 +69,10 @@ def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
 def compile_kernels(parameters: Parameters) -> None:
     """Have every kernel compiled, or loaded from the cache, before anything is timed."""
     simulation = Simulation(parameters)
-    statistics = Statistics()
-    statistics.add(simulation.advance_to(1000))
+    block = simulation.advance_to(1000)
+    Statistics().add(block)
+    block.sample(Times.from_nanoseconds(0))
+    simulation.apply(WeightOnBit(0.5 * parameters.weight_on_bit + 1.0))
 
 
 def run_ensemble(

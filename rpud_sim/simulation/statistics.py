@@ -77,6 +77,11 @@ class Statistics:
         self._energy = 0.0
         self._reacting_impulse = 0.0
 
+    @property
+    def duration(self) -> float:
+        """Simulated time of the blocks so far [s]."""
+        return self._duration / NANOSECONDS
+
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
         # All but the first began in this block; the very first began at time zero.
@@ -101,7 +106,7 @@ class Statistics:
 
     def figures(self) -> dict[str, float | int | None]:
         """Return the figures named in ``FIGURES`` and the duration, in SI units; None where nothing was to average."""
-        duration = self._duration / NANOSECONDS
+        duration = self.duration
         count = self._impacts
 
         def rate(total: float) -> float | None:

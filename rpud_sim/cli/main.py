@@ -1,0 +1,58 @@
+"""`rpud`: one program, one file per command, each loaded when it is called."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+COMMANDS = ("run", "record", "replay", "simulate", "info")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of `rpud` with all its commands."""
+    parser = argparse.ArgumentParser(
+        prog="rpud", description="Impact dynamics of a rotary-percussive ultrasonic drill."
+    )
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name in COMMANDS:
+        module = importlib.import_module(f"rpud_sim.cli.{name}")
+        command = commands.add_parser(
+            name,
+            help=module.HELP,
+            description=f"{module.HELP[0].upper()}{module.HELP[1:]}.",
+            epilog=f"example: {module.EXAMPLE}",
+        )
+        module.add_arguments(command)
+        command.set_defaults(run=module.run)
+    return parser
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Run the command and exit: 0 when it did its work, 1 when it failed, 2 for a wrong call."""
+    arguments = build_parser().parse_args(words)
+    try:
+        code = arguments.run(arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Whoever read our output has gone, as `head` does; that is no failure of ours.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 0
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("rpud_sim"):
+            raise
+        print(
+            f"rpud {arguments.command}: needs the Python module {error.name}; "
+            "source ROS 2 Jazzy or env.bash first",
+            file=sys.stderr,
+        )
+        code = 1
+    except KeyboardInterrupt:
+        code = 130
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

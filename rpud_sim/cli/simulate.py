@@ -1,0 +1,134 @@
+"""`rpud simulate`: run the drill as fast as possible, without ROS, and print its figures."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+from typing import Any
+
+from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
+
+HELP = "run the drill offline, faster than real time, and print its figures"
+EXAMPLE = "rpud simulate --regime drilling --duration 20 --set weight_on_bit=20 --json"
+
+_LONGEST = 1e6  # s
+_UNITS = {
+    "duration": "s",
+    "events": "",
+    "drill_tool_impact_rate": "1/s",
+    "actuator_impact_rate": "1/s",
+    "impact_velocity_mean": "m/s",
+    "contact_force_mean": "N",
+    "contact_force_max": "N",
+    "contact_duration_mean": "s",
+    "kinetic_energy_rate": "W",
+    "reacting_force_mean": "N",
+    "real_time_factor": "",
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `rpud simulate`."""
+    add_parameter_arguments(parser)
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=10.0,
+        metavar="S",
+        help="simulated time (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--repeat",
+        type=int,
+        default=1,
+        metavar="N",
+        help="an ensemble of N runs over initial vibration phases; adds standard errors",
+    )
+    parser.add_argument("--seed", type=int, metavar="S", help="seed of the initial phases")
+    parser.add_argument(
+        "--bag", metavar="DIR", help="write the run as a bag with the topics of the node"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate and print the figures; give the exit code."""
+    from rpud_sim.model.engine import EngineError
+    from rpud_sim.simulation import ParameterError
+    from rpud_sim.simulation.configuration import to_parameters
+
+    try:
+        _check(arguments)
+        parameters = to_parameters(chosen_values(arguments))
+    except ParameterError as error:
+        return _fail(error, 2)
+    try:
+        if arguments.bag:
+            from rpud_sim.bag import BagError
+            from rpud_sim.cli.offline_bag import write_offline_bag
+
+            try:
+                write_offline_bag(arguments.bag, parameters, arguments.duration, _phases(arguments)[0])
+            except BagError as error:
+                return _fail(error, 1)
+        figures = _figures(arguments, parameters)
+    except EngineError as error:
+        return _fail(error, 1)
+    print(json.dumps(figures, indent=2) if arguments.json else _table(figures))
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    from rpud_sim.simulation import ParameterError, Quantity
+
+    Quantity("s", "", 0.0, _LONGEST, exclusive=True).check("--duration", arguments.duration)
+    Quantity("", "", 1, 1e6).check("--repeat", arguments.repeat)
+    if arguments.seed is not None:
+        Quantity("", "", 0, 2**63).check("--seed", arguments.seed)
+    if arguments.bag and arguments.repeat > 1:
+        raise ParameterError("--bag goes with a single run, not with --repeat")
+
+
+def _phases(arguments: argparse.Namespace) -> tuple[float, ...]:
+    from rpud_sim.simulation.ensemble import initial_phases
+
+    return initial_phases(arguments.repeat, arguments.seed)
+
+
+def _figures(arguments: argparse.Namespace, parameters: Any) -> dict[str, Any]:
+    from tqdm import tqdm
+
+    from rpud_sim.simulation.ensemble import run_ensemble
+
+    total = arguments.duration * arguments.repeat
+    # A bar appears only on a terminal, and only for what takes longer than two seconds.
+    with tqdm(total=total, unit=" s", delay=2.0, disable=None, leave=False, file=sys.stderr) as bar:
+        ensemble = run_ensemble(parameters, arguments.duration, _phases(arguments), bar.update)
+    figures: dict[str, Any] = dict(ensemble.mean())
+    figures["real_time_factor"] = ensemble.real_time_factor
+    figures["regime"] = parameters.regime
+    figures["repeat"] = arguments.repeat
+    figures["seed"] = arguments.seed
+    if arguments.repeat > 1:
+        figures["standard_error"] = ensemble.standard_error()
+    figures["parameters"] = dataclasses.asdict(parameters)
+    return figures
+
+
+def _table(figures: dict[str, Any]) -> str:
+    errors = figures.get("standard_error", {})
+    lines = []
+    for name, unit in _UNITS.items():
+        value = figures[name]
+        text = "-" if value is None else f"{value:.6g}"
+        if errors.get(name) is not None:
+            text += f" +- {errors[name]:.2g}"
+        lines.append(f"{name:24} {text} {unit}".rstrip())
+    return "\n".join(lines)
+
+
+def _fail(error: Exception, code: int) -> int:
+    print(f"rpud simulate: {error}", file=sys.stderr)
+    return code

@@ -1,0 +1,225 @@
+"""A drilling session: the node in this process, a recorder beside it, and a live line of what happens."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+
+from rpud_sim.ros.drill_node import DrillNode
+from rpud_sim.ros.parameters import check_settings
+from rpud_sim.ros.report import Report
+from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.simulation import ParameterError
+from rpud_sim.simulation.ensemble import Figures
+
+_READY = 15.0  # that the recorder may take to be ready [s]
+_CLOSING = 30.0  # that it may take to close its bag [s]
+
+
+class RecorderProcess:
+    """A recorder in a process of its own, so that a slow disk cannot make the drill late.
+
+    Args:
+        bag: the new bag's folder.
+        namespace: to record.
+    """
+
+    def __init__(self, bag: str, namespace: str) -> None:
+        self._process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "rpud_sim.cli.main", "record"),
+                *("--out", bag, "--namespace", namespace),
+            ],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            # A Ctrl-C for the session must stop the drill first, and the recorder when all is recorded.
+            start_new_session=True,
+        )
+        self._ready = threading.Event()
+        self._errors: list[str] = []
+        self._reader = threading.Thread(target=self._read_errors, daemon=True)
+        self._reader.start()
+
+    def wait_until_ready(self, stop: StopRequest) -> bool:
+        """Wait until it records; tell whether it does."""
+        end = time.monotonic() + _READY
+        while time.monotonic() < end and self._process.poll() is None:
+            if self._ready.wait(0.05):
+                return True
+            if stop.requested:
+                return False
+        return False
+
+    def close(self) -> int:
+        """Have it close its bag, show its summary, and return its exit code."""
+        if self._process.poll() is None:
+            self._process.terminate()
+        try:
+            summary, _ = self._process.communicate(timeout=_CLOSING)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            summary, _ = self._process.communicate()
+        self._reader.join(1.0)
+        if summary:
+            print(summary, end="", flush=True)
+        code = self._process.returncode
+        if code != 0:
+            shown = [line for line in self._errors if line.startswith("rpud")] or self._errors[-3:]
+            print("\n".join(shown or [f"the recorder ended with {code}"]), file=sys.stderr)
+        return code
+
+    def _read_errors(self) -> None:
+        stream = self._process.stderr
+        if stream is None:
+            return
+        for line in stream:
+            self._errors.append(line.rstrip("\n"))
+            if "recording" in line and "topics to" in line:
+                self._ready.set()
+
+
+def drill(
+    values: Mapping[str, Any],
+    namespace: str,
+    duration: float | None = None,
+    bag: str | None = None,
+    live: bool = True,
+) -> int:
+    """Drill in real time and return the exit code.
+
+    Args:
+        values: parameters by name.
+        namespace: of the node.
+        duration: after which it stops [s]; None for never.
+        bag: folder of a bag to record into.
+        live: whether to show a live line.
+    """
+    try:
+        check_settings(dict(values))
+    except ParameterError as error:
+        print(f"rpud run: {error}", file=sys.stderr)
+        return 2
+    with StopRequest() as stop:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            overrides = [
+                Parameter(name, value=float(value) if _is_whole(value) else value)
+                for name, value in values.items()
+            ]
+            node = DrillNode(namespace=namespace, parameter_overrides=overrides)
+            return _drill(node, stop, duration, bag, namespace, live)
+        except InvalidNamespaceException as error:
+            print(f"rpud run: --namespace {' '.join(str(error).split())}", file=sys.stderr)
+            return 2
+        finally:
+            rclpy.try_shutdown()
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _drill(
+    node: DrillNode,
+    stop: StopRequest,
+    duration: float | None,
+    bag: str | None,
+    namespace: str,
+    live: bool,
+) -> int:
+    recorder = RecorderProcess(bag, namespace) if bag else None
+    if recorder is not None and not recorder.wait_until_ready(stop):
+        code = recorder.close()
+        return 0 if stop.requested and code == 0 else 1
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    line = LiveLine(live)
+    node.start()
+    end = time.monotonic() + duration if duration is not None else float("inf")
+    try:
+        while not stop.requested and node.failure is None:
+            remaining = end - time.monotonic()
+            if remaining <= 0.0:
+                break
+            executor.spin_once(timeout_sec=min(0.1, remaining))
+            line.show(node.report)
+    finally:
+        node.stop()
+        line.end()
+        code = recorder.close() if recorder is not None else 0
+    if node.failure is not None:
+        print(f"rpud run: {node.failure}", file=sys.stderr)
+        return 1
+    print(summary_text(node.totals.figures(), node.report), flush=True)
+    if bag:
+        print(f"bag: {bag}", flush=True)
+    return 1 if code else 0
+
+
+class LiveLine:
+    """Rate and forces of the last second: one line that is rewritten on a terminal, a line a second elsewhere."""
+
+    def __init__(self, shown: bool) -> None:
+        self._shown = shown
+        self._terminal = sys.stderr.isatty()
+        self._last: Report | None = None
+
+    def show(self, report: Report | None) -> None:
+        """Show a report that has not been shown yet."""
+        if not self._shown or report is None or report is self._last:
+            return
+        self._last = report
+        if report.figures["duration"]:
+            start, end = ("\r\x1b[K", "") if self._terminal else ("", "\n")
+            print(start + live_text(report), end=end, file=sys.stderr, flush=True)
+
+    def end(self) -> None:
+        """Leave the line."""
+        if self._shown and self._terminal and self._last is not None:
+            print(file=sys.stderr, flush=True)
+
+
+def live_text(report: Report) -> str:
+    """Return the live line of a report."""
+    timing = report.timing
+    return (
+        f"{report.time / 1e9:7.1f} s  {_figures_text(report.figures)}  "
+        f"late {1e3 * timing.lateness_max:.1f} ms  x{timing.real_time_factor:.3f}"
+    )
+
+
+def summary_text(figures: Figures, report: Report | None) -> str:
+    """Return the summary of a session."""
+    text = f"drilled {figures['duration']:.2f} s: {_figures_text(figures)}"
+    if report is None:
+        return text
+    return (
+        f"{text}\n{report.impacts} impacts, {report.timing.deadlines_missed} deadlines missed, "
+        f"{report.commands_accepted} commands accepted, {report.commands_rejected} refused, "
+        f"{report.messages_dropped} messages dropped"
+    )
+
+
+def _figures_text(figures: Figures) -> str:
+    def shown(name: str, places: int) -> str:
+        value = figures[name]
+        return "-" if value is None else f"{value:.{places}f}"
+
+    return (
+        f"{shown('drill_tool_impact_rate', 0)} impacts/s  "
+        f"contact force {shown('contact_force_mean', 0)} N mean "
+        f"{shown('contact_force_max', 0)} N max  "
+        f"reacting force {shown('reacting_force_mean', 1)} N"
+    )
