@@ -21,10 +21,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="stop after that many seconds (default: at SIGINT or SIGTERM)",
     )
     parser.add_argument(
-        "--record", metavar="DIR", help="record the namespace into a new bag, by a recorder beside it"
+        "--record",
+        metavar="DIR",
+        help="record the namespace into a new bag, by a recorder beside it",
     )
     parser.add_argument(
-        "--namespace", default=DEFAULT_NAMESPACE, help="namespace of the node (default: %(default)s)"
+        "--namespace",
+        default=DEFAULT_NAMESPACE,
+        help="namespace of the node (default: %(default)s)",
     )
     parser.add_argument("--quiet", action="store_true", help="no live line of rate and forces")
 

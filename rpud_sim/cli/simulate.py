@@ -70,7 +70,9 @@ def run(arguments: argparse.Namespace) -> int:
             from rpud_sim.cli.offline_bag import write_offline_bag
 
             try:
-                write_offline_bag(arguments.bag, parameters, arguments.duration, _phases(arguments)[0])
+                write_offline_bag(
+                    arguments.bag, parameters, arguments.duration, _phases(arguments)[0]
+                )
             except BagError as error:
                 return _fail(error, 1)
         figures = _figures(arguments, parameters)

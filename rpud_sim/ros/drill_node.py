@@ -34,17 +34,17 @@ _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listene
 class DrillNode(Node):
     """A drill in soft real time.
 
-    Publishers (relative names; see the README for types and QoS): ``nodal_plane``, ``drill_tool``, ``reacting_force``
-    and ``wrench`` at ``telemetry_rate``; ``contact_force`` for every impact on the drill tool; ``waveform`` and
-    ``trajectory`` in blocks; ``status`` and ``/diagnostics`` every second and on change; ``/clock`` with
-    ``publish_clock``.
+    Publishers (relative names; see the README for types and QoS): ``nodal_plane``, ``drill_tool``,
+    ``reacting_force`` and ``wrench`` at ``telemetry_rate``; ``contact_force`` for every impact on
+    the drill tool; ``waveform`` and ``trajectory`` in blocks; ``status`` and ``/diagnostics`` every
+    second and on change; ``/clock`` with ``publish_clock``.
 
-    Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive`` (rpud_msgs/Drive). A command
-    takes effect at the next block boundary; one that cannot be used is refused, counted and logged, and changes
-    nothing.
+    Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
+    (rpud_msgs/Drive). A command takes effect at the next block boundary; one that cannot be used is
+    refused, counted and logged, and changes nothing.
 
-    Parameters: those of ``rpud_sim.simulation.Parameters``, and ``drive_enabled``, ``nominal_voltage``,
-    ``telemetry_rate``, ``sample_rate``, ``block_duration``, ``publish_clock``.
+    Parameters: those of ``rpud_sim.simulation.Parameters``, and ``drive_enabled``,
+    ``nominal_voltage``, ``telemetry_rate``, ``sample_rate``, ``block_duration``, ``publish_clock``.
 
     Args:
         options: keyword arguments of ``rclpy.node.Node``.
@@ -57,7 +57,7 @@ class DrillNode(Node):
         super().__init__("drill_node", **options)
         self._settings = declare_settings(self)
         compile_kernels(self._settings.parameters)
-        self._publishers = DrillPublishers(self, self._settings)
+        self._outputs = DrillPublishers(self, self._settings)
         self._inbox = Inbox(self.get_logger())
         self.create_subscription(
             WeightOnBitMessage, "command/weight_on_bit", self._on_weight_on_bit, COMMAND_QOS
@@ -94,11 +94,11 @@ class DrillNode(Node):
         self._thread.start()
 
     def stop(self) -> None:
-        """End the drilling, publish the last status, and let the last messages reach their listeners."""
+        """End the drilling, publish the last status, and let listeners have the last messages."""
         if self._thread.is_alive():
             self._stop.set()
             self._thread.join()
-        self._publishers.wait_for_all_acked(_ACKNOWLEDGEMENT)
+        self._outputs.wait_for_all_acked(_ACKNOWLEDGEMENT)
 
     def _on_weight_on_bit(self, message: WeightOnBitMessage) -> None:
         try:
@@ -116,7 +116,7 @@ class DrillNode(Node):
             self._inbox.refuse(str(error))
 
     def _origin(self) -> int:
-        """Stamp of simulation time zero [ns]; with ``use_sim_time`` it waits for the first ``/clock``."""
+        """Stamp of simulation time zero [ns]; with ``use_sim_time`` once ``/clock`` is heard."""
         if self._settings.publish_clock:
             return 0
         now = self.get_clock().now().nanoseconds
@@ -129,7 +129,9 @@ class DrillNode(Node):
     def _run(self) -> None:
         try:
             self._drill()
-        except Exception as error:  # whatever it is, the process must end with it and not go on silent
+        except (
+            Exception
+        ) as error:  # whatever it is, the process must end with it and not go on silent
             self._failure = error
 
     def _drill(self) -> None:
@@ -139,8 +141,8 @@ class DrillNode(Node):
             drive_enabled=settings.drive_enabled,
             nominal_voltage=settings.nominal_voltage,
         )
-        publishers = self._publishers
-        publishers.begin(self._origin())
+        outputs = self._outputs
+        outputs.begin(self._origin())
         interval = Statistics()
         pacer = Pacer(settings.telemetry_rate)
         self.get_logger().info(
@@ -159,14 +161,14 @@ class DrillNode(Node):
                 impacts=simulation.impact_count,
                 commands_accepted=self._inbox.accepted,
                 commands_rejected=self._inbox.rejected,
-                messages_dropped=publishers.dropped,
+                messages_dropped=outputs.dropped,
                 timing=pacer.take(),
                 figures=interval.figures(),
             )
             interval = Statistics()
             self._reports.append(made)
-            publishers.publish_status(report_to_status(made, publishers.origin))
-            publishers.publish_diagnostics(
+            outputs.publish_status(report_to_status(made, outputs.origin))
+            outputs.publish_diagnostics(
                 report_to_diagnostics(
                     made,
                     self.get_fully_qualified_name(),
@@ -179,7 +181,7 @@ class DrillNode(Node):
         while not self._stop.is_set():
             pacer.wait()
             block = simulation.advance_to(pacer.block_end())
-            publishers.publish_block(block)
+            outputs.publish_block(block)
             interval.add(block)
             self._totals.add(block)
             commands = self._inbox.take()
@@ -190,12 +192,12 @@ class DrillNode(Node):
             if commands or full_period or self._inbox.refused_since_report:
                 self._inbox.refused_since_report = False
                 report("running")
-        publishers.flush()
+        outputs.flush()
         report("stopped")
 
 
 def main() -> None:
-    """Run the executable: drill until SIGINT or SIGTERM; exit 0 then, 1 after a failure, 2 for bad parameters."""
+    """Run the executable until SIGINT or SIGTERM: exit 0; 1 after a failure, 2 for bad parameters."""
     sys.exit(_main())
 
 

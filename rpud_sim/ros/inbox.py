@@ -1,4 +1,4 @@
-"""Commands on their way from the executor's thread to the pacing thread, and the count of those refused."""
+"""Commands on their way from the executor's thread to the pacing thread; refusals counted."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Inbox:
         self._waiting.append(command)
 
     def refuse(self, reason: str) -> None:
-        """Count a command that cannot be used and log why; a flood is counted in full and logged in part."""
+        """Count a command that cannot be used and log why; of a flood, only the first ones."""
         self.rejected += 1
         self.refused_since_report = True
         second = int(time.monotonic())

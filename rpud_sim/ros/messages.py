@@ -40,7 +40,7 @@ def to_header(nanoseconds: int, frame: str = "") -> Header:
 
 
 def to_array(values: np.ndarray) -> array:
-    """Convert a NumPy array to the array type that a message field takes without a copy by element."""
+    """Convert a NumPy array to the array type that a message field takes whole."""
     return array(_TYPE_CODES[values.dtype], np.ascontiguousarray(values).tobytes())
 
 
@@ -71,10 +71,10 @@ def samples_to_reacting_force(samples: Samples, index: int, stamp: int) -> React
 
 
 def samples_to_wrench(samples: Samples, index: int, stamp: int) -> WrenchStamped:
-    """Convert one sample to what a wrist sensor between mount and drill reads; the stamp is in nanoseconds.
+    """Convert one sample to what a wrist sensor between mount and drill reads; stamp in nanoseconds.
 
-    The z axis of the mount's frame points along the drill toward the rock; the drill pushes the mount back, so that
-    the force along z is the negative reacting force.
+    The z axis of the mount's frame points along the drill toward the rock; the drill pushes the
+    mount back, so that the force along z is the negative reacting force.
     """
     wrench = WrenchStamped(header=to_header(stamp, MOUNT_FRAME))
     wrench.wrench.force.z = -float(samples.reacting_force[index])
@@ -96,7 +96,7 @@ def impact_to_contact_force(impact: np.void, origin: int) -> ContactForce:
 
 
 def samples_to_waveform(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Waveform:
-    """Convert all samples to one block; the stamp of the first is in nanoseconds, the rate in Hz."""
+    """Convert all samples to one block; stamp of the first in nanoseconds, rate in Hz."""
     return Waveform(
         header=to_header(stamp),
         sequence=sequence,
@@ -111,7 +111,7 @@ def samples_to_waveform(samples: Samples, stamp: int, sequence: int, sample_rate
 
 
 def segments_to_trajectory(block: Block, sequence: int, origin: int) -> Trajectory:
-    """Convert a block's ``SEGMENT`` records, at least one; the origin is the stamp of simulation time zero [ns]."""
+    """Convert a block's segments, at least one; the origin stamps simulation time zero [ns]."""
     drill = block.drill
     first = block.segments[0]
     start = int(first["start_seconds"]) * NANOSECONDS + round(

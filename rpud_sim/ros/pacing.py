@@ -1,4 +1,4 @@
-"""Pacing: block by block against absolute deadlines of the monotonic clock, with every lateness counted."""
+"""Pacing: block by block against absolute deadlines, with every lateness counted."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ class Timing:
 class Pacer:
     """Deadlines of blocks of equal length.
 
-    Block n, from 1, is due at the start plus n periods, whatever happened before: simulation time never drifts. A
-    block that is late is made up for by the ones after it, without a pause.
+    Block n, from 1, is due at the start plus n periods, whatever happened before: simulation time
+    never drifts. A block that is late is made up for by the ones after it, without a pause.
 
     Args:
         rate: blocks per second, a whole number [Hz].

@@ -1,4 +1,4 @@
-"""The drill node's ROS parameters: declared with descriptors, checked, and read into immutable settings."""
+"""The drill node's ROS parameters: declared, checked, and read into immutable settings."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CHOICES = {
 }
 FLAGS = {
     "drive_enabled": "whether the actuator is driven from the start",
-    "publish_clock": "whether this node is the source of /clock; simulation time then starts at zero",
+    "publish_clock": "whether the node is the source of /clock; simulation time then starts at zero",
 }
 NUMBERS = {
     "nominal_voltage": NOMINAL_VOLTAGE,
@@ -40,6 +40,7 @@ NUMBERS = {
     "sample_rate": SAMPLE_RATE,
     "block_duration": BLOCK_DURATION,
 }
+
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
@@ -100,8 +101,8 @@ def check_settings(values: dict[str, Any]) -> Settings:
 def declare_settings(node: Node) -> Settings:
     """Declare all parameters on the node and return the settings that they hold.
 
-    A whole number is taken where a number is meant, as in ``weight_on_bit: 20``. All are read-only once the node
-    runs; weight on bit and drive change by command.
+    A whole number is taken where a number is meant, as in ``weight_on_bit: 20``. All are read-only
+    once the node runs; weight on bit and drive change by command.
 
     Raises:
         ParameterError: if a value cannot be used.
@@ -130,7 +131,7 @@ def declare_settings(node: Node) -> Settings:
 
 
 def _declare(node: Node, name: str, default: Any) -> Any:
-    """Declare a parameter of any type, so that a wrong type gets our error, and return its value."""
+    """Declare a parameter of any type, so that a wrong one gets our error; return its value."""
     if isinstance(default, int) and not isinstance(default, bool):
         default = float(default)
     return node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value

@@ -60,9 +60,7 @@ class DrillPublishers:
         self._dropped = 0
         self._nodal_plane = node.create_publisher(NodalPlane, "nodal_plane", TELEMETRY_QOS)
         self._drill_tool = node.create_publisher(DrillTool, "drill_tool", TELEMETRY_QOS)
-        self._reacting_force = node.create_publisher(
-            ReactingForce, "reacting_force", TELEMETRY_QOS
-        )
+        self._reacting_force = node.create_publisher(ReactingForce, "reacting_force", TELEMETRY_QOS)
         self._wrench = node.create_publisher(WrenchStamped, "wrench", TELEMETRY_QOS)
         self._contact_force = node.create_publisher(
             ContactForce, "contact_force", CONTACT_FORCE_QOS
@@ -70,9 +68,7 @@ class DrillPublishers:
         self._waveform = node.create_publisher(Waveform, "waveform", STREAM_QOS)
         self._trajectory = node.create_publisher(Trajectory, "trajectory", STREAM_QOS)
         self._status = node.create_publisher(Status, "status", STATUS_QOS)
-        self._diagnostics = node.create_publisher(
-            DiagnosticArray, "/diagnostics", DIAGNOSTICS_QOS
-        )
+        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", DIAGNOSTICS_QOS)
         self._clock = (
             node.create_publisher(Clock, "/clock", CLOCK_QOS) if settings.publish_clock else None
         )
@@ -92,7 +88,7 @@ class DrillPublishers:
         self._origin = origin
 
     def publish_block(self, block: Block) -> None:
-        """Publish what a block brings: the sample at its end, its impacts, and its part of the streams."""
+        """Publish what a block brings: the sample at its end, its impacts, its part of the streams."""
         stamp = self._origin + block.end
         samples = block.sample(Times.from_nanoseconds(block.end))
         if self._clock is not None:

@@ -1,4 +1,4 @@
-"""A drilling session: the node in this process, a recorder beside it, and a live line of what happens."""
+"""A drilling session: the node in this process, a recorder beside it, and a live line."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class RecorderProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            # A Ctrl-C for the session must stop the drill first, and the recorder when all is recorded.
+            # Ctrl-C must stop the drill first, and the recorder when it has everything.
             start_new_session=True,
         )
         self._ready = threading.Event()
@@ -169,7 +169,7 @@ def _drill(
 
 
 class LiveLine:
-    """Rate and forces of the last second: one line that is rewritten on a terminal, a line a second elsewhere."""
+    """Rate and forces of the last second: a line that a terminal sees rewritten."""
 
     def __init__(self, shown: bool) -> None:
         self._shown = shown

@@ -1,4 +1,4 @@
-"""The model under commands: commands, configuration, trajectory sampling, statistics and ensembles."""
+"""The model under commands: configuration, trajectory sampling, statistics and ensembles."""
 
 from rpud_sim.model.parameters import (
     CONTACT_MODELS,

@@ -34,7 +34,8 @@ class WeightOnBit:
 class Drive:
     """The sinusoidal voltage on the piezoelectric stack.
 
-    A drive that is not enabled may leave voltage and frequency at zero, which keeps the present ones.
+    A drive that is not enabled may leave voltage and frequency at zero, which keeps the present
+    ones.
 
     Args:
         enabled: whether the actuator is driven.
@@ -76,8 +77,8 @@ class Applied:
 def vibration_amplitude(drive: Drive, parameters: Parameters, nominal_voltage: float) -> float:
     """Return the amplitude of the vibration under a drive [m].
 
-    The amplitude is proportional to the voltage; the paper gives the amplitude alone, so that the nominal voltage is
-    an assumed value.
+    The amplitude is proportional to the voltage; the paper gives the amplitude alone, so that the
+    nominal voltage is an assumed value.
 
     Raises:
         ParameterError: if the amplitude is outside its range.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ NODE_NAMES = (
 
 
 def read_parameter_file(path: str | Path) -> dict[str, Any]:
-    """Return the parameters of a ROS parameter file: those below ``/**`` and then those of any node named in it.
+    """Return the parameters of a ROS parameter file: those below ``/**``, then those of its nodes.
 
     Raises:
         ParameterError: if the file cannot be read or is no parameter file.
@@ -59,10 +60,8 @@ def parse_assignment(text: str) -> tuple[str, Any]:
         parsed = value
     if isinstance(parsed, str):
         # YAML 1.1 takes 1e-3 for a string; everyone else takes it for a number.
-        try:
+        with contextlib.suppress(ValueError):
             parsed = float(parsed)
-        except ValueError:
-            pass
     return name, parsed
 
 
@@ -70,7 +69,8 @@ def to_parameters(values: Mapping[str, Any]) -> Parameters:
     """Return the model's parameters: the regime's preset with the given values.
 
     Args:
-        values: by name; ``regime`` chooses the preset, drilling if it is not given. The node's own are passed over.
+        values: by name; ``regime`` chooses the preset, drilling if it is not given. The node's own
+            are passed over.
 
     Raises:
         ParameterError: if a name is unknown or a value is outside its range.

@@ -60,7 +60,7 @@ def _standard_error(values: Sequence[float]) -> float | None:
 
 
 def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
-    """Return the phases of an ensemble [cycles]: drawn evenly with the seed; zero for a single run without one."""
+    """Return an ensemble's phases [cycles]: drawn with the seed; zero for one run without."""
     if seed is None and repeat == 1:
         return (0.0,)
     return tuple(np.random.default_rng(0 if seed is None else seed).random(repeat).tolist())

@@ -48,7 +48,7 @@ class Times:
 
     @staticmethod
     def from_grid(first: int, count: int, rate: int) -> Times:
-        """Return the times of ``count`` samples from number ``first`` on, at a whole number of samples per second."""
+        """Return the times of ``count`` samples from number ``first`` on, at a whole rate [Hz]."""
         seconds, rest = np.divmod(np.arange(first, first + count, dtype=np.int64), rate)
         return Times(seconds, rest / rate)
 
@@ -106,7 +106,8 @@ def sample(drill: Drill, segments: np.ndarray, times: Times) -> Samples:
     Args:
         drill: constants of the drill.
         segments: ``SEGMENT`` records in order, without a gap.
-        times: in ascending order, not before the first segment; later than the last one's end continues its closed
+        times: in ascending order, not before the first segment; later than the last one's end
+            continues its closed
             form.
 
     Returns:

@@ -31,7 +31,8 @@ class Block:
         start: beginning of the block.
         end: its end.
         segments: the ``SEGMENT`` records that ended in it, in order.
-        open_segment: the one that follows them, shape (1,); its duration is what it will be unless a command comes.
+        open_segment: the one that follows them, shape (1,); its duration is what it will be unless
+            a command comes.
         impacts: the ``IMPACT`` records of the impacts on the drill tool that ended in it, in order.
         drill: constants of the drill.
     """
@@ -127,12 +128,13 @@ class Simulation:
     def apply(self, command: WeightOnBit | Drive) -> None:
         """Put a command into force at the present time.
 
-        The nodal plane's position and velocity and the phase of the vibration stay continuous; a new amplitude is
-        taken when the vibration next passes through zero displacement. A command that changes nothing leaves the
-        trajectory as it is.
+        The nodal plane's position and velocity and the phase of the vibration stay continuous; a
+        new amplitude is taken when the vibration next passes through zero displacement. A command
+        that changes nothing leaves the trajectory as it is.
 
         Raises:
-            ParameterError: if the drive would give an amplitude outside its range; nothing changes then.
+            ParameterError: if the drive would give an amplitude outside its range; nothing changes
+                then.
         """
         before = self._applied
         if isinstance(command, WeightOnBit):

@@ -62,7 +62,8 @@ def _sum_reacting_force(drill, segments, seconds, fraction, from_seconds, from_f
 class Statistics:
     """Sums over blocks, from which the figures of a run are made.
 
-    The mean reacting force is the exact time average of the closed forms; impacts count when their contact ends.
+    The mean reacting force is the exact time average of the closed forms; impacts count when their
+    contact ends.
     """
 
     def __init__(self) -> None:
@@ -105,7 +106,7 @@ class Statistics:
         self._reacting_impulse += _reacting_impulse(block)
 
     def figures(self) -> dict[str, float | int | None]:
-        """Return the figures named in ``FIGURES`` and the duration, in SI units; None where nothing was to average."""
+        """Return duration and ``FIGURES`` in SI units; None where there was nothing to average."""
         duration = self.duration
         count = self._impacts
 
