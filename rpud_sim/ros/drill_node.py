@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 import threading
-import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import rclpy
@@ -16,14 +16,14 @@ from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
 from rpud_sim.ros.inbox import Inbox
-from rpud_sim.ros.pacing import Pacer
+from rpud_sim.ros.pacing import NANOSECONDS, Pacer, Timing
 from rpud_sim.ros.parameters import Settings, declare_settings
 from rpud_sim.ros.publishers import COMMAND_QOS, DrillPublishers
 from rpud_sim.ros.report import Report, report_to_diagnostics, report_to_status
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.commands import Drive, WeightOnBit, vibration_amplitude
-from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.ensemble import Figures, compile_kernels
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
@@ -47,13 +47,14 @@ class DrillNode(Node):
     ``nominal_voltage``, ``telemetry_rate``, ``sample_rate``, ``block_duration``, ``publish_clock``.
 
     Args:
+        duration: simulation time after which it has finished [s]; None for never.
         options: keyword arguments of ``rclpy.node.Node``.
 
     Raises:
         ParameterError: if a parameter has a value that cannot be used.
     """
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(self, duration: float | None = None, **options: Any) -> None:
         super().__init__("drill_node", **options)
         self._settings = declare_settings(self)
         compile_kernels(self._settings.parameters)
@@ -66,6 +67,8 @@ class DrillNode(Node):
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="pacing")
         self._failure: BaseException | None = None
+        self._finished = threading.Event()
+        self._end = sys.maxsize if duration is None else round(duration * NANOSECONDS)
         self._reports: deque[Report] = deque(maxlen=1)
         self._totals = Statistics()
 
@@ -80,6 +83,11 @@ class DrillNode(Node):
         return self._reports[-1] if self._reports else None
 
     @property
+    def finished(self) -> bool:
+        """Whether the drilling has ended, for whatever reason."""
+        return self._finished.is_set()
+
+    @property
     def failure(self) -> BaseException | None:
         """What ended the pacing thread before it was asked to stop, if anything did."""
         return self._failure
@@ -88,6 +96,10 @@ class DrillNode(Node):
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
         return self._totals
+
+    @property
+    def _last_report(self) -> Report:
+        return self._reports[-1]
 
     def start(self) -> None:
         """Begin to drill: simulation time zero is now."""
@@ -127,12 +139,13 @@ class DrillNode(Node):
         return now
 
     def _run(self) -> None:
+        # Whatever ends the thread must end the process too, or it would go on in silence.
         try:
             self._drill()
-        except (
-            Exception
-        ) as error:  # whatever it is, the process must end with it and not go on silent
+        except Exception as error:
             self._failure = error
+        finally:
+            self._finished.set()
 
     def _drill(self) -> None:
         settings = self._settings
@@ -141,44 +154,18 @@ class DrillNode(Node):
             drive_enabled=settings.drive_enabled,
             nominal_voltage=settings.nominal_voltage,
         )
-        outputs = self._outputs
-        outputs.begin(self._origin())
-        interval = Statistics()
-        pacer = Pacer(settings.telemetry_rate)
+        # The first line that a process logs takes tens of milliseconds: before time zero, then.
         self.get_logger().info(
             f"drilling: regime {settings.parameters.regime}, weight on bit "
             f"{settings.parameters.weight_on_bit:g} N, drive "
             f"{'on' if settings.drive_enabled else 'off'}"
         )
-
-        def report(state: str) -> None:
-            nonlocal interval
-            made = Report(
-                state=state,
-                time=simulation.time,
-                regime=settings.parameters.regime,
-                applied=simulation.applied,
-                impacts=simulation.impact_count,
-                commands_accepted=self._inbox.accepted,
-                commands_rejected=self._inbox.rejected,
-                messages_dropped=outputs.dropped,
-                timing=pacer.take(),
-                figures=interval.figures(),
-            )
-            interval = Statistics()
-            self._reports.append(made)
-            outputs.publish_status(report_to_status(made, outputs.origin))
-            outputs.publish_diagnostics(
-                report_to_diagnostics(
-                    made,
-                    self.get_fully_qualified_name(),
-                    self.get_clock().now().to_msg(),
-                    settings.telemetry_rate,
-                )
-            )
-
-        report("running")
-        while not self._stop.is_set():
+        outputs = self._outputs
+        outputs.begin(self._origin())
+        pacer = Pacer(settings.telemetry_rate)
+        interval = Statistics()
+        self._publish_report("running", simulation, pacer.take(), interval.figures())
+        while not self._stop.is_set() and simulation.time < self._end:
             pacer.wait()
             block = simulation.advance_to(pacer.block_end())
             outputs.publish_block(block)
@@ -188,16 +175,44 @@ class DrillNode(Node):
             for command in commands:
                 simulation.apply(command)
             pacer.finish()
-            full_period = interval.duration >= REPORT_PERIOD
-            if commands or full_period or self._inbox.refused_since_report:
-                self._inbox.refused_since_report = False
-                report("running")
+            if interval.duration >= REPORT_PERIOD:
+                self._publish_report("running", simulation, pacer.take(), interval.figures())
+                interval = Statistics()
+            elif commands or self._inbox.rejected != self._last_report.commands_rejected:
+                last = self._last_report
+                self._publish_report("running", simulation, last.timing, last.figures)
         outputs.flush()
-        report("stopped")
+        self._publish_report("stopped", simulation, pacer.take(), interval.figures())
+
+    def _publish_report(
+        self, state: str, simulation: Simulation, timing: Timing, figures: Figures
+    ) -> None:
+        report = Report(
+            state=state,
+            time=simulation.time,
+            regime=self._settings.parameters.regime,
+            applied=simulation.applied,
+            impacts=simulation.impact_count,
+            commands_accepted=self._inbox.accepted,
+            commands_rejected=self._inbox.rejected,
+            messages_dropped=self._outputs.dropped,
+            timing=timing,
+            figures=figures,
+        )
+        self._reports.append(report)
+        self._outputs.publish_status(report_to_status(report, self._outputs.origin))
+        self._outputs.publish_diagnostics(
+            report_to_diagnostics(
+                report,
+                self.get_fully_qualified_name(),
+                self.get_clock().now().to_msg(),
+                self._settings.telemetry_rate,
+            )
+        )
 
 
 def main() -> None:
-    """Run the executable until SIGINT or SIGTERM: exit 0; 1 after a failure, 2 for bad parameters."""
+    """Run the executable until SIGINT or SIGTERM: exit 0, 1 after a failure, 2 for bad input."""
     sys.exit(_main())
 
 
@@ -216,15 +231,25 @@ def _main() -> int:
             rclpy.try_shutdown()
 
 
-def spin(node: DrillNode, stop: StopRequest, duration: float | None = None) -> int:
-    """Drill until the stop is requested or the duration [s] is over; return the exit code."""
+def spin(
+    node: DrillNode,
+    stop: StopRequest,
+    show: Callable[[Report | None], None] = lambda report: None,
+) -> int:
+    """Drill until the stop is requested or the node has finished; return the exit code.
+
+    Args:
+        node: that drills.
+        stop: the request.
+        show: called several times a second with the latest report.
+    """
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     node.start()
-    end = time.monotonic() + duration if duration is not None else float("inf")
     try:
-        while not stop.requested and node.failure is None and time.monotonic() < end:
-            executor.spin_once(timeout_sec=min(0.1, max(0.0, end - time.monotonic())))
+        while not (stop.requested or node.finished):
+            executor.spin_once(timeout_sec=0.1)
+            show(node.report)
     finally:
         node.stop()
     if node.failure is not None:

@@ -27,7 +27,6 @@ class Inbox:
         self._logged = 0
         self.accepted = 0
         self.rejected = 0
-        self.refused_since_report = False
 
     def accept(self, command: WeightOnBit | Drive) -> None:
         """Queue a command for the next block boundary."""
@@ -37,7 +36,6 @@ class Inbox:
     def refuse(self, reason: str) -> None:
         """Count a command that cannot be used and log why; of a flood, only the first ones."""
         self.rejected += 1
-        self.refused_since_report = True
         second = int(time.monotonic())
         if second != self._second:
             self._second = second

@@ -71,7 +71,7 @@ def samples_to_reacting_force(samples: Samples, index: int, stamp: int) -> React
 
 
 def samples_to_wrench(samples: Samples, index: int, stamp: int) -> WrenchStamped:
-    """Convert one sample to what a wrist sensor between mount and drill reads; stamp in nanoseconds.
+    """Convert one sample to what a wrist sensor between mount and drill reads; stamp in ns.
 
     The z axis of the mount's frame points along the drill toward the rock; the drill pushes the
     mount back, so that the force along z is the negative reacting force.

@@ -32,7 +32,7 @@ CHOICES = {
 }
 FLAGS = {
     "drive_enabled": "whether the actuator is driven from the start",
-    "publish_clock": "whether the node is the source of /clock; simulation time then starts at zero",
+    "publish_clock": "whether the node is the source of /clock, simulation time starting at zero",
 }
 NUMBERS = {
     "nominal_voltage": NOMINAL_VOLTAGE,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -88,7 +89,7 @@ class DrillPublishers:
         self._origin = origin
 
     def publish_block(self, block: Block) -> None:
-        """Publish what a block brings: the sample at its end, its impacts, its part of the streams."""
+        """Publish what a block brings: the sample at its end, its impacts, its share of streams."""
         stamp = self._origin + block.end
         samples = block.sample(Times.from_nanoseconds(block.end))
         if self._clock is not None:
@@ -132,7 +133,8 @@ class DrillPublishers:
         self._publish(self._diagnostics, diagnostics)
 
     def wait_for_all_acked(self, seconds: float) -> None:
-        """Wait until reliable listeners have everything, but not longer than this."""
+        """Wait until reliable listeners have everything, but not longer than this in all."""
+        end = time.monotonic() + seconds
         for publisher in (
             self._contact_force,
             self._waveform,
@@ -143,7 +145,8 @@ class DrillPublishers:
             self._reacting_force,
             self._wrench,
         ):
-            publisher.wait_for_all_acked(Duration(seconds=seconds))
+            # A listener that was killed never acknowledges.
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
 
     def _publish_waveform(self, block: Block) -> None:
         # Samples from the block's start on and before its end: no sample twice, none left out.

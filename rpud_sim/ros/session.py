@@ -11,11 +11,10 @@ from typing import Any
 
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
-from rpud_sim.ros.drill_node import DrillNode
+from rpud_sim.ros.drill_node import DrillNode, spin
 from rpud_sim.ros.parameters import check_settings
 from rpud_sim.ros.report import Report
 from rpud_sim.ros.stopping import StopRequest
@@ -118,8 +117,8 @@ def drill(
                 Parameter(name, value=float(value) if _is_whole(value) else value)
                 for name, value in values.items()
             ]
-            node = DrillNode(namespace=namespace, parameter_overrides=overrides)
-            return _drill(node, stop, duration, bag, namespace, live)
+            node = DrillNode(duration, namespace=namespace, parameter_overrides=overrides)
+            return _drill(node, stop, bag, namespace, live)
         except InvalidNamespaceException as error:
             print(f"rpud run: --namespace {' '.join(str(error).split())}", file=sys.stderr)
             return 2
@@ -131,41 +130,21 @@ def _is_whole(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _drill(
-    node: DrillNode,
-    stop: StopRequest,
-    duration: float | None,
-    bag: str | None,
-    namespace: str,
-    live: bool,
-) -> int:
+def _drill(node: DrillNode, stop: StopRequest, bag: str | None, namespace: str, live: bool) -> int:
     recorder = RecorderProcess(bag, namespace) if bag else None
     if recorder is not None and not recorder.wait_until_ready(stop):
         code = recorder.close()
         return 0 if stop.requested and code == 0 else 1
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
     line = LiveLine(live)
-    node.start()
-    end = time.monotonic() + duration if duration is not None else float("inf")
     try:
-        while not stop.requested and node.failure is None:
-            remaining = end - time.monotonic()
-            if remaining <= 0.0:
-                break
-            executor.spin_once(timeout_sec=min(0.1, remaining))
-            line.show(node.report)
+        code = spin(node, stop, line.show)
     finally:
-        node.stop()
         line.end()
-        code = recorder.close() if recorder is not None else 0
-    if node.failure is not None:
-        print(f"rpud run: {node.failure}", file=sys.stderr)
-        return 1
+        recorded = recorder is None or recorder.close() == 0
     print(summary_text(node.totals.figures(), node.report), flush=True)
     if bag:
         print(f"bag: {bag}", flush=True)
-    return 1 if code else 0
+    return code if recorded else 1
 
 
 class LiveLine:
