@@ -1,5 +1,5 @@
 # Source this in bash or zsh: puts rpud, drill_node, recorder, replayer and ROS 2 Jazzy into the shell.
-# It keeps a ROS_DOMAIN_ID and a ROS_AUTOMATIC_DISCOVERY_RANGE that are set already.
+# It keeps a ROS_DOMAIN_ID, a ROS_AUTOMATIC_DISCOVERY_RANGE and a FASTRTPS_DEFAULT_PROFILES_FILE that are set already.
 
 _rpud_env() {
   local shell=bash file root

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import pytest
-from ament_index_python.packages import get_package_prefix
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from hypothesis import settings
 from support import Process, claim_ros_domain
 
@@ -22,6 +22,10 @@ os.environ.update(
     ROS_LOG_DIR=_log_folder.name,
     PYTHONUNBUFFERED="1",  # so that a line can be waited for
     MPLBACKEND="Agg",
+)
+os.environ.setdefault(
+    "FASTRTPS_DEFAULT_PROFILES_FILE",
+    os.path.join(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml"),
 )
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # deprecated, and it would overrule the discovery range
 

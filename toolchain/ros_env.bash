@@ -49,6 +49,8 @@ _rpud_ros_env() {
   # A drill on the desk is nobody else's business: stay on this machine unless told otherwise.
   export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
   export ROS_DOMAIN_ID="${ROS_DOMAIN_ID:-42}"
+  # On one machine there is no reason to wait seconds until two processes have found each other.
+  export FASTRTPS_DEFAULT_PROFILES_FILE="${FASTRTPS_DEFAULT_PROFILES_FILE:-$(dirname "$toolchain")/config/fastdds_loopback.xml}"
 }
 
 _rpud_ros_env

@@ -65,6 +65,14 @@ def test_ros_stays_on_this_machine_unless_told_otherwise(shell):
     assert run(shell, script, **own).stdout == "7 SUBNET\n"
 
 
+@shells
+def test_processes_find_each_other_quickly_unless_told_otherwise(shell):
+    script = '. "$ENV"; echo $FASTRTPS_DEFAULT_PROFILES_FILE'
+    assert run(shell, script).stdout == f"{ROOT}/config/fastdds_loopback.xml\n"
+    own = {"FASTRTPS_DEFAULT_PROFILES_FILE": "/my/profiles.xml"}
+    assert run(shell, script, **own).stdout == "/my/profiles.xml\n"
+
+
 def test_sourcing_before_set_up_says_what_to_do(tmp_path):
     shutil.copy(ROOT / "env.bash", tmp_path)
     shutil.copytree(ROOT / "toolchain", tmp_path / "toolchain")
