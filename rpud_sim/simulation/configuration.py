@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,17 @@ NODE_NAMES = (
 )
 
 
+class _Loader(yaml.SafeLoader):
+    """YAML in which 1e-3 and 1.96e11 are numbers, as in YAML 1.2 and for ROS."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    list("-+.0123456789"),
+)
+
+
 def read_parameter_file(path: str | Path) -> dict[str, Any]:
     """Return the parameters of a ROS parameter file: those below ``/**``, then those of its nodes.
 
@@ -29,7 +40,7 @@ def read_parameter_file(path: str | Path) -> dict[str, Any]:
         ParameterError: if the file cannot be read or is no parameter file.
     """
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        content = yaml.load(Path(path).read_text(encoding="utf-8"), _Loader)
     except OSError as error:
         raise ParameterError(f"{path}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -55,13 +66,9 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     if not (name and equals):
         raise ParameterError(f"{text!r} is not of the form name=value")
     try:
-        parsed = yaml.safe_load(value)
+        parsed = yaml.load(value, _Loader)
     except yaml.YAMLError:
         parsed = value
-    if isinstance(parsed, str):
-        # YAML 1.1 takes 1e-3 for a string; everyone else takes it for a number.
-        with contextlib.suppress(ValueError):
-            parsed = float(parsed)
     return name, parsed
 
 
