@@ -41,6 +41,7 @@ from rpud_sim.model.segment import (
     EVENT_RELEASE,
     IMPACT,
     SEGMENT,
+    join,
     motion_at,
 )
 from rpud_sim.model.vibration import advance_phase, harmonic_vibration
@@ -342,8 +343,8 @@ class Engine:
 
     def take(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the segments and the impacts finished since the last call, in order."""
-        segments = np.concatenate([np.empty(0, SEGMENT), *self._segments])
-        impacts = np.concatenate([np.empty(0, IMPACT), *self._impacts])
+        segments = join(self._segments, SEGMENT)
+        impacts = join(self._impacts, IMPACT)
         self._segments.clear()
         self._impacts.clear()
         return segments, impacts

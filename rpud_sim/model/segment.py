@@ -5,6 +5,7 @@ whole vocabulary: NumPy arrays of them leave the engine, are sampled, published 
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -165,3 +166,9 @@ def nodal_plane_integral(segment, time):
         motion.vibration_cosine * (math.sin(end) - math.sin(start))
     )
     return motion.offset * time + decaying_integral(motion, time) + steady / omega
+
+
+def join(records: Sequence[np.ndarray], dtype: np.dtype) -> np.ndarray:
+    """Return arrays of records as one; by their bytes, since NumPy is slow to join structures."""
+    joined = np.concatenate([np.empty(0, np.uint8), *(part.view(np.uint8) for part in records)])
+    return joined.view(dtype)

@@ -170,17 +170,18 @@ class DrillNode(Node):
             block = simulation.advance_to(pacer.block_end())
             outputs.publish_block(block)
             interval.add(block)
-            self._totals.add(block)
             commands = self._inbox.take()
             for command in commands:
                 simulation.apply(command)
             pacer.finish()
             if interval.duration >= REPORT_PERIOD:
                 self._publish_report("running", simulation, pacer.take(), interval.figures())
+                self._totals.merge(interval)
                 interval = Statistics()
             elif commands or self._inbox.rejected != self._last_report.commands_rejected:
                 last = self._last_report
                 self._publish_report("running", simulation, last.timing, last.figures)
+        self._totals.merge(interval)
         outputs.flush()
         self._publish_report("stopped", simulation, pacer.take(), interval.figures())
 

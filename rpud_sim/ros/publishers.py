@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.duration import Duration
@@ -26,7 +25,7 @@ from rpud_msgs.msg import (
 from rpud_sim.ros import messages
 from rpud_sim.ros.parameters import Settings
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
-from rpud_sim.simulation.simulation import Block
+from rpud_sim.simulation.simulation import Block, join_blocks
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
@@ -109,20 +108,14 @@ class DrillPublishers:
         """Publish the waveform and the trajectory up to the end of the last block."""
         if not self._pending:
             return
-        last = self._pending[-1]
-        segments = np.concatenate([block.segments for block in self._pending])
-        whole = Block(
-            self._pending[0].start, last.end, segments, last.open_segment, last.impacts, last.drill
-        )
+        block = join_blocks(self._pending)
         self._pending.clear()
-        self._publish_waveform(whole)
-        if len(segments):
-            if self._trajectory.get_subscription_count():
-                self._publish(
-                    self._trajectory,
-                    messages.segments_to_trajectory(whole, self._segments, self._origin),
-                )
-            self._segments += len(segments)
+        self._publish_waveform(block)
+        count = len(block.segments)
+        if count and self._trajectory.get_subscription_count():
+            message = messages.segments_to_trajectory(block, self._segments, self._origin)
+            self._publish(self._trajectory, message)
+        self._segments += count
 
     def publish_status(self, status: Status) -> None:
         """Publish a status."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
 from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import Parameters
+from rpud_sim.model.segment import IMPACT, SEGMENT, join
 from rpud_sim.simulation.commands import (
     NOMINAL_VOLTAGE,
     Applied,
@@ -30,23 +32,43 @@ class Block:
     Args:
         start: beginning of the block.
         end: its end.
-        segments: the ``SEGMENT`` records that ended in it, in order.
-        open_segment: the one that follows them, shape (1,); its duration is what it will be unless
-            a command comes.
+        covering: the ``SEGMENT`` records that cover the block, in order, without a gap. The last
+            one is open: its duration is what it will be unless a command comes.
         impacts: the ``IMPACT`` records of the impacts on the drill tool that ended in it, in order.
         drill: constants of the drill.
     """
 
     start: int
     end: int
-    segments: np.ndarray
-    open_segment: np.ndarray
+    covering: np.ndarray
     impacts: np.ndarray
     drill: Drill
 
+    @property
+    def segments(self) -> np.ndarray:
+        """The segments that ended in the block."""
+        return self.covering[:-1]
+
+    @property
+    def open_segment(self) -> np.ndarray:
+        """The segment that was in progress at its end, shape (1,)."""
+        return self.covering[-1:]
+
     def sample(self, times: Times) -> Samples:
         """Sample all channels at ascending times from the block's start to its end."""
-        return sample(self.drill, np.concatenate([self.segments, self.open_segment]), times)
+        return sample(self.drill, self.covering, times)
+
+
+def join_blocks(blocks: Sequence[Block]) -> Block:
+    """Return one block for at least one that follow each other."""
+    last = blocks[-1]
+    return Block(
+        blocks[0].start,
+        last.end,
+        join([*(block.segments for block in blocks), last.open_segment], SEGMENT),
+        join([block.impacts for block in blocks], IMPACT),
+        last.drill,
+    )
 
 
 class Simulation:
@@ -117,11 +139,10 @@ class Simulation:
         seconds, rest = divmod(time, NANOSECONDS)
         self._engine.advance(seconds, rest / NANOSECONDS)
         segments, impacts = self._engine.take()
-        segments.flags.writeable = False
+        covering = join([segments, self._engine.open_segment], SEGMENT)
+        covering.flags.writeable = False
         impacts.flags.writeable = False
-        open_segment = self._engine.open_segment
-        open_segment.flags.writeable = False
-        block = Block(self._time, time, segments, open_segment, impacts, self._drill)
+        block = Block(self._time, time, covering, impacts, self._drill)
         self._time = time
         return block
 

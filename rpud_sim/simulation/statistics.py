@@ -86,7 +86,7 @@ class Statistics:
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
         # All but the first began in this block; the very first began at time zero.
-        event = np.append(block.segments["event"], block.open_segment["event"])
+        event = block.covering["event"]
         if block.start > 0:
             event = event[1:]
         happened = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
@@ -104,6 +104,14 @@ class Statistics:
             self._contact_duration += float(impacts["contact_duration"].sum())
             self._energy += float(impacts["energy"].sum())
         self._reacting_impulse += _reacting_impulse(block)
+
+    def merge(self, other: Statistics) -> None:
+        """Add what another one has seen."""
+        for name, value in vars(other).items():
+            if name == "_contact_force_max":
+                self._contact_force_max = max(self._contact_force_max, value)
+            else:
+                setattr(self, name, getattr(self, name) + value)
 
     def figures(self) -> dict[str, float | int | None]:
         """Return duration and ``FIGURES`` in SI units; None where there was nothing to average."""
@@ -131,13 +139,12 @@ class Statistics:
 
 
 def _reacting_impulse(block: Block) -> float:
-    segments = np.concatenate([block.segments, block.open_segment])
     seconds, rest = divmod(block.end, NANOSECONDS)
     from_seconds, from_rest = divmod(block.start, NANOSECONDS)
     return float(
         _sum_reacting_force(
             block.drill,
-            segments,
+            block.covering,
             seconds,
             rest / NANOSECONDS,
             from_seconds,
