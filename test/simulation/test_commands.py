@@ -1,0 +1,86 @@
+"""Commands are checked when they are made; a refusal names value, unit and allowed range."""
+
+import dataclasses
+import math
+
+import pytest
+
+from rpud_sim.simulation import ParameterError, Parameters
+from rpud_sim.simulation.commands import Drive, WeightOnBit, vibration_amplitude
+
+NO_NUMBERS = [math.nan, math.inf, -math.inf, True, "30", None, [30.0], 10**400]
+
+
+@pytest.mark.parametrize("force", [0, 0.0, 30, 1e3])
+def test_a_weight_on_bit_inside_its_range_is_a_float(force):
+    command = WeightOnBit(force)
+    assert command.force == force
+    assert type(command.force) is float
+
+
+@pytest.mark.parametrize("force", [*NO_NUMBERS, -1, -1e-300, 1e9, math.nextafter(1e3, 2e3)])
+def test_a_weight_on_bit_outside_its_range_is_refused(force):
+    with pytest.raises(ParameterError, match="^weight_on_bit = .* N is outside its range"):
+        WeightOnBit(force)
+
+
+def test_a_refusal_names_value_unit_and_range():
+    with pytest.raises(ParameterError) as caught:
+        WeightOnBit(-1.5)
+    assert str(caught.value) == "weight_on_bit = -1.5 N is outside its range [0, 1000] N"
+    with pytest.raises(ParameterError) as caught:
+        Drive(True, 2000.0, 16000.0)
+    assert str(caught.value) == "drive voltage = 2000 V is outside its range [0, 1000] V"
+    with pytest.raises(ParameterError) as caught:
+        Drive(True, 100.0, 0.0)
+    assert str(caught.value) == "drive frequency = 0 Hz is outside its range [100, 200000] Hz"
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+@pytest.mark.parametrize("value", [*NO_NUMBERS, -1.0, 1e9])
+def test_a_voltage_or_frequency_outside_its_range_is_refused_even_when_off(enabled, value):
+    with pytest.raises(ParameterError, match="^drive voltage = .* V is outside its range"):
+        Drive(enabled, value, 16000.0)
+    with pytest.raises(ParameterError, match="^drive frequency = .* Hz is outside its range"):
+        Drive(enabled, 100.0, value)
+
+
+@pytest.mark.parametrize("enabled", [1, 0, "true", None, math.nan])
+def test_enabled_is_true_or_false(enabled):
+    with pytest.raises(ParameterError, match="drive enabled = .* is not true or false"):
+        Drive(enabled, 100.0, 16000.0)
+
+
+@pytest.mark.parametrize("frequency", [0, 0.0, -0.0])
+def test_a_drive_that_is_off_needs_no_voltage_and_no_frequency(frequency):
+    drive = Drive(False, 0, frequency)
+    assert (drive.voltage, drive.frequency) == (0.0, 0.0)
+    assert type(drive.frequency) is float
+
+
+def test_commands_do_not_change():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        WeightOnBit(1.0).force = 2.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Drive(True, 100.0, 16000.0).voltage = 2.0
+
+
+def test_the_amplitude_is_proportional_to_the_voltage():
+    parameters = Parameters(vibration_amplitude=40e-6)
+    amplitudes = [
+        vibration_amplitude(Drive(True, voltage, 16000.0), parameters, 50.0)
+        for voltage in (0.0, 25.0, 50.0, 100.0)
+    ]
+    assert amplitudes == pytest.approx([0.0, 20e-6, 40e-6, 80e-6], rel=1e-15)
+
+
+def test_a_drive_that_is_off_has_no_amplitude():
+    assert vibration_amplitude(Drive(False, 1e3, 16000.0), Parameters(), 1e-9) == 0.0
+
+
+def test_a_voltage_that_would_break_the_stack_is_refused():
+    with pytest.raises(ParameterError) as caught:
+        vibration_amplitude(Drive(True, 500.0, 16000.0), Parameters(), 10.0)
+    assert str(caught.value) == (
+        "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"
+    )

@@ -1,0 +1,81 @@
+"""Runs over initial vibration phases: reproducible, with a standard error."""
+
+import dataclasses
+import math
+
+import pytest
+
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.ensemble import Ensemble, initial_phases, run_ensemble
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import FIGURES, Statistics
+
+PARAMETERS = preset("drilling")
+
+
+def test_a_single_run_without_a_seed_begins_at_phase_zero():
+    assert initial_phases(1, None) == (0.0,)
+
+
+def test_phases_are_those_of_the_seed():
+    assert initial_phases(5, 7) == initial_phases(5, 7)
+    assert initial_phases(5, 7) != initial_phases(5, 8)
+    assert initial_phases(5, None) == initial_phases(5, 0)
+    assert initial_phases(5, 7)[:3] == initial_phases(3, 7)
+    assert initial_phases(1, 7) != (0.0,)
+    assert all(0.0 <= phase < 1.0 for phase in initial_phases(1000, 1))
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_the_same_phases_give_the_same_figures(regime):
+    phases = initial_phases(3, 1)
+    one, other = (run_ensemble(preset(regime), 0.5, phases) for _ in range(2))
+    assert one.members == other.members
+    assert one.mean() == other.mean()
+    assert one.standard_error() == other.standard_error()
+    assert one.members[0] != one.members[1]
+
+
+def test_a_member_is_the_run_of_its_phase():
+    simulation, statistics = Simulation(PARAMETERS, 0.25), Statistics()
+    statistics.add(simulation.advance_to(500_000_000))
+    assert run_ensemble(PARAMETERS, 0.5, [0.25]).members == (statistics.figures(),)
+
+
+def test_a_long_run_is_made_in_strides_and_reported():
+    reported = []
+    ensemble = run_ensemble(PARAMETERS, 25.0, [0.0], reported.append)
+    assert reported == [10.0, 10.0, 5.0]
+    assert ensemble.members[0]["duration"] == 25.0
+    assert ensemble.real_time_factor > 1.0
+
+
+def member(value):
+    return {"duration": 2.0} | dict.fromkeys(FIGURES, value)
+
+
+def test_means_and_standard_errors_are_those_of_the_members():
+    ensemble = Ensemble((0.1, 0.2, 0.3), (member(1.0), member(2.0), member(6.0)), 1.0)
+    assert ensemble.mean() == {"duration": 2.0} | dict.fromkeys(FIGURES, 3.0)
+    expected = math.sqrt((4.0 + 1.0 + 9.0) / 2.0 / 3.0)
+    assert ensemble.standard_error() == pytest.approx(dict.fromkeys(FIGURES, expected))
+
+
+def test_members_without_a_figure_are_left_out_of_its_mean():
+    ensemble = Ensemble((0.1, 0.2, 0.3), (member(None), member(2.0), member(4.0)), 1.0)
+    assert ensemble.mean()["contact_force_mean"] == 3.0
+    assert ensemble.standard_error()["contact_force_mean"] == pytest.approx(1.0)
+    nobody = Ensemble((0.1,), (member(None),), 1.0)
+    assert nobody.mean()["contact_force_mean"] is None
+
+
+def test_one_member_has_its_own_figures_and_no_error():
+    ensemble = Ensemble((0.1,), (member(5),), 1.0)
+    assert ensemble.mean()["events"] == 5
+    assert type(ensemble.mean()["events"]) is int
+    assert ensemble.standard_error() == dict.fromkeys(FIGURES)
+
+
+def test_an_ensemble_does_not_change():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Ensemble((), (), 1.0).members = ()

@@ -1,0 +1,184 @@
+"""Samples are the motion itself, at any times and any rate, whatever the blocks."""
+
+import dataclasses
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from trajectories import of_drill, rebuild
+
+from rpud_sim.simulation import SEGMENT, preset
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.sampling import CHANNELS, Times, sample
+from rpud_sim.simulation.simulation import Simulation
+
+SECOND = 1_000_000_000
+
+# How far two ways to add the same numbers may differ, by channel.
+TOLERANCES = {
+    "position": 1e-14,
+    "displacement": 1e-14,
+    "velocity": 1e-9,
+    "reacting_force": 1e-7,
+    "contact_force": 1e-3,
+}
+
+
+def run(regime, commands=True, blocks=4):
+    """Give the blocks of a quarter of a second with commands at their boundaries."""
+    simulation = Simulation(preset(regime), initial_phase=0.3)
+    given_commands = [WeightOnBit(25.0), Drive(True, 70.0, 19000.0), Drive(False, 0.0, 0.0)]
+    made = []
+    for number in range(blocks):
+        made.append(simulation.advance_to((number + 1) * SECOND // 4 // blocks))
+        if commands:
+            simulation.apply(given_commands[number % 3])
+    return made
+
+
+def whole(blocks):
+    segments = [block.segments for block in blocks] + [blocks[-1].open_segment]
+    return np.concatenate(segments)
+
+
+def close(name):
+    return next(limit for word, limit in TOLERANCES.items() if name.endswith(word))
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+@pytest.mark.parametrize("rate", [100, 44_100, 1_000_003])
+def test_samples_are_the_motion_of_their_segments(regime, rate):
+    blocks = run(regime)
+    times = Times.from_grid(0, rate // 4, rate)
+    samples = sample(blocks[0].drill, whole(blocks), times)
+    expected = rebuild(whole(blocks), times.seconds, times.fraction, **of_drill(blocks[0].drill))
+    for name in CHANNELS:
+        assert_allclose(
+            getattr(samples, name), expected[name], rtol=1e-9, atol=close(name), err_msg=name
+        )
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_a_grid_over_many_blocks_is_that_of_the_whole(regime):
+    rate = 44_100
+    blocks = run(regime, blocks=7)
+    pieces, first = [], 0
+    for block in blocks:
+        end = -(-block.end * rate // SECOND)
+        pieces.append(block.sample(Times.from_grid(first, end - first, rate)))
+        first = end
+    expected = sample(blocks[0].drill, whole(blocks), Times.from_grid(0, first, rate))
+    for name in (*CHANNELS, "in_contact"):
+        joined = np.concatenate([getattr(piece, name) for piece in pieces])
+        assert np.array_equal(joined, getattr(expected, name)), name
+
+
+@settings(max_examples=50)
+@given(st.lists(st.integers(0, SECOND // 4), min_size=1, max_size=20))
+def test_a_sample_is_the_same_whatever_is_sampled_beside_it(times):
+    block = run("drilling", commands=False, blocks=1)[0]
+    together = block.sample(Times.from_nanoseconds(np.array(sorted(times))))
+    for number, time in enumerate(sorted(times)):
+        alone = block.sample(Times.from_nanoseconds(time))
+        for name in CHANNELS:
+            assert getattr(alone, name)[0] == getattr(together, name)[number]
+
+
+@pytest.fixture(scope="module", params=["free", "drilling"])
+def dense(request):
+    """A quarter of a second of a drill, two million samples a second."""
+    blocks = run(request.param)
+    samples = sample(blocks[0].drill, whole(blocks), Times.from_grid(0, 500_000, 2_000_000))
+    return blocks[0].drill, samples
+
+
+def test_the_bodies_keep_their_order(dense):
+    _, samples = dense
+    assert (samples.free_mass_position - samples.actuator_position).min() > -1e-11
+    assert (samples.drill_tool_displacement - samples.free_mass_position).min() > -1e-11
+
+
+def test_there_is_a_contact_force_in_contact_and_only_there(dense):
+    _, samples = dense
+    assert samples.in_contact.any()
+    assert not samples.in_contact.all()
+    assert (samples.contact_force[~samples.in_contact] == 0.0).all()
+    assert samples.contact_force.min() > -1e-6
+    assert (samples.contact_force[samples.in_contact] > 0.0).mean() > 0.99
+    touching = samples.drill_tool_displacement - samples.free_mass_position
+    assert abs(touching[samples.in_contact]).max() < 1e-11
+
+
+def test_the_reacting_force_is_that_of_spring_and_damper(dense):
+    drill, samples = dense
+    without_weight_on_bit = (
+        samples.reacting_force
+        + drill.load_spring_rate * samples.nodal_plane_position
+        + drill.rpud_damping * samples.nodal_plane_velocity
+    )
+    quarter = len(without_weight_on_bit) // 4
+    assert_allclose(without_weight_on_bit[:quarter], without_weight_on_bit[0], atol=1e-9)
+    assert_allclose(without_weight_on_bit[quarter + 1 :], 25.0, atol=1e-9)
+
+
+def test_velocities_are_the_slopes_of_positions(dense):
+    _, samples = dense
+    for body, position in {
+        "nodal_plane": "position",
+        "actuator": "position",
+        "free_mass": "position",
+        "drill_tool": "displacement",
+    }.items():
+        travelled = np.diff(getattr(samples, f"{body}_{position}")) * 2e6
+        velocity = getattr(samples, f"{body}_velocity")
+        mean = (velocity[1:] + velocity[:-1]) / 2
+        # But for the instants of impacts, whose velocities jump.
+        assert np.quantile(abs(travelled - mean), 0.98) < 1e-3, body
+
+
+def test_no_times_give_no_samples():
+    samples = run("free", blocks=1)[0].sample(Times.from_grid(5, 0, 1000))
+    assert {len(values) for values in dataclasses.asdict(samples).values()} == {0}
+
+
+def test_samples_do_not_change():
+    samples = run("free", blocks=1)[0].sample(Times.from_nanoseconds(0))
+    with pytest.raises(ValueError, match="read-only"):
+        samples.contact_force[0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        samples.in_contact[0] = True
+
+
+@given(st.integers(0, 2**40), st.integers(1, 1_000_000))
+def test_a_grid_is_exact_to_the_last_bit_however_late(first, rate):
+    times = Times.from_grid(first, 3, rate)
+    assert times.seconds.dtype == np.int64
+    for number in range(3):
+        exact = Fraction(first + number, rate)
+        seconds = exact.numerator // exact.denominator
+        assert times.seconds[number] == seconds
+        assert times.fraction[number] == float(exact - seconds)
+
+
+@given(st.integers(0, 2**62))
+def test_nanoseconds_are_exact(time):
+    times = Times.from_nanoseconds(time)
+    assert int(times.seconds[0]) * SECOND + round(times.fraction[0] * SECOND) == time
+    assert 0.0 <= times.fraction[0] < 1.0
+
+
+def test_a_late_time_is_as_exact_as_an_early_one():
+    """A segment a hundred years after time zero has the same motion as one at time zero."""
+    early = run("drilling", commands=False, blocks=1)[0]
+    segments = whole([early]).copy()
+    expected = sample(early.drill, segments, Times.from_grid(0, 1000, 4000))
+    segments["start_seconds"] += 100 * 365 * 24 * 3600
+    late = Times.from_grid(0, 1000, 4000)
+    late = Times(late.seconds + 100 * 365 * 24 * 3600, late.fraction)
+    found = sample(early.drill, segments, late)
+    assert segments.dtype == SEGMENT
+    for name in CHANNELS:
+        assert np.array_equal(getattr(found, name), getattr(expected, name)), name

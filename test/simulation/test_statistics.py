@@ -1,0 +1,124 @@
+"""Figures of a run are those of its trajectory, however it was cut into blocks."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.sampling import Times, sample
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import FIGURES, Statistics
+
+SECOND = 1_000_000_000
+END = SECOND // 2
+
+
+def figures(blocks):
+    statistics = Statistics()
+    for block in blocks:
+        statistics.add(block)
+    return statistics.figures()
+
+
+@settings(max_examples=40)
+@given(
+    st.sampled_from(["free", "drilling"]),
+    st.lists(st.integers(0, END), max_size=30),
+    st.dictionaries(st.integers(0, END), st.floats(0.0, 50.0).map(WeightOnBit), max_size=3),
+)
+def test_one_block_or_many_give_the_same(regime, stops, commands):
+    def run(times):
+        simulation = Simulation(preset(regime))
+        for time in sorted({*times, *commands, END}):
+            yield simulation.advance_to(time)
+            if time in commands:
+                simulation.apply(commands[time])
+
+    few, many = figures(run([])), figures(run(stops))
+    assert many.pop("events") == few.pop("events")
+    for name, value in few.items():
+        assert many[name] == pytest.approx(value, rel=1e-12), name
+
+
+@pytest.fixture(scope="module", params=["free", "drilling"])
+def block(request):
+    return Simulation(preset(request.param)).advance_to(END)
+
+
+def test_counts_are_those_of_the_events(block):
+    found = figures([block])
+    event = np.append(block.segments["event"], block.open_segment["event"])
+    assert found["duration"] == 0.5
+    assert found["events"] == np.count_nonzero(event & 7)
+    assert found["actuator_impact_rate"] == np.count_nonzero(event & 1) / 0.5
+    # An impact counts when its contact has ended.
+    begun = np.count_nonzero(event & 2)
+    assert begun - 1 <= found["drill_tool_impact_rate"] * 0.5 <= begun
+    assert found["drill_tool_impact_rate"] == len(block.impacts) / 0.5
+
+
+def test_means_are_those_of_the_impacts(block):
+    found, impacts = figures([block]), block.impacts
+    assert found["impact_velocity_mean"] == pytest.approx(impacts["impact_velocity"].mean())
+    assert found["contact_force_mean"] == pytest.approx(impacts["peak_force"].mean())
+    assert found["contact_force_max"] == impacts["peak_force"].max()
+    assert found["contact_duration_mean"] == pytest.approx(impacts["contact_duration"].mean())
+    assert found["kinetic_energy_rate"] == pytest.approx(impacts["energy"].sum() / 0.5)
+
+
+def test_the_mean_reacting_force_is_the_integral_over_dense_samples(block):
+    segments = np.concatenate([block.segments, block.open_segment])
+    count = 2_000_000
+    times = Times.from_grid(0, count // 2 + 1, count)
+    force = sample(block.drill, segments, times).reacting_force
+    mean = (force.sum() - (force[0] + force[-1]) / 2) / (len(force) - 1)
+    assert figures([block])["reacting_force_mean"] == pytest.approx(mean, rel=2e-5)
+
+
+def test_the_mean_reacting_force_of_a_part_is_that_of_the_part():
+    simulation = Simulation(preset("drilling"))
+    simulation.advance_to(END)
+    simulation.apply(WeightOnBit(40.0))
+    part = simulation.advance_to(END + SECOND // 100)
+    segments = np.concatenate([part.segments, part.open_segment])
+    count = 20_000_000
+    times = Times.from_grid(count // 2, count // 100 + 1, count)
+    force = sample(part.drill, segments, times).reacting_force
+    mean = (force.sum() - (force[0] + force[-1]) / 2) / (len(force) - 1)
+    assert figures([part])["reacting_force_mean"] == pytest.approx(mean, rel=1e-5)
+
+
+def test_the_reacting_force_of_a_drill_at_rest_is_what_rests_on_it():
+    simulation = Simulation(preset("drilling"), drive_enabled=False)
+    simulation.advance_to(5 * SECOND)
+    found = figures([simulation.advance_to(6 * SECOND)])
+    assert found["events"] == 0
+    assert found["drill_tool_impact_rate"] == found["kinetic_energy_rate"] == 0.0
+    # Preload less the spring's deflection, which is that of the drill tool under load: tiny.
+    assert found["reacting_force_mean"] == pytest.approx(10.0, rel=1e-3)
+
+
+def test_nothing_to_average_is_none_and_not_zero():
+    nothing = Statistics().figures()
+    assert nothing.keys() == {"duration", *FIGURES}
+    assert nothing["duration"] == 0.0
+    assert nothing["events"] == 0
+    for name in {*FIGURES} - {"events"}:
+        assert nothing[name] is None, name
+    quiet = Simulation(preset("drilling"), drive_enabled=False)
+    quiet.advance_to(SECOND)
+    found = figures([quiet.advance_to(2 * SECOND)])
+    assert found["contact_force_mean"] is found["contact_force_max"] is None
+    assert found["impact_velocity_mean"] is found["contact_duration_mean"] is None
+
+
+def test_a_drive_that_stops_ends_the_count():
+    simulation = Simulation(preset("drilling"))
+    before = figures([simulation.advance_to(SECOND)])
+    simulation.apply(Drive(False, 0.0, 0.0))
+    simulation.advance_to(3 * SECOND)
+    after = figures([simulation.advance_to(4 * SECOND)])
+    assert before["drill_tool_impact_rate"] > 100.0
+    assert after["drill_tool_impact_rate"] == after["actuator_impact_rate"] == 0.0
