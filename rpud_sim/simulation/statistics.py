@@ -67,6 +67,7 @@ class Statistics:
     """
 
     def __init__(self) -> None:
+        self._begun = False
         self._duration = 0
         self._events = 0
         self._actuator_impacts = 0
@@ -87,8 +88,9 @@ class Statistics:
         """Add what happened in a block."""
         # All but the first began in this block; the very first began at time zero.
         event = block.covering["event"]
-        if block.start > 0:
+        if block.start > 0 or self._begun:
             event = event[1:]
+        self._begun = True
         happened = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
         self._duration += block.end - block.start
         self._events += int(np.count_nonzero(event & happened))
