@@ -219,10 +219,10 @@ def main() -> None:
 
 def _main() -> int:
     with StopRequest() as stop:
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         try:
+            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
             node = DrillNode()
-        except ParameterError as error:
+        except (ParameterError, RuntimeError) as error:  # rcl's errors are RuntimeErrors
             print(f"drill_node: {error}", file=sys.stderr)
             rclpy.try_shutdown()
             return 2
