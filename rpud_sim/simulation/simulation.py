@@ -10,7 +10,8 @@ import numpy as np
 from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import Parameters
-from rpud_sim.model.segment import IMPACT, SEGMENT, join
+from rpud_sim.model.records import join
+from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.commands import (
     NOMINAL_VOLTAGE,
     Applied,
