@@ -16,6 +16,7 @@ setup(
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={f"{PACKAGE}.bag": ["share/*/msg/*.msg"]},
     python_requires=">=3.10",
     # What the offline commands need. The ROS packages come from package.xml.
     install_requires=[
@@ -26,13 +27,12 @@ setup(
         "numba",
         "numpy",
         "pyyaml",
+        "rosbags",
         "scipy",
         "tqdm",
         "zstandard",
     ],
-    extras_require={
-        "test": ["hypothesis", "mcap-ros2-support", "pytest", "pytest-timeout", "rosbags"]
-    },
+    extras_require={"test": ["hypothesis", "mcap-ros2-support", "pytest", "pytest-timeout"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

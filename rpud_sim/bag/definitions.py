@@ -1,4 +1,8 @@
-"""Message definitions and type hashes, read from an ament installation without ROS running."""
+"""Message definitions and type hashes, read from an ament installation without ROS running.
+
+Where no ROS is installed, `share/` beside this file serves for the messages of this project: it
+links to those of `msg_defs`, and holds copies of the standard ones that they need.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,7 @@ from pathlib import Path
 
 from rpud_sim.bag.errors import DefinitionNotFoundError
 
+_OWN_PLACE = Path(__file__).with_name("share")
 _SEPARATOR = "=" * 80
 _INTEGERS = [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
 _PRIMITIVES = {"bool", "byte", "char", "float32", "float64", "string", "wstring", *_INTEGERS}
@@ -21,7 +26,7 @@ def find_definition(type_name: str, prefixes: Iterable[str | Path] | None = None
     """Give the complete `ros2msg` definition of a message type, with all it depends on.
 
     `type_name` is like `std_msgs/msg/Header`; `prefixes` are installation prefixes, by default
-    those of AMENT_PREFIX_PATH. Raises DefinitionNotFoundError.
+    those of AMENT_PREFIX_PATH and then this package's own. Raises DefinitionNotFoundError.
     """
     places = _places(prefixes)
     parts = [_read(type_name, places, ".msg")]
@@ -41,10 +46,17 @@ def find_definition(type_name: str, prefixes: Iterable[str | Path] | None = None
 def find_type_hash(type_name: str, prefixes: Iterable[str | Path] | None = None) -> str:
     """Give the `RIHS01_...` hash of a message type from its installed description.
 
-    Arguments are those of `find_definition`. Raises DefinitionNotFoundError.
+    Where only its definition is there, the hash is calculated. Arguments are those of
+    `find_definition`. Raises DefinitionNotFoundError.
     """
     package, name = _split(type_name)
-    description = _read(type_name, _places(prefixes), ".json")
+    places = _places(prefixes)
+    try:
+        description = _read(type_name, places, ".json")
+    except DefinitionNotFoundError:
+        from rpud_sim.bag.cdr import Codec
+
+        return Codec(type_name, find_definition(type_name, prefixes)).type_hash
     try:
         for entry in json.loads(description)["type_hashes"]:
             if entry["type_name"] == f"{package}/msg/{name}":
@@ -55,9 +67,10 @@ def find_type_hash(type_name: str, prefixes: Iterable[str | Path] | None = None)
 
 
 def _places(prefixes: Iterable[str | Path] | None) -> list[Path]:
-    if prefixes is None:
-        prefixes = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
-    return [Path(prefix) / "share" for prefix in prefixes]
+    if prefixes is not None:
+        return [Path(prefix) / "share" for prefix in prefixes]
+    installed = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
+    return [*(Path(prefix) / "share" for prefix in installed), _OWN_PLACE]
 
 
 def _split(type_name: str) -> tuple[str, str]:

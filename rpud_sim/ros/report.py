@@ -9,10 +9,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rpud_msgs.msg import Status
 from std_msgs.msg import Header
 
-from rpud_sim.ros.messages import MOUNT_FRAME, nanoseconds_to_time, to_header
+from rpud_sim.ros.messages import filled
 from rpud_sim.ros.pacing import Timing
 from rpud_sim.simulation.commands import Applied
 from rpud_sim.simulation.ensemble import Figures
+from rpud_sim.simulation.fields import status_fields
 
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
@@ -48,17 +49,12 @@ class Report:
 
 def report_to_status(report: Report, origin: int) -> Status:
     """Convert to a message; the origin is the stamp of simulation time zero [ns]."""
-    applied = report.applied
-    return Status(
-        header=to_header(origin + report.time, MOUNT_FRAME),
-        state=report.state,
-        regime=report.regime,
-        weight_on_bit=applied.weight_on_bit.force,
-        weight_on_bit_applied=nanoseconds_to_time(origin + applied.weight_on_bit_time),
-        drive_enabled=applied.drive.enabled,
-        drive_voltage=applied.drive.voltage,
-        drive_frequency=applied.drive.frequency,
-        drive_applied=nanoseconds_to_time(origin + applied.drive_time),
+    values = status_fields(
+        origin + report.time,
+        report.state,
+        report.regime,
+        report.applied,
+        origin,
         impacts=report.impacts,
         commands_accepted=report.commands_accepted,
         commands_rejected=report.commands_rejected,
@@ -68,6 +64,7 @@ def report_to_status(report: Report, origin: int) -> Status:
         lateness_max=report.timing.lateness_max,
         lag=report.timing.lag,
     )
+    return filled(Status(), values)
 
 
 def report_to_diagnostics(

@@ -97,3 +97,32 @@ def test_the_real_messages_are_found_and_their_hashes_agree_with_an_independent_
     store = rosbags.get_typestore(rosbags.Stores.EMPTY)
     store.register(types)
     assert store.hash_rihs01(name) == find_type_hash(name)
+
+
+OWN = (
+    "builtin_interfaces/msg/Time",
+    "geometry_msgs/msg/WrenchStamped",
+    "rpud_msgs/msg/ContactForce",
+    "rpud_msgs/msg/Status",
+    "rpud_msgs/msg/Trajectory",
+    "std_msgs/msg/Header",
+)
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_without_ros_definition_and_hash_are_the_same(name, monkeypatch):
+    installed = find_definition(name), find_type_hash(name)
+    monkeypatch.delenv("AMENT_PREFIX_PATH")
+    assert (find_definition(name), find_type_hash(name)) == installed
+
+
+def test_what_is_installed_wins_over_the_package_s_own(prefix, monkeypatch):
+    file = prefix / "share" / "std_msgs" / "msg" / "Header.msg"
+    file.parent.mkdir(parents=True)
+    file.write_text("int8 other\n")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
+    assert find_definition("std_msgs/msg/Header") == "int8 other\n"
+
+
+def test_a_definition_without_a_description_gets_its_hash_calculated(prefix):
+    assert find_type_hash("a_msgs/msg/Inner2", [prefix]).startswith("RIHS01_")

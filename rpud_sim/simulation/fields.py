@@ -1,0 +1,175 @@
+"""What each published message says, as plain values by field name.
+
+This is the one table from the simulation's records to the messages of ``msg_defs``: the node fills
+ROS messages from it, and a bag is written from it without ROS. Messages are dictionaries, sequences
+``array.array``, stamps integer nanoseconds; an origin is the stamp of simulation time zero.
+"""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.model.segment import SEGMENT
+from rpud_sim.simulation.commands import Applied
+from rpud_sim.simulation.sampling import NANOSECONDS, Samples
+from rpud_sim.simulation.simulation import Block
+
+Fields = dict[str, Any]
+
+MOUNT_FRAME = "rpud_mount"
+NODAL_PLANE_FRAME = "rpud_nodal_plane"
+TOOL_TIP_FRAME = "rpud_tool_tip"
+
+_TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.uint8): "B"}
+
+
+def time_fields(nanoseconds: int) -> Fields:
+    """Fields of ``builtin_interfaces/Time``."""
+    seconds, rest = divmod(nanoseconds, NANOSECONDS)
+    return {"sec": seconds, "nanosec": rest}
+
+
+def header_fields(stamp: int, frame: str = "") -> Fields:
+    """Fields of ``std_msgs/Header``."""
+    return {"stamp": time_fields(stamp), "frame_id": frame}
+
+
+def stamp_of(fields: Fields) -> int:
+    """Stamp in the header of a message [ns]."""
+    stamp = fields["header"]["stamp"]
+    return int(stamp["sec"]) * NANOSECONDS + int(stamp["nanosec"])
+
+
+def to_array(values: np.ndarray) -> array:
+    """Copy a NumPy array into the array type that message fields take as a whole."""
+    return array(_TYPE_CODES[values.dtype], np.ascontiguousarray(values).tobytes())
+
+
+def nodal_plane_fields(samples: Samples, index: int, stamp: int) -> Fields:
+    """Fields of ``rpud_msgs/NodalPlane`` for one sample."""
+    return {
+        "header": header_fields(stamp, NODAL_PLANE_FRAME),
+        "position": float(samples.nodal_plane_position[index]),
+        "velocity": float(samples.nodal_plane_velocity[index]),
+    }
+
+
+def drill_tool_fields(samples: Samples, index: int, stamp: int) -> Fields:
+    """Fields of ``rpud_msgs/DrillTool`` for one sample."""
+    return {
+        "header": header_fields(stamp, TOOL_TIP_FRAME),
+        "displacement": float(samples.drill_tool_displacement[index]),
+        "velocity": float(samples.drill_tool_velocity[index]),
+        "in_contact": bool(samples.in_contact[index]),
+    }
+
+
+def reacting_force_fields(samples: Samples, index: int, stamp: int) -> Fields:
+    """Fields of ``rpud_msgs/ReactingForce`` for one sample."""
+    return {
+        "header": header_fields(stamp, MOUNT_FRAME),
+        "force": float(samples.reacting_force[index]),
+    }
+
+
+def wrench_fields(samples: Samples, index: int, stamp: int) -> Fields:
+    """Fields of ``geometry_msgs/WrenchStamped`` as a wrist sensor at the mount gives one sample.
+
+    The z axis of the mount's frame points along the drill toward the rock; the drill pushes the
+    mount back, so that the force along z is the negative reacting force.
+    """
+    force = -float(samples.reacting_force[index])
+    return {
+        "header": header_fields(stamp, MOUNT_FRAME),
+        "wrench": {
+            "force": {"x": 0.0, "y": 0.0, "z": force},
+            "torque": {"x": 0.0, "y": 0.0, "z": 0.0},
+        },
+    }
+
+
+def contact_force_fields(impact: np.void, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``."""
+    start = int(impact["seconds"]) * NANOSECONDS
+    start += round(float(impact["fraction"]) * NANOSECONDS)
+    return {
+        "header": header_fields(origin + start, TOOL_TIP_FRAME),
+        "sequence": int(impact["sequence"]),
+        "peak_force": float(impact["peak_force"]),
+        "contact_duration": float(impact["contact_duration"]),
+        "impact_velocity": float(impact["impact_velocity"]),
+        "impulse": float(impact["impulse"]),
+        "energy": float(impact["energy"]),
+    }
+
+
+def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Fields:
+    """Fields of ``rpud_msgs/Waveform``; stamp and number are the first sample's, the rate in Hz."""
+    return {
+        "header": header_fields(stamp),
+        "sequence": sequence,
+        "sample_period": 1.0 / sample_rate,
+        "nodal_plane_position": to_array(samples.nodal_plane_position),
+        "actuator_position": to_array(samples.actuator_position),
+        "free_mass_position": to_array(samples.free_mass_position),
+        "drill_tool_displacement": to_array(samples.drill_tool_displacement),
+        "contact_force": to_array(samples.contact_force),
+        "reacting_force": to_array(samples.reacting_force),
+    }
+
+
+def trajectory_fields(block: Block, sequence: int, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/Trajectory`` for a block's segments, at least one.
+
+    Args:
+        block: whose segments they are.
+        sequence: number of the first segment since the start.
+        origin: stamp of simulation time zero.
+    """
+    drill = block.drill
+    first = block.segments[0]
+    start = int(first["start_seconds"]) * NANOSECONDS
+    start += round(float(first["start_fraction"]) * NANOSECONDS)
+    return {
+        "header": header_fields(origin + start),
+        "sequence": sequence,
+        "origin": time_fields(origin),
+        "load_spring_rate": drill.load_spring_rate,
+        "load_spring_damping": drill.rpud_damping,
+        "free_mass": drill.free_mass,
+        "drill_tool_mass": drill.tool_mass,
+        "drill_tool_spring_rate": drill.tool_spring_rate,
+        "drill_tool_damping": drill.tool_damping,
+        "gravity": drill.gravity,
+        **{name: to_array(block.segments[name]) for name in SEGMENT.names or ()},
+    }
+
+
+def status_fields(
+    stamp: int, state: str, regime: str, applied: Applied, origin: int, **counts: float
+) -> Fields:
+    """Fields of ``rpud_msgs/Status``.
+
+    Args:
+        stamp: simulation time of the report.
+        state: ``running`` or ``stopped``.
+        regime: ``free`` or ``drilling``.
+        applied: the commands in force.
+        origin: stamp of simulation time zero.
+        counts: every other field, by its name.
+    """
+    return {
+        "header": header_fields(stamp, MOUNT_FRAME),
+        "state": state,
+        "regime": regime,
+        "weight_on_bit": applied.weight_on_bit.force,
+        "weight_on_bit_applied": time_fields(origin + applied.weight_on_bit_time),
+        "drive_enabled": applied.drive.enabled,
+        "drive_voltage": applied.drive.voltage,
+        "drive_frequency": applied.drive.frequency,
+        "drive_applied": time_fields(origin + applied.drive_time),
+        **counts,
+    }

@@ -1,0 +1,180 @@
+"""`rpud simulate --bag` writes the topics of the drill node without ROS."""
+
+import itertools
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+import rpud_sim.bag
+from rpud_sim.simulation import SEGMENT, preset
+from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.simulation import Simulation
+
+DURATION = 1.234  # no whole number of blocks
+END = round(DURATION * NANOSECONDS)
+ROS = (
+    "ament_index_python",
+    "rclpy",
+    "rpud_msgs",
+    "std_msgs",
+    "geometry_msgs",
+    "builtin_interfaces",
+)
+MAIN = f"""
+import sys
+sys.modules.update(dict.fromkeys({ROS}))  # importing any of them fails
+from rpud_sim.cli.main import main
+main()
+"""
+
+
+def simulate(*words):
+    """Run `rpud simulate` where there is no ROS."""
+    away = ("AMENT_PREFIX_PATH", "ROS_DISTRO", "ROS_DOMAIN_ID")
+    return subprocess.run(
+        [sys.executable, "-c", MAIN, "simulate", *map(str, words)],
+        env={name: value for name, value in os.environ.items() if name not in away},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+@pytest.fixture(scope="module", params=["free", "drilling"])
+def regime(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def bag(regime, tmp_path_factory):
+    path = tmp_path_factory.mktemp("offline") / "bag"
+    result = simulate("--regime", regime, "--duration", DURATION, "--bag", path)
+    assert (result.returncode, result.stderr) == (0, "")
+    return path
+
+
+@pytest.fixture(scope="module")
+def block(regime):
+    return Simulation(preset(regime)).advance_to(END)
+
+
+@pytest.fixture(scope="module")
+def messages(bag):
+    """All messages as rosbags reads them, with their log times, by topic."""
+    found = {}
+    with AnyReader([bag]) as reader:
+        for connection, time, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            found.setdefault(connection.topic, []).append((time, message))
+    return found
+
+
+def stamps(messages):
+    return [m.header.stamp.sec * NANOSECONDS + m.header.stamp.nanosec for _, m in messages]
+
+
+def column(messages, name):
+    return [getattr(message, name) for _, message in messages]
+
+
+def test_every_topic_is_there_and_stamped_with_simulation_time(messages):
+    names = "contact_force drill_tool nodal_plane reacting_force status trajectory waveform wrench"
+    assert sorted(messages) == [f"/rpud/{name}" for name in names.split()]
+    for topic in messages.values():
+        assert stamps(topic) == [time for time, _ in topic]
+
+
+def test_contact_forces_are_those_of_the_simulation_without_a_gap(messages, block):
+    found = messages["/rpud/contact_force"]
+    assert column(found, "sequence") == list(range(len(block.impacts)))
+    for name in ("peak_force", "contact_duration", "impact_velocity", "impulse", "energy"):
+        assert column(found, name) == block.impacts[name].tolist()
+    times = block.impacts["seconds"] + block.impacts["fraction"]
+    assert np.array(stamps(found)) == pytest.approx(times * NANOSECONDS, abs=1.0)
+
+
+def test_telemetry_is_the_trajectory_at_100_hz(messages, block):
+    times = np.arange(1, 124) * (NANOSECONDS // 100)
+    samples = block.sample(Times.from_nanoseconds(times))
+    for name in ("nodal_plane", "drill_tool", "reacting_force", "wrench"):
+        assert stamps(messages[f"/rpud/{name}"]) == times.tolist()
+    planes, tools = messages["/rpud/nodal_plane"], messages["/rpud/drill_tool"]
+    assert column(planes, "position") == samples.nodal_plane_position.tolist()
+    assert column(planes, "velocity") == samples.nodal_plane_velocity.tolist()
+    assert column(tools, "displacement") == samples.drill_tool_displacement.tolist()
+    assert column(tools, "in_contact") == samples.in_contact.tolist()
+    forces = column(messages["/rpud/reacting_force"], "force")
+    assert forces == samples.reacting_force.tolist()
+    assert [-m.wrench.force.z for _, m in messages["/rpud/wrench"]] == forces
+
+
+def test_the_waveform_is_the_trajectory_at_50_khz_without_a_gap(messages, block):
+    found = messages["/rpud/waveform"]
+    samples = block.sample(Times.from_grid(0, round(DURATION * 50_000), 50_000))
+    for name in ("actuator_position", "free_mass_position", "contact_force", "reacting_force"):
+        assert np.array_equal(np.concatenate(column(found, name)), getattr(samples, name))
+    lengths = [len(message.contact_force) for _, message in found]
+    assert lengths[:-1] == [2500] * 24
+    assert column(found, "sequence") == [0, *itertools.accumulate(lengths[:-1])]
+
+
+def test_the_trajectory_is_the_segments_themselves(messages, block):
+    found = messages["/rpud/trajectory"]
+    for name in SEGMENT.names:
+        assert np.array_equal(np.concatenate(column(found, name)), block.segments[name])
+    lengths = [len(message.duration) for _, message in found]
+    assert column(found, "sequence") == [0, *itertools.accumulate(lengths[:-1])]
+
+
+def test_status_comes_every_second_and_at_the_end(messages, regime):
+    found = messages["/rpud/status"]
+    assert stamps(found) == [0, NANOSECONDS, END]
+    assert column(found, "state") == ["running", "running", "stopped"]
+    assert column(found, "regime") == [regime] * 3
+    assert column(found, "impacts")[-1] >= len(messages["/rpud/contact_force"])
+
+
+def test_mcap_ros2_support_reads_the_same(bag, messages):
+    found = {}
+    with (bag / "bag_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        for _, channel, record, message in reader.iter_decoded_messages():
+            assert record.log_time == record.publish_time
+            found.setdefault(channel.topic, []).append((record.log_time, message))
+    assert {t: stamps(m) for t, m in found.items()} == {t: stamps(m) for t, m in messages.items()}
+    topic = "/rpud/contact_force"
+    assert column(found[topic], "peak_force") == column(messages[topic], "peak_force")
+
+
+def test_rpud_info_knows_of_no_loss(bag):
+    result = subprocess.run(["rpud", "info", bag, "--json"], capture_output=True, text=True)
+    content = json.loads(result.stdout)
+    assert content["duration"] == END
+    assert {topic["losses"] for topic in content["topics"]} == {0}
+
+
+def test_the_same_seed_gives_the_same_bag(tmp_path):
+    def written(name, seed):
+        path = tmp_path / name
+        assert simulate("--duration", 0.2, "--seed", seed, "--bag", path).returncode == 0
+        with rpud_sim.bag.open(path) as bag:
+            return list(bag.messages())
+
+    first = written("first", 1)
+    assert written("again", 1) == first
+    assert written("other", 2) != first
+
+
+def test_a_bag_is_never_overwritten(tmp_path):
+    result = simulate("--duration", 0.1, "--bag", tmp_path)
+    assert result.returncode == 1
+    assert result.stderr == (
+        f"rpud simulate: {tmp_path} exists already; a bag is never overwritten\n"
+    )
