@@ -7,13 +7,22 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 COMMANDS = ("run", "record", "replay", "simulate", "info")
 
 
+class Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with a call."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with 2."""
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of `rpud` with all its commands."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="rpud", description="Impact dynamics of a rotary-percussive ultrasonic drill."
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
@@ -32,14 +41,26 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(words: Sequence[str] | None = None) -> None:
     """Run the command and exit: 0 when it did its work, 1 when it failed, 2 for a wrong call."""
-    arguments = build_parser().parse_args(words)
+    code: int | str | None
     try:
-        code = arguments.run(arguments)
+        code = _run(words)
         sys.stdout.flush()
     except BrokenPipeError:
         # Whoever read our output has gone, as `head` does; that is no failure of ours.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 0
+    except KeyboardInterrupt:
+        code = 130
+    sys.exit(code)
+
+
+def _run(words: Sequence[str] | None) -> int | str | None:
+    try:
+        arguments = build_parser().parse_args(words)
+    except SystemExit as end:  # help was asked for, or the call is wrong
+        return end.code
+    try:
+        return arguments.run(arguments)
     except ModuleNotFoundError as error:
         if (error.name or "").startswith("rpud_sim"):
             raise
@@ -48,10 +69,7 @@ def main(words: Sequence[str] | None = None) -> None:
             "source ROS 2 Jazzy or env.bash first",
             file=sys.stderr,
         )
-        code = 1
-    except KeyboardInterrupt:
-        code = 130
-    sys.exit(code)
+        return 1
 
 
 if __name__ == "__main__":

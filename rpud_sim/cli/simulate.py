@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import json
 import sys
+from collections.abc import Callable
 from typing import Any
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
@@ -13,7 +14,7 @@ from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
 HELP = "run the drill offline, faster than real time, and print its figures"
 EXAMPLE = "rpud simulate --regime drilling --duration 20 --set weight_on_bit=20 --json"
 
-_LONGEST = 1e6  # s
+_SHORTEST, _LONGEST = 1e-9, 1e6  # s; time is whole nanoseconds
 _UNITS = {
     "duration": "s",
     "events": "",
@@ -29,24 +30,41 @@ _UNITS = {
 }
 
 
+def _number_or_text(kind: type) -> Callable[[str], Any]:
+    """Return a converter that leaves what is no number to the check of its range."""
+
+    def convert(text: str) -> Any:
+        try:
+            return kind(text)
+        except ValueError:
+            return text
+
+    return convert
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `rpud simulate`."""
     add_parameter_arguments(parser)
     parser.add_argument(
         "--duration",
-        type=float,
+        type=_number_or_text(float),
         default=10.0,
         metavar="S",
         help="simulated time (default: %(default)s)",
     )
     parser.add_argument(
         "--repeat",
-        type=int,
+        type=_number_or_text(int),
         default=1,
         metavar="N",
         help="an ensemble of N runs over initial vibration phases; adds standard errors",
     )
-    parser.add_argument("--seed", type=int, metavar="S", help="seed of the initial phases")
+    parser.add_argument(
+        "--seed",
+        type=_number_or_text(int),
+        metavar="S",
+        help="seed of the initial phases",
+    )
     parser.add_argument(
         "--bag", metavar="DIR", help="write the run as a bag with the topics of the node"
     )
@@ -85,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> None:
     from rpud_sim.simulation import ParameterError, Quantity
 
-    Quantity("s", "", 0.0, _LONGEST, exclusive=True).check("--duration", arguments.duration)
+    Quantity("s", "", _SHORTEST, _LONGEST).check("--duration", arguments.duration)
     Quantity("", "", 1, 1e6).check("--repeat", arguments.repeat)
     if arguments.seed is not None:
         Quantity("", "", 0, 2**63).check("--seed", arguments.seed)
