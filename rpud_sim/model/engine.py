@@ -24,13 +24,14 @@ from rpud_sim.model.guards import (
     END_AMPLITUDE,
     END_DRILL_TOOL_IMPACT,
     END_DRILL_TOOL_RELEASE,
+    END_DRILL_TOOL_REST,
     END_LIMIT,
-    next_event,
 )
 from rpud_sim.model.impact import follow_impact, open_impact
 from rpud_sim.model.motion import begin_segment
 from rpud_sim.model.parameters import Parameters
-from rpud_sim.model.resets import exchange_momentum, lasting_contact
+from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodies, lasting_contact
+from rpud_sim.model.search import next_event
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
     CONTACT_DRILL_TOOL,
@@ -44,13 +45,13 @@ from rpud_sim.model.segment import (
     join,
     motion_at,
 )
+from rpud_sim.model.tolerances import (
+    LONGEST_SEGMENT,
+    LONGEST_STANDSTILL,
+    SAME_VELOCITY,
+    SHORTEST_SEGMENT,
+)
 from rpud_sim.model.vibration import advance_phase, harmonic_vibration
-
-# Segments no longer than this count as no time passing [s].
-SHORTEST_SEGMENT = 1e-13
-
-# Events in a row at one instant after which the engine gives up rather than stall.
-LONGEST_STANDSTILL = 10_000
 
 # Room for the results of one call of the kernel; it is called again when they are full.
 _CAPACITY = 4096
@@ -85,21 +86,35 @@ def move_state(state, segment, time):
 
 
 @compiled
-def settle(drill, state, impact, impacts, count, closed, event):
-    """Resolve what happens at the state's instant; returns the number of finished impacts."""
-    if closed & CONTACT_DRILL_TOOL:
-        state.u_fm = state.u_dt
-        state.tool_at_rest = 0
-    elif closed & CONTACT_ACTUATOR:
-        u_hv, _ = harmonic_vibration(state.amplitude, state.frequency, state.phase)
-        state.u_fm = state.u_np + u_hv
+def settle(drill, state, impact, impacts, count, met, opened, event):
+    """Resolve what happens at the state's instant.
+
+    Args:
+        drill: the constants.
+        state: the moving state.
+        impact: the record in progress.
+        impacts: room for finished impacts.
+        count: how many it holds.
+        met: CONTACT_* bits of pairs whose approach ends here.
+        opened: CONTACT_* bits of contacts that end here for want of force.
+        event: EVENT_* bits of what is already known to happen.
+
+    Returns:
+        The number of finished impacts.
+    """
+    v_np = state.v_np
+    closed = close_gaps(state, met)
     collisions = exchange_momentum(drill, state, closed)
-    if collisions.actuator_struck:
+    struck = collisions.actuator_struck or collisions.drill_tool_struck
+    if struck:
+        opened = 0
+    state.contact = lasting_contact(drill, state, closed, opened, collisions.drill_tool_struck)
+    in_contact = state.contact & CONTACT_DRILL_TOOL
+    join_held_bodies(state)
+    if collisions.actuator_struck or abs(state.v_np - v_np) > SAME_VELOCITY:
         event |= EVENT_ACTUATOR_IMPACT
     if collisions.drill_tool_struck:
         event |= EVENT_DRILL_TOOL_IMPACT
-    state.contact = lasting_contact(drill, state, closed, collisions.drill_tool_struck)
-    in_contact = state.contact & CONTACT_DRILL_TOOL
     if state.impact_open and (collisions.drill_tool_struck or not in_contact):
         impacts[count] = impact
         count += 1
@@ -109,10 +124,11 @@ def settle(drill, state, impact, impacts, count, closed, event):
         if not state.impact_open:
             impacts[count] = impact
             count += 1
-    if drill.in_rock and not in_contact and state.u_dt <= 0.0:
-        state.u_dt = 0.0
-        state.v_dt = 0.0
-        state.tool_at_rest = 1
+    if drill.in_rock:
+        state.tool_at_rest = not in_contact and state.u_dt <= 0.0
+        if state.tool_at_rest:
+            state.u_dt = 0.0
+            state.v_dt = 0.0
     state.event = event
     return count
 
@@ -134,33 +150,37 @@ def pass_event(drill, state, segment, impact, impacts, count):
     if state.impact_open:
         follow_impact(drill, segment, impact, segment.duration)
     move_state(state, segment, segment.duration)
-    closed = state.contact
     if end == END_LIMIT:
         state.event = EVENT_LIMIT
-        if state.impact_open:
+        if state.impact_open and impact.contact_duration >= LONGEST_SEGMENT:
             impacts[count] = impact
             count += 1
             state.impact_open = 0
-    else:
-        event = 0
-        if end == END_ACTUATOR_IMPACT:
-            closed |= CONTACT_ACTUATOR
-        elif end == END_DRILL_TOOL_IMPACT:
-            closed |= CONTACT_DRILL_TOOL
-        elif end == END_AMPLITUDE:
-            state.amplitude = state.target_amplitude
-            # The sine is exactly zero here, so that the tip does not jump.
-            state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
-            event = EVENT_COMMAND
-        else:
-            event = EVENT_RELEASE
-            if end == END_ACTUATOR_RELEASE:
-                closed &= CONTACT_DRILL_TOOL
-            elif end == END_DRILL_TOOL_RELEASE:
-                closed &= CONTACT_ACTUATOR
-            else:
-                state.u_dt = 0.0
-        count = settle(drill, state, impact, impacts, count, closed, event)
+        open_segment(drill, state, segment)
+        return count
+    event = 0
+    met = 0
+    opened = 0
+    if end == END_ACTUATOR_IMPACT:
+        met = CONTACT_ACTUATOR
+    elif end == END_DRILL_TOOL_IMPACT:
+        met = CONTACT_DRILL_TOOL
+    elif end == END_AMPLITUDE:
+        state.amplitude = state.target_amplitude
+        # The sine is exactly zero here, so that the tip does not jump.
+        state.phase = 0.5 if 0.25 < state.phase < 0.75 else 0.0
+        event = EVENT_COMMAND
+    elif end == END_ACTUATOR_RELEASE:
+        opened = CONTACT_ACTUATOR
+        event = EVENT_RELEASE
+    elif end == END_DRILL_TOOL_RELEASE:
+        opened = CONTACT_DRILL_TOOL
+        event = EVENT_RELEASE
+    elif end == END_DRILL_TOOL_REST:
+        state.u_dt = 0.0
+        state.v_dt = 0.0
+        event = EVENT_RELEASE
+    count = settle(drill, state, impact, impacts, count, met, opened, event)
     open_segment(drill, state, segment)
     return count
 
@@ -229,7 +249,7 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     state.weight_on_bit = weight_on_bit
     state.target_amplitude = amplitude
     state.frequency = frequency
-    count = settle(drill, state, impact, impacts, 0, state.contact, EVENT_COMMAND)
+    count = settle(drill, state, impact, impacts, 0, 0, 0, EVENT_COMMAND)
     open_segment(drill, state, segment)
     return count
 
@@ -240,7 +260,7 @@ def start(drill, states, open_segments, open_impacts, impacts):
     state = states[0]
     state.u_np = -state.amplitude * math.sin(2.0 * math.pi * state.phase)
     count = settle(
-        drill, state, open_impacts[0], impacts, 0, CONTACT_ACTUATOR | CONTACT_DRILL_TOOL, 0
+        drill, state, open_impacts[0], impacts, 0, 0, 0, 0
     )
     open_segment(drill, state, open_segments[0])
     return count

@@ -1,12 +1,14 @@
 """Resets: what the collisions at one instant do, and which contacts remain closed after it.
 
+    find the pairs that touch
     repeat until no touching pair approaches:
         actuator and free mass collide by eqs. (4)-(7)
         free mass and drill tool collide by eqs. (11)-(13), or share their momentum by eq. (21) in the rock
-    keep the contacts that would close again at once and whose force is then a push
+    keep the contacts that would close again at once, if their forces then push
 
 A free mass that chatters comes to rest in finite time. That is recognised when its next bounce would be lower than
-``LOWEST_BOUNCE``: the contact is then kept, and left again when its force vanishes or another body strikes.
+``LOWEST_BOUNCE``: the contact is then kept, and left again when its force vanishes or another body strikes. The velocity
+that this takes away is that of such a bounce, at most sqrt(2 a LOWEST_BOUNCE) under an acceleration a.
 """
 
 import math
@@ -14,7 +16,6 @@ from typing import NamedTuple
 
 from rpud_sim.model.collision import collide, common_velocity
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.guards import SAME_VELOCITY
 from rpud_sim.model.motion import (
     CONTACT_BOTH,
     drill_tool_closed_form,
@@ -22,21 +23,52 @@ from rpud_sim.model.motion import (
 )
 from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
 from rpud_sim.model.suspension import decaying_derivatives, decaying_part
+from rpud_sim.model.tolerances import (
+    LOWEST_BOUNCE,
+    MOST_COLLISIONS,
+    NARROWEST_CAGE,
+    SAME_ACCELERATION,
+    SAME_VELOCITY,
+    TOUCHING,
+    WEAKEST_PULL,
+)
 from rpud_sim.model.vibration import TWO_PI, harmonic_vibration
-
-LOWEST_BOUNCE = 1e-12  # [m]
-SAME_ACCELERATION = 1e-6  # a contact that pulls by less still holds; its guard then decides [m/s^2]
-MOST_COLLISIONS = 1000  # at one instant; then the bodies go on together
 
 
 class Collisions(NamedTuple):
-    """What the free mass did to the drill tool at one instant."""
+    """What the free mass did to the drill tool at one instant, and whether the actuator struck it."""
 
     actuator_struck: bool
     drill_tool_struck: bool
     impact_velocity: float  # closing velocity of the first blow on the drill tool [m/s]
     energy: float  # kinetic energy of the free mass before that blow [J]
     impulse: float  # of all its blows on the drill tool [N s]
+
+
+@compiled
+def close_gaps(state, met):
+    """Find the pairs that touch, and push overlapping ones apart; never moves the nodal plane.
+
+    Args:
+        state: the moving state.
+        met: CONTACT_* bits of pairs whose approach has just ended.
+
+    Returns:
+        CONTACT_* bits of the gaps that are closed.
+    """
+    u_hv, _ = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    u_ut = state.u_np + u_hv
+    closed = 0
+    if met & CONTACT_ACTUATOR or state.u_fm - u_ut <= TOUCHING:
+        closed |= CONTACT_ACTUATOR
+        state.u_fm = max(state.u_fm, u_ut)
+    if met & CONTACT_DRILL_TOOL or state.u_dt - state.u_fm <= TOUCHING:
+        if closed:
+            state.u_dt = max(state.u_dt, state.u_fm)
+        else:
+            state.u_fm = min(state.u_fm, state.u_dt)
+        closed |= CONTACT_DRILL_TOOL
+    return closed
 
 
 @compiled
@@ -82,10 +114,8 @@ def exchange_momentum(drill, state, closed):
         if not approaching:
             break
     if closed & CONTACT_DRILL_TOOL and state.v_fm > state.v_dt:
+        state.v_fm = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
         state.v_dt = state.v_fm
-    if closed & CONTACT_ACTUATOR and v_ut > state.v_fm:
-        v_ut = state.v_fm
-        state.v_np = v_ut - v_hv
     if actuator_struck:
         state.v_np = v_ut - v_hv  # eq. (7)
     return Collisions(actuator_struck, drill_tool_struck, impact_velocity, energy, impulse)
@@ -113,6 +143,12 @@ def tool_acceleration(drill, state, contact):
 
 
 @compiled
+def pushes(force):
+    """Whether a contact force is one that keeps its contact closed."""
+    return force >= -0.5 * WEAKEST_PULL
+
+
+@compiled
 def returns_at_once(separation, closing_acceleration):
     """Whether two touching bodies that separate this slowly [m/s] are to be taken as staying together."""
     if separation <= SAME_VELOCITY:
@@ -124,8 +160,19 @@ def returns_at_once(separation, closing_acceleration):
 
 
 @compiled
-def hold_both(drill, state, v_ut, v_hv):
-    """Keep all three bodies together if both contacts push; returns whether they do."""
+def hold_both(drill, state, v_ut, v_hv, stay):
+    """Keep all three bodies together if both contacts push.
+
+    Args:
+        drill: the constants.
+        state: the moving state.
+        v_ut: velocity of the tip [m/s].
+        v_hv: velocity of the harmonic vibration [m/s].
+        stay: whether both pairs stay together; if not, the free mass may still be caged.
+
+    Returns:
+        Whether they are kept together.
+    """
     separate = state.v_np
     pair = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass + drill.tool_mass, pair)
@@ -137,7 +184,13 @@ def hold_both(drill, state, v_ut, v_hv):
         + drill.tool_spring_rate * state.u_dt
     )
     on_tip = on_tool + drill.free_mass * (acceleration - drill.gravity)
-    if on_tool >= 0.0 and on_tip >= 0.0:
+    energy = 0.5 * (
+        drill.rpud_mass * (v_ut - together) ** 2
+        + drill.free_mass * (state.v_fm - together) ** 2
+        + drill.tool_mass * (state.v_dt - together) ** 2
+    )
+    caged = energy < min(on_tool, on_tip) * NARROWEST_CAGE
+    if pushes(on_tool) and pushes(on_tip) and (stay or caged):
         state.v_fm = together
         state.v_dt = together
         return True
@@ -152,7 +205,8 @@ def hold_on_drill_tool(drill, state, must_not_reach):
     together = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
     state.v_dt = together
     acceleration = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
-    if must_not_reach <= acceleration <= drill.gravity + SAME_ACCELERATION:
+    force = drill.free_mass * (drill.gravity - acceleration)
+    if pushes(force) and must_not_reach <= acceleration + SAME_ACCELERATION:
         state.v_fm = together
         return True
     state.v_dt = separate
@@ -166,7 +220,8 @@ def hold_on_actuator(drill, state, v_ut, v_hv, must_not_reach):
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass, state.v_fm)
     state.v_np = together - v_hv
     acceleration = tip_acceleration(drill, state, CONTACT_ACTUATOR)
-    if drill.gravity - SAME_ACCELERATION <= acceleration <= must_not_reach:
+    force = drill.free_mass * (acceleration - drill.gravity)
+    if pushes(force) and acceleration <= must_not_reach + SAME_ACCELERATION:
         state.v_fm = together
         return True
     state.v_np = separate
@@ -174,33 +229,42 @@ def hold_on_actuator(drill, state, v_ut, v_hv, must_not_reach):
 
 
 @compiled
-def lasting_contact(drill, state, closed, drill_tool_struck):
+def lasting_contact(drill, state, closed, opened, drill_tool_struck):
     """Which of the closed contacts last after the collisions; bodies that stay together get one velocity.
+
+    At most one combination of contacts has only pushing forces and no gap that closes again. It is sought among the
+    pairs that separate slowly enough.
 
     Args:
         drill: the constants.
         state: the moving state after the collisions.
         closed: CONTACT_* bits of the gaps that are closed.
+        opened: CONTACT_* bits of contacts that end at this instant.
         drill_tool_struck: whether the drill tool was struck at this instant.
 
     Returns:
         CONTACT_* bits.
     """
-    _, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    closed &= ~opened
+    if not closed:
+        return 0
+    u_hv, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
     v_ut = state.v_np + v_hv
     tip = tip_acceleration(drill, state, 0)
     tool = tool_acceleration(drill, state, 0)
     on_tip = closed & CONTACT_ACTUATOR and returns_at_once(
         state.v_fm - v_ut, tip - drill.gravity
     )
-    behind = tip if on_tip else drill.gravity
+    behind = max(tip, drill.gravity) if on_tip else drill.gravity
     on_tool = closed & CONTACT_DRILL_TOOL and returns_at_once(
         state.v_dt - state.v_fm, behind - tool
     )
     if on_tool and closed & CONTACT_ACTUATOR and not on_tip:
         ahead = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
         on_tip = returns_at_once(state.v_fm - v_ut, tip - ahead)
-    if on_tool and on_tip and hold_both(drill, state, v_ut, v_hv):
+    stay = on_tool and on_tip
+    near = not opened and state.u_dt - state.u_np - u_hv <= NARROWEST_CAGE
+    if (stay or near) and hold_both(drill, state, v_ut, v_hv, stay):
         return CONTACT_BOTH
     if on_tool:
         if drill_tool_struck and drill.in_rock:
@@ -211,3 +275,15 @@ def lasting_contact(drill, state, closed, drill_tool_struck):
     if on_tip and hold_on_actuator(drill, state, v_ut, v_hv, tool if on_tool else math.inf):
         return CONTACT_ACTUATOR
     return 0
+
+
+@compiled
+def join_held_bodies(state):
+    """Give bodies that are held together one position; never moves the nodal plane."""
+    if state.contact & CONTACT_ACTUATOR:
+        u_hv, _ = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+        state.u_fm = state.u_np + u_hv
+        if state.contact & CONTACT_DRILL_TOOL:
+            state.u_dt = state.u_fm
+    elif state.contact & CONTACT_DRILL_TOOL:
+        state.u_fm = state.u_dt
