@@ -7,8 +7,8 @@ from rpud_sim.model.compile import compiled
 def collide(mass_1, velocity_1, mass_2, velocity_2, restitution):
     """Velocities after a collision, eqs. (6) and (13).
 
-    Momentum is conserved, eqs. (4) and (11), and the closing velocity is returned with the coefficient of
-    restitution, eqs. (5) and (12).
+    Momentum is conserved, eqs. (4) and (11), and the closing velocity is returned with the
+    coefficient of restitution, eqs. (5) and (12).
 
     Args:
         mass_1: of the body that strikes [kg].

@@ -9,7 +9,8 @@ import numba
 def _drop_stale_cache() -> None:
     """Remove cached kernels that are older than any source of the model.
 
-    Numba compares a cached kernel with the file it is written in, but not with those of the kernels that it calls.
+    Numba compares a cached kernel with the file it is written in, but not with those of the
+    kernels that it calls.
     """
     folder = Path(__file__).parent
     newest = max(source.stat().st_mtime_ns for source in folder.glob("*.py"))

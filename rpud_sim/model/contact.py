@@ -1,7 +1,7 @@
 """Contact of the free mass with the drill tool in the rock, by the energy balance: eqs. (20)-(39).
 
-The bottom of the drill tool is fixed; its two sections are springs. From the impact on, free mass and drill tool
-move as one body of mass m_fmdt = m_fm + m_eff,dt on the spring k_eff,dt.
+The bottom of the drill tool is fixed; its two sections are springs. From the impact on, free mass
+and drill tool move as one body of mass m_fmdt = m_fm + m_eff,dt on the spring k_eff,dt.
 """
 
 import math
@@ -27,7 +27,8 @@ def section_spring_rate(elastic_modulus, area, length):
 def printed_tool(k_1, k_2, m_1, m_2):
     """The drill tool with eqs. (22) and (27) as printed.
 
-    The two terms of eq. (22) belong to two different mode shapes; ``rayleigh_tool`` is the consistent form.
+    The two terms of eq. (22) belong to two different mode shapes; ``rayleigh_tool`` is the
+    consistent form.
 
     Args:
         k_1: spring rate of part I [N/m].
@@ -46,8 +47,8 @@ def printed_tool(k_1, k_2, m_1, m_2):
 def rayleigh_tool(k_1, k_2, m_1, m_2):
     """The drill tool by Rayleigh's method: the static shape of two springs in series.
 
-    That shape has f(L_dt1) = k_1 / (k_1 + k_2) and the spring rate k_1 k_2 / (k_1 + k_2). Arguments as for
-    ``printed_tool``.
+    That shape has f(L_dt1) = k_1 / (k_1 + k_2) and the spring rate k_1 k_2 / (k_1 + k_2).
+    Arguments as for ``printed_tool``.
     """
     shape = k_1 / (k_1 + k_2)
     mass = ((1.0 + shape + shape**2) * m_1 + shape**2 * m_2) / 3.0
@@ -96,8 +97,8 @@ def contact_force(acceleration, free_mass, gravity):
 def time_of_maximum(displacement, velocity, free_mass, tool_mass, tool_spring_rate, gravity):
     """t_max - t_j, when compression and contact force are greatest [s], eq. (38).
 
-    The principal value of the arctangent printed in the paper is negative; this is the first maximum after the
-    impact. Arguments as for ``deformation``.
+    The principal value of the arctangent printed in the paper is negative; this is the first
+    maximum after the impact. Arguments as for ``deformation``.
     """
     omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
     rest = free_mass * gravity / tool_spring_rate
@@ -117,7 +118,7 @@ def contact_time(displacement, velocity, free_mass, tool_mass, tool_spring_rate,
 
 @compiled
 def force_at_maximum(displacement, velocity, free_mass, tool_mass, tool_spring_rate, gravity):
-    """Greatest contact force of a contact that is left undisturbed [N], eqs. (30), (36) and (38)."""
+    """Greatest force of a contact that is left undisturbed [N], eqs. (30), (36) and (38)."""
     omega = natural_frequency(free_mass, tool_mass, tool_spring_rate)
     rest = free_mass * gravity / tool_spring_rate
     return free_mass * (gravity + omega**2 * math.hypot(displacement - rest, velocity / omega))
@@ -128,7 +129,8 @@ def release_time(cosine, sine, angular_frequency, gravity):
     """Time until the contact force returns to zero [s]; infinite for a mass at rest on the tool.
 
     The deformation about its rest is cosine cos(w s) + sine sin(w s). The force vanishes where the
-    acceleration reaches that of gravity; for a real impact this is some attoseconds to picoseconds after eq. (39).
+    acceleration reaches that of gravity; for a real impact this is some attoseconds to picoseconds
+    after eq. (39).
 
     Args:
         cosine: [m].
@@ -146,11 +148,11 @@ def release_time(cosine, sine, angular_frequency, gravity):
 
 @compiled
 def half_sine_impulse(mass_1, mass_2, restitution, closing_velocity, spring_rate):
-    """Estimated force pulse of an instantaneous collision: peak force [N], duration [s] and impulse [N s].
+    """Estimate the force of a collision: peak force [N], duration [s] and impulse [N s].
 
-    Section III of the paper treats the impact on the drill tool as instantaneous and gives no contact force. Here
-    the impulse of eq. (13) is spread over a half sine whose duration is that of the two masses on the drill tool's
-    effective spring. This is an estimate added to the paper.
+    Section III of the paper treats the impact on the drill tool as instantaneous and gives no
+    contact force. Here the impulse of eq. (13) is spread over a half sine whose duration is that
+    of the two masses on the drill tool's effective spring. This is an estimate added to the paper.
     """
     reduced_mass = mass_1 * mass_2 / (mass_1 + mass_2)
     impulse = (1.0 + restitution) * reduced_mass * closing_velocity

@@ -12,9 +12,9 @@ from rpud_sim.model.suspension import damping_coefficient
 class Drill(NamedTuple):
     """Constants of the drill in SI units.
 
-    While the free mass touches the drill tool, the tool counts as ``tool_mass`` on ``tool_spring_rate`` with
-    ``tool_damping``: m_dt on the restoring spring before drilling (eq. (14)), m_eff,dt on the tool's own elasticity
-    during drilling (eq. (29)).
+    While the free mass touches the drill tool, the tool counts as ``tool_mass`` on
+    ``tool_spring_rate`` with ``tool_damping``: m_dt on the restoring spring before drilling (eq.
+    (14)), m_eff,dt on the tool's own elasticity during drilling (eq. (29)).
     """
 
     rpud_mass: float
@@ -73,8 +73,8 @@ def derive(parameters: Parameters) -> Drill:
     )
 
 
-# Everything that moves, at the start of the open segment. Positions in m, velocities in m/s, positive toward the
-# rock; the time is whole seconds and a fraction.
+# Everything that moves, at the start of the open segment. Positions in m, velocities in m/s,
+# positive toward the rock; the time is whole seconds and a fraction.
 STATE = np.dtype(
     [
         ("seconds", np.int64),

@@ -1,9 +1,10 @@
 """Guards: functions of time that are positive while a segment lasts.
 
-A guard is the gap between two bodies, the force of a contact, or the deformation of the drill tool in the rock. Each
-comes with its derivatives at a time, and with bounds on them for the whole segment, so that ``search`` can tell for
-how long it is certain to stay positive. Where the actuator's tip takes part, the guard is also at least its
-*envelope*: the guard without the vibration, less the vibration's amplitude.
+A guard is the gap between two bodies, the force of a contact, or the deformation of the drill tool
+in the rock. Each comes with its derivatives at a time, and with bounds on them for the whole
+segment, so that ``search`` can tell for how long it is certain to stay positive. Where the
+actuator's tip takes part, the guard is also at least its *envelope*: the guard without the
+vibration, less the vibration's amplitude.
 """
 
 import math
@@ -71,9 +72,10 @@ def tip_motion_at(segment, time, motion):
     """Motion of the actuator's tip, given ``motion_at`` the same time.
 
     Returns:
-        Position [m] and velocity [m/s] without the steady vibration, and the whole acceleration [m/s^2].
+        Position [m] and velocity [m/s] without the steady vibration, and the whole acceleration
+        [m/s^2].
     """
-    u_np, v_np, u_ut, v_ut, _, _, _, _ = motion
+    u_np, v_np, u_ut, _, _, _, _, _ = motion
     omega = TWO_PI * segment.vibration_frequency
     steady = 0.0
     steady_rate = 0.0
@@ -197,7 +199,7 @@ def force_from_tip(load, segment, time):
 
 @compiled
 def force_on_actuator(drill, segment, time):
-    """Contact force between actuator and free mass while they are in contact: value [N] and slope [N/s]."""
+    """Force of the contact of actuator and free mass: value [N] and slope [N/s]."""
     load = load_of(drill, segment.contact, END_ACTUATOR_RELEASE)
     force = force_from_tip(load, segment, time)
     return force.value, force.slope
@@ -205,7 +207,7 @@ def force_on_actuator(drill, segment, time):
 
 @compiled
 def force_on_drill_tool(drill, segment, time):
-    """Contact force between free mass and drill tool while they are in contact: value [N] and slope [N/s]."""
+    """Force of the contact of free mass and drill tool: value [N] and slope [N/s]."""
     if segment.contact == CONTACT_BOTH:
         load = load_of(drill, segment.contact, END_DRILL_TOOL_RELEASE)
         force = force_from_tip(load, segment, time)
@@ -249,7 +251,7 @@ def guard_bounds(drill, segment, end):
     vibration_third = omega * vibration_second
     if end == END_DRILL_TOOL_REST:
         return Bounds(dt_second, math.inf, 0.0)
-    if end == END_ACTUATOR_IMPACT or end == END_DRILL_TOOL_IMPACT:
+    if end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT):
         if segment.contact != 0:
             slow = np_second + dt_second
             return Bounds(slow + vibration_second, np_third + dt_third + vibration_third, slow)

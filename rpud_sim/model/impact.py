@@ -1,7 +1,7 @@
-"""The impact in progress: from the blow of the free mass on the drill tool to the end of that contact.
+"""The impact in progress: from the blow on the drill tool to the end of that contact.
 
-An impact ends when the contact opens, when the free mass strikes the drill tool anew (the actuator drove it while
-it was still there), or when the contact has come to rest.
+An impact ends when the contact opens, when the free mass strikes the drill tool anew (the actuator
+drove it while it was still there), or when the contact has come to rest.
 """
 
 import math
@@ -34,7 +34,7 @@ def tip_integral(segment, time):
 
 @compiled
 def contact_impulse(drill, segment, time):
-    """Momentum that the free mass gives to the drill tool in the first part of a segment in contact [N s]."""
+    """Momentum that the drill tool receives in the first part of a segment in contact [N s]."""
     _, _, _, _, u_start, v_start, _, _ = motion_at(segment, 0.0)
     _, _, _, _, u_end, v_end, _, _ = motion_at(segment, time)
     if segment.contact == CONTACT_BOTH:
@@ -48,7 +48,7 @@ def contact_impulse(drill, segment, time):
 
 @compiled
 def greatest_contact_force(drill, segment, time):
-    """Greatest force between free mass and drill tool in the first part of a segment in contact [N]."""
+    """Greatest force on the drill tool in the first part of a segment in contact [N]."""
     start, _ = force_on_drill_tool(drill, segment, 0.0)
     end, _ = force_on_drill_tool(drill, segment, time)
     greatest = max(start, end)

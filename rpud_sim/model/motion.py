@@ -1,7 +1,5 @@
 """From a state to the closed form that follows it: which equations hold for which contact."""
 
-import math
-
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
@@ -19,9 +17,9 @@ CONTACT_BOTH = CONTACT_ACTUATOR | CONTACT_DRILL_TOOL
 def nodal_plane_closed_form(drill, state, contact):
     """The nodal plane's ``Oscillation`` under the given contact.
 
-    Alone, or with the free mass in flight or on the drill tool, it obeys eq. (2) with the preload W. With the free
-    mass (and the drill tool behind it) held against the vibrating tip, their inertia and the drill tool's spring
-    act on it as well, moved by u_hv of eq. (1).
+    Alone, or with the free mass in flight or on the drill tool, it obeys eq. (2) with the preload
+    W. With the free mass (and the drill tool behind it) held against the vibrating tip, their
+    inertia and the drill tool's spring act on it as well, moved by u_hv of eq. (1).
     """
     if not contact & CONTACT_ACTUATOR:
         return free_vibration(
@@ -56,7 +54,7 @@ def nodal_plane_closed_form(drill, state, contact):
 
 @compiled
 def drill_tool_closed_form(drill, state, contact):
-    """The drill tool's ``Oscillation``: alone by eq. (14), or with the free mass on it by eq. (31)."""
+    """The drill tool's ``Oscillation``: alone by eq. (14), with the free mass by eq. (31)."""
     if contact == CONTACT_DRILL_TOOL:
         return free_vibration(
             drill.free_mass + drill.tool_mass,

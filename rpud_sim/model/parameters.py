@@ -85,9 +85,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "vibration_frequency": _positive(
         "Hz", "frequency of the harmonic vibration, f_0", 2e5, minimum=100.0
     ),
-    "vibration_amplitude": Quantity(
-        "m", "amplitude of the harmonic vibration, A_0", 0.0, 1e-3
-    ),
+    "vibration_amplitude": Quantity("m", "amplitude of the harmonic vibration, A_0", 0.0, 1e-3),
     "rpud_damping_ratio": Quantity("", "damping ratio of the RPUD, xi_ud", 0.0, 1.0, below=True),
     "load_spring_rate": _positive("N/m", "spring rate of the load spring, k_1", 1e7),
     "free_mass": _positive("kg", "mass of the free mass, m_fm", 10.0),
@@ -119,8 +117,9 @@ QUANTITIES: Mapping[str, Quantity] = {
 class Parameters:
     """All parameters of the model, in SI units; the defaults are Table 2 of the paper.
 
-    The paper leaves three values open or misprints them: Table 2 gives no weight on bit (10 N here), the
-    elastic modulus is printed as 1.96e9 Pa (steel's 1.96e11 Pa here), and gravity is not given.
+    The paper leaves three values open or misprints them: Table 2 gives no weight on bit (10 N
+    here), the elastic modulus is printed as 1.96e9 Pa (steel's 1.96e11 Pa here), and gravity is
+    not given.
 
     Raises:
         ParameterError: if a value is outside the range in ``QUANTITIES``.

@@ -3,12 +3,14 @@
     find the pairs that touch
     repeat until no touching pair approaches:
         actuator and free mass collide by eqs. (4)-(7)
-        free mass and drill tool collide by eqs. (11)-(13), or share their momentum by eq. (21) in the rock
+        free mass and drill tool collide by eqs. (11)-(13), or share their momentum by eq. (21) in
+        the rock
     keep the contacts that would close again at once, if their forces then push
 
-A free mass that chatters comes to rest in finite time. That is recognised when its next bounce would be lower than
-``LOWEST_BOUNCE``: the contact is then kept, and left again when its force vanishes or another body strikes. The velocity
-that this takes away is that of such a bounce, at most sqrt(2 a LOWEST_BOUNCE) under an acceleration a.
+A free mass that chatters comes to rest in finite time. That is recognised when its next bounce
+would be lower than ``LOWEST_BOUNCE``: the contact is then kept, and left again when its force
+vanishes or another body strikes. The velocity that this takes away is that of such a bounce, at
+most sqrt(2 a LOWEST_BOUNCE) under an acceleration a.
 """
 
 import math
@@ -36,7 +38,7 @@ from rpud_sim.model.vibration import TWO_PI, harmonic_vibration
 
 
 class Collisions(NamedTuple):
-    """What the free mass did to the drill tool at one instant, and whether the actuator struck it."""
+    """Who was struck at one instant, and what the drill tool received."""
 
     actuator_struck: bool
     drill_tool_struck: bool
@@ -73,7 +75,7 @@ def close_gaps(state, met):
 
 @compiled
 def exchange_momentum(drill, state, closed):
-    """Apply all collisions among the touching bodies; velocities in the state change, positions do not.
+    """Apply all collisions among the touching bodies; only velocities change.
 
     Args:
         drill: the constants.
@@ -150,7 +152,7 @@ def pushes(force):
 
 @compiled
 def returns_at_once(separation, closing_acceleration):
-    """Whether two touching bodies that separate this slowly [m/s] are to be taken as staying together."""
+    """Whether touching bodies part so slowly [m/s] that they are taken to stay together."""
     if separation <= SAME_VELOCITY:
         return True
     return (
@@ -199,14 +201,14 @@ def hold_both(drill, state, v_ut, v_hv, stay):
 
 
 @compiled
-def hold_on_drill_tool(drill, state, must_not_reach):
-    """Keep the free mass on the drill tool if that pushes and does not run into the given acceleration."""
+def hold_on_drill_tool(drill, state, behind):
+    """Keep the free mass on the drill tool if that pushes and the tip does not catch up."""
     separate = state.v_dt
     together = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
     state.v_dt = together
     acceleration = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
     force = drill.free_mass * (drill.gravity - acceleration)
-    if pushes(force) and must_not_reach <= acceleration + SAME_ACCELERATION:
+    if pushes(force) and behind <= acceleration + SAME_ACCELERATION:
         state.v_fm = together
         return True
     state.v_dt = separate
@@ -214,14 +216,14 @@ def hold_on_drill_tool(drill, state, must_not_reach):
 
 
 @compiled
-def hold_on_actuator(drill, state, v_ut, v_hv, must_not_reach):
-    """Keep the free mass on the tip if that pushes and does not run into the given acceleration."""
+def hold_on_actuator(drill, state, v_ut, v_hv, ahead):
+    """Keep the free mass on the tip if that pushes and they do not catch up with the tool."""
     separate = state.v_np
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass, state.v_fm)
     state.v_np = together - v_hv
     acceleration = tip_acceleration(drill, state, CONTACT_ACTUATOR)
     force = drill.free_mass * (acceleration - drill.gravity)
-    if pushes(force) and acceleration <= must_not_reach + SAME_ACCELERATION:
+    if pushes(force) and acceleration <= ahead + SAME_ACCELERATION:
         state.v_fm = together
         return True
     state.v_np = separate
@@ -230,10 +232,10 @@ def hold_on_actuator(drill, state, v_ut, v_hv, must_not_reach):
 
 @compiled
 def lasting_contact(drill, state, closed, opened, drill_tool_struck):
-    """Which of the closed contacts last after the collisions; bodies that stay together get one velocity.
+    """Which contacts last after the collisions; bodies that stay together get one velocity.
 
-    At most one combination of contacts has only pushing forces and no gap that closes again. It is sought among the
-    pairs that separate slowly enough.
+    At most one combination of contacts has only pushing forces and no gap that closes again. It is
+    sought among the pairs that separate slowly enough.
 
     Args:
         drill: the constants.
@@ -252,9 +254,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck):
     v_ut = state.v_np + v_hv
     tip = tip_acceleration(drill, state, 0)
     tool = tool_acceleration(drill, state, 0)
-    on_tip = closed & CONTACT_ACTUATOR and returns_at_once(
-        state.v_fm - v_ut, tip - drill.gravity
-    )
+    on_tip = closed & CONTACT_ACTUATOR and returns_at_once(state.v_fm - v_ut, tip - drill.gravity)
     behind = max(tip, drill.gravity) if on_tip else drill.gravity
     on_tool = closed & CONTACT_DRILL_TOOL and returns_at_once(
         state.v_dt - state.v_fm, behind - tool

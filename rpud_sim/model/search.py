@@ -1,13 +1,15 @@
 """Search: when the open segment ends. The only place where an equation is solved numerically.
 
-A guard whose second derivative is bounded by B cannot fall from a value g with a slope g' to zero within
+A guard whose second derivative is bounded by B cannot fall from a value g with a slope g' to zero
+within
 
     step = (g' + sqrt(g'^2 + 2 B g)) / B
 
-The search makes such steps, one after another. It cannot pass a root, however near two roots are, and near a simple
-root the steps converge to it quadratically from the left. Two longer steps are as safe: while the second derivative
-is certain to stay positive, by a bound on the third, the guard lies above its tangent; and a guard in which the tip
-vibrates is at least its slowly changing envelope.
+The search makes such steps, one after another. It cannot pass a root, however near two roots are,
+and near a simple root the steps converge to it quadratically from the left. Two longer steps are
+as safe: while the second derivative is certain to stay positive, by a bound on the third, the
+guard lies above its tangent; and a guard in which the tip vibrates is at least its slowly changing
+envelope.
 """
 
 import math
@@ -63,7 +65,7 @@ def convex_step(value, slope, curvature, bound):
 @compiled
 def allowance_of(end):
     """How far below zero a guard may go that has not been above zero by as much."""
-    if end == END_ACTUATOR_IMPACT or end == END_DRILL_TOOL_IMPACT:
+    if end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT):
         return TOUCHING
     if end == END_DRILL_TOOL_REST:
         return 0.0
@@ -107,7 +109,7 @@ def first_root(drill, segment, end, limit):
 
 @compiled
 def fall_time(gap, velocity, gravity):
-    """Time in which the free mass falls through a gap to a tool at rest [s]; infinite if it does not."""
+    """Time in which the free mass falls onto a tool at rest [s]; infinite if it does not."""
     if velocity <= 0.0 and gravity == 0.0:
         return math.inf
     if velocity <= 0.0 and gap + velocity * velocity / (2.0 * gravity) <= TOUCHING:
@@ -121,7 +123,7 @@ def fall_time(gap, velocity, gravity):
 
 @compiled
 def sooner(drill, segment, end, duration, event):
-    """The given duration and event, or those of a guard that reaches zero, or cannot be followed, sooner."""
+    """The given duration and event, or those of a guard if they are sooner."""
     time, is_root = first_root(drill, segment, end, duration)
     if time < duration:
         return time, end if is_root else END_LIMIT

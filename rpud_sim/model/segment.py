@@ -1,11 +1,11 @@
 """The trajectory's records: segments of closed-form motion, and impacts on the drill tool.
 
-A segment holds everything that is needed to evaluate every motion from its start to its end. Two dtypes are the
-whole vocabulary: NumPy arrays of them leave the engine, are sampled, published and recorded.
+A segment holds everything that is needed to evaluate every motion from its start to its end. Two
+dtypes are the whole vocabulary: NumPy arrays of them leave the engine, are sampled, published and
+recorded.
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -27,8 +27,9 @@ EVENT_LIMIT = 16
 
 _OSCILLATION = ("offset", "decay_rate", "angular_frequency", "cosine", "sine")
 
-# Times are whole seconds and a fraction from 0 to 1, so that they keep their precision in long runs. Lengths in m,
-# rates in 1/s, phases in cycles; the field names are those of rpud_msgs/Trajectory.
+# Times are whole seconds and a fraction from 0 to 1, so that they keep their precision in long
+# runs. Lengths in m, rates in 1/s, phases in cycles; the field names are those of
+# rpud_msgs/Trajectory.
 SEGMENT = np.dtype(
     [
         ("start_seconds", np.int64),
@@ -166,9 +167,3 @@ def nodal_plane_integral(segment, time):
         motion.vibration_cosine * (math.sin(end) - math.sin(start))
     )
     return motion.offset * time + decaying_integral(motion, time) + steady / omega
-
-
-def join(records: Sequence[np.ndarray], dtype: np.dtype) -> np.ndarray:
-    """Return arrays of records as one; by their bytes, since NumPy is slow to join structures."""
-    joined = np.concatenate([np.empty(0, np.uint8), *(part.view(np.uint8) for part in records)])
-    return joined.view(dtype)

@@ -4,9 +4,10 @@ Every suspended body of the drill obeys, with phase angle phi = 2 pi f t,
 
     m x'' + c x' + k x = F + H_s sin(phi) + H_c cos(phi)
 
-The nodal plane alone has F = W (the preload of the load spring) and H = 0; while the free mass is held against
-the vibrating tip, the vibration appears on the right-hand side. The closed form is kept as six numbers, an
-``Oscillation``; offset F/k, a decaying part as in eq. (8), and a steady vibration.
+The nodal plane alone has F = W (the preload of the load spring) and H = 0; while the free mass is
+held against the vibrating tip, the vibration appears on the right-hand side. The closed form is
+kept as six numbers, an ``Oscillation``; offset F/k, a decaying part as in eq. (8), and a steady
+vibration.
 """
 
 import math
@@ -63,7 +64,16 @@ def free_vibration(mass, damping, spring_rate, force, position, velocity):
 
 @compiled
 def driven_vibration(
-    mass, damping, spring_rate, force, force_sine, force_cosine, frequency, phase, position, velocity
+    mass,
+    damping,
+    spring_rate,
+    force,
+    force_sine,
+    force_cosine,
+    frequency,
+    phase,
+    position,
+    velocity,
 ):
     """Closed form of a body on a spring that also feels the harmonic vibration.
 
@@ -108,7 +118,7 @@ def driven_vibration(
 
 @compiled
 def decaying_part(motion, time):
-    """Decaying part of an ``Oscillation`` after a time: displacement [m] and velocity [m/s], eq. (8)."""
+    """Decaying part of an ``Oscillation``, eq. (8): displacement [m] and velocity [m/s]."""
     a = motion.decay_rate
     w = motion.angular_frequency
     decay = math.exp(-a * time)
@@ -135,13 +145,13 @@ def decaying_integral(motion, time):
 
 @compiled
 def reacting_force(weight_on_bit, load_spring_rate, damping, position, velocity):
-    """R = W - k_1 u_np - c_1 v_np [N], positive while the spring pushes the drill toward the rock."""
+    """R = W - k_1 u_np - c_1 v_np [N], positive while the drill is pushed toward the rock."""
     return weight_on_bit - load_spring_rate * position - damping * velocity
 
 
 @compiled
 def decaying_derivatives(motion, displacement, velocity):
-    """Second [m/s^2] and third [m/s^3] derivative of the decaying part, from its equation of motion."""
+    """Second [m/s^2] and third [m/s^3] derivative of the decaying part."""
     square = motion.decay_rate**2 + motion.angular_frequency**2
     acceleration = -square * displacement - 2.0 * motion.decay_rate * velocity
     jerk = -square * velocity - 2.0 * motion.decay_rate * acceleration
@@ -156,5 +166,5 @@ def decaying_amplitude(motion):
 
 @compiled
 def undamped_frequency(motion):
-    """omega_n [rad/s]; each derivative of the decaying part is at most omega_n times the bound of the one before."""
+    """omega_n [rad/s]: by this factor grows, at most, the bound of each further derivative."""
     return math.hypot(motion.decay_rate, motion.angular_frequency)

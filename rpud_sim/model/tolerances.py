@@ -1,26 +1,28 @@
 """How finely the engine resolves contacts: every tolerance of the model, in one place.
 
-Bodies nearer than ``TOUCHING`` touch. They may overlap by that until they have been further apart, and no bounce lower
-than ``LOWEST_BOUNCE`` is resolved, so that bodies that neither press nor part cost nothing. In the same way a contact
-that begins without force opens when it pulls by ``WEAKEST_PULL``. A gap that has been open and a contact that has
-pressed end at zero exactly, within ``TIME_RESOLUTION``.
+Bodies nearer than ``TOUCHING`` touch. They may overlap by that until they have been further apart,
+and no bounce lower than ``LOWEST_BOUNCE`` is resolved, so that bodies that neither press nor part
+cost nothing. In the same way a contact that begins without force opens when it pulls by
+``WEAKEST_PULL``. A gap that has been open and a contact that has pressed end at zero exactly,
+within ``TIME_RESOLUTION``.
 """
 
 # Two bodies that are nearer touch, and may overlap by as much before they collide [m].
 TOUCHING = 1e-12
 
-# A bounce that is lower is a contact that lasts [m]. The lowest bounce may gain TOUCHING by falling deeper than it
-# began; that is well below what it loses in a collision.
+# A bounce that is lower is a contact that lasts [m]. The lowest bounce may gain TOUCHING by
+# falling deeper than it began; that is well below what it loses in a collision.
 LOWEST_BOUNCE = 8.0 * TOUCHING
 
-# A free mass that is caged between actuator and drill tool, and cannot force them further apart than this against what
-# presses them together, is held by both [m].
+# A free mass that is caged between actuator and drill tool, and cannot force them further apart
+# than this against what presses them together, is held by both [m].
 NARROWEST_CAGE = 1e-9
 
 # Touching bodies do not collide if their velocities differ by less [m/s].
 SAME_VELOCITY = 1e-9
 
-# A contact that does not press opens when it pulls by this [N]; it is kept if it pulls by less than half of that.
+# A contact that does not press opens when it pulls by this [N]; it is kept if it pulls by less
+# than half of that.
 WEAKEST_PULL = 1e-9
 
 # Touching bodies need no contact force if their accelerations close the gap by less [m/s^2].
@@ -29,15 +31,18 @@ SAME_ACCELERATION = 1e-6
 # An approach that is this near to its root is an event [s].
 TIME_RESOLUTION = 1e-16
 
-# No segment is longer than this [s]: what is known ahead stays bounded, and bodies at rest are still reported.
+# No segment is longer than this [s]: what is known ahead stays bounded, and bodies at rest are
+# still reported.
 LONGEST_SEGMENT = 0.01
 
-# Steps of a search after which a segment ends without an event; the next one begins with tighter bounds.
+# Steps of a search after which a segment ends without an event; the next one begins with tighter
+# bounds.
 LONGEST_SEARCH = 2000
 
 # Collisions at one instant after which the bodies go on together.
 MOST_COLLISIONS = 1000
 
-# Events in a row within SHORTEST_SEGMENT [s] of each other after which the engine gives up rather than stall.
+# Events in a row within SHORTEST_SEGMENT [s] of each other after which the engine gives up rather
+# than stall.
 LONGEST_STANDSTILL = 10_000
 SHORTEST_SEGMENT = 1e-13
