@@ -24,6 +24,11 @@ setup: install/.package ## Install ROS 2 Jazzy and the Python packages into .ven
 run: install/.package ## Drill in real time for DURATION seconds (10) and record to BAG (bags/<time>)
 	@$(WITH_ENV) rpud run --duration $(DURATION) --record $(BAG)
 
+.PHONY: picture
+picture: install/.package ## Drill and record to BAG for 3 s, and draw it as docs/images/first_light.png
+	@$(WITH_ENV) rpud run --duration 3 --record $(BAG) && \
+	  python -m rpud_sim.analysis.picture $(BAG) docs/images/first_light.png
+
 ##@ Develop
 .PHONY: test
 test: install/.package ## Run every test; PYTEST_ARGS passes on options

@@ -78,6 +78,13 @@ def test_pip_installs_nothing_but_the_package(plain_install):
     assert folders == {"rpud_sim"}
 
 
+def test_pip_installs_the_messages_for_use_without_ros(plain_install):
+    (share,) = plain_install.glob("lib/python3.*/site-packages/rpud_sim/bag/share")
+    for file in (ROOT / "msg_defs" / "msg").iterdir():
+        assert (share / "rpud_msgs" / "msg" / file.name).read_text() == file.read_text()
+    assert (share / "geometry_msgs" / "msg" / "WrenchStamped.msg").is_file()
+
+
 def test_command_installed_with_pip_runs(plain_install):
     (site_packages,) = plain_install.glob("lib/python3.*/site-packages")
     output = subprocess.check_output(
