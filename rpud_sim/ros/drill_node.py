@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 import threading
 from collections import deque
@@ -12,6 +13,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
@@ -214,6 +216,18 @@ class DrillNode(Node):
 
 def main() -> None:
     """Run the executable until SIGINT or SIGTERM: exit 0, 1 after a failure, 2 for bad input."""
+    parser = argparse.ArgumentParser(
+        prog="drill_node",
+        description="A drill in soft real time.",
+        epilog="example: drill_node --ros-args -r __ns:=/rpud --params-file config/free.yaml",
+    )
+    try:
+        words = remove_ros_args(sys.argv)[1:]
+    except RuntimeError as error:  # RCLError
+        reason = str(error).partition(", at ")[0]
+        print(f"drill_node: ROS arguments that cannot be used: {reason}", file=sys.stderr)
+        sys.exit(2)
+    parser.parse_args(words)
     sys.exit(_main())
 
 

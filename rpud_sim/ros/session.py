@@ -13,6 +13,7 @@ import rclpy
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
+from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.ros.drill_node import DrillNode, spin
 from rpud_sim.ros.parameters import check_settings
@@ -48,6 +49,8 @@ class RecorderProcess:
         )
         self._ready = threading.Event()
         self._errors: list[str] = []
+        # Its errors are read here alone: communicate() would take some of them away.
+        self._stream, self._process.stderr = self._process.stderr or (), None
         self._reader = threading.Thread(target=self._read_errors, daemon=True)
         self._reader.start()
 
@@ -80,10 +83,7 @@ class RecorderProcess:
         return code
 
     def _read_errors(self) -> None:
-        stream = self._process.stderr
-        if stream is None:
-            return
-        for line in stream:
+        for line in self._stream:
             self._errors.append(line.rstrip("\n"))
             if "recording" in line and "topics to" in line:
                 self._ready.set()
@@ -107,8 +107,13 @@ def drill(
     """
     try:
         check_settings(dict(values))
+        validate_namespace(f"/{namespace.removeprefix('/')}")
     except ParameterError as error:
         print(f"rpud run: {error}", file=sys.stderr)
+        return 2
+    except InvalidNamespaceException as error:
+        what, name, *_ = str(error).splitlines()  # below them it points at the character
+        print(f"rpud run: {what} {name.strip()}", file=sys.stderr)
         return 2
     with StopRequest() as stop:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -119,9 +124,6 @@ def drill(
             ]
             node = DrillNode(duration, namespace=namespace, parameter_overrides=overrides)
             return _drill(node, stop, bag, namespace, live)
-        except InvalidNamespaceException as error:
-            print(f"rpud run: --namespace {' '.join(str(error).split())}", file=sys.stderr)
-            return 2
         finally:
             rclpy.try_shutdown()
 
