@@ -1,0 +1,115 @@
+"""Status and diagnostics say what a report says."""
+
+import dataclasses
+
+import pytest
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.serialization import serialize_message
+
+from rpud_sim.ros.pacing import Timing
+from rpud_sim.ros.report import Report, report_to_diagnostics, report_to_status
+from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
+
+SECOND = 1_000_000_000
+ORIGIN = 1_700_000_000 * SECOND + 5
+ON_TIME = Timing(
+    blocks=300,
+    deadlines_missed=4,
+    lateness=0.0002,
+    lateness_max=0.003,
+    lag=0.0,
+    real_time_factor=0.9998,
+)
+REPORT = Report(
+    state="running",
+    time=3 * SECOND,
+    regime="drilling",
+    applied=Applied(WeightOnBit(30.0), 2 * SECOND, Drive(False, 80.0, 17000.0), SECOND),
+    impacts=1234,
+    commands_accepted=2,
+    commands_rejected=7,
+    messages_dropped=1,
+    timing=ON_TIME,
+    figures={},
+)
+
+
+def nanoseconds(time):
+    return time.sec * SECOND + time.nanosec
+
+
+def late(**changes):
+    return dataclasses.replace(REPORT, timing=dataclasses.replace(ON_TIME, **changes))
+
+
+def diagnostics(report, telemetry_rate=100):
+    return report_to_diagnostics(report, "/rpud/drill_node", Time(sec=9), telemetry_rate)
+
+
+def test_the_status_says_every_figure():
+    status = report_to_status(REPORT, ORIGIN)
+    assert nanoseconds(status.header.stamp) == ORIGIN + 3 * SECOND
+    assert nanoseconds(status.weight_on_bit_applied) == ORIGIN + 2 * SECOND
+    assert nanoseconds(status.drive_applied) == ORIGIN + SECOND
+    expected = {
+        "state": "running",
+        "regime": "drilling",
+        "weight_on_bit": 30.0,
+        "drive_enabled": False,
+        "drive_voltage": 80.0,
+        "drive_frequency": 17000.0,
+        "impacts": 1234,
+        "commands_accepted": 2,
+        "commands_rejected": 7,
+        "deadlines_missed": 4,
+        "messages_dropped": 1,
+        "real_time_factor": 0.9998,
+        "lateness_max": 0.003,
+        "lag": 0.0,
+    }
+    assert {name: getattr(status, name) for name in expected} == expected
+    times = {"header", "weight_on_bit_applied", "drive_applied"}
+    assert set(status.get_fields_and_field_types()) == {*expected, *times}
+    assert status.state == status.STATE_RUNNING
+    assert status.regime == status.REGIME_DRILLING
+    serialize_message(status)
+
+
+@pytest.mark.parametrize(
+    ("report", "level", "text"),
+    [
+        (REPORT, DiagnosticStatus.OK, "on time"),
+        (late(lateness_max=0.0101), DiagnosticStatus.WARN, "a block was 0.010 s late"),
+        (late(lag=1.5), DiagnosticStatus.ERROR, "simulation time lags 1.500 s behind"),
+    ],
+)
+def test_the_level_of_the_timing_is_that_of_the_lateness(report, level, text):
+    message = diagnostics(report)
+    assert message.status[0].level == level
+    assert message.status[0].message == text
+
+
+def test_what_is_late_depends_on_the_period():
+    report = late(lateness_max=0.05)
+    assert diagnostics(report, 10).status[0].level == DiagnosticStatus.OK
+    assert diagnostics(report, 1000).status[0].level == DiagnosticStatus.WARN
+
+
+def test_the_diagnostics_have_names_and_values():
+    message = diagnostics(REPORT)
+    assert message.header.stamp.sec == 9
+    timing, commands = message.status
+    assert timing.name == "/rpud/drill_node: timing"
+    assert commands.name == "/rpud/drill_node: commands"
+    assert commands.message == "7 refused"
+    values = {pair.key: pair.value for pair in (*timing.values, *commands.values)}
+    assert values["deadlines_missed"] == "4"
+    assert values["real_time_factor"] == "0.9998"
+    assert values["lateness_max [s]"] == "0.003000"
+    assert values["messages_dropped"] == "1"
+    assert values["commands_accepted"] == "2"
+    assert values["weight_on_bit [N]"] == "30"
+    assert values["drive_enabled"] == "False"
+    assert values["drive_frequency [Hz]"] == "17000"
+    serialize_message(message)
