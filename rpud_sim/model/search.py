@@ -27,6 +27,7 @@ from rpud_sim.model.guards import (
     guard_at,
     guard_bounds,
 )
+from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
 from rpud_sim.model.tolerances import (
     LONGEST_SEARCH,
@@ -39,6 +40,9 @@ from rpud_sim.model.vibration import time_to_zero_displacement
 
 # A guard that does not bend still needs a bound to divide by [m/s^2 or N/s^2].
 LEAST_BOUND = 1e-9
+
+# How far two forces are followed at first [s].
+FIRST_SPAN = 1e-5
 
 
 @compiled
@@ -131,6 +135,22 @@ def sooner(drill, segment, end, duration, event):
 
 
 @compiled
+def sooner_release(drill, segment, duration, event):
+    """The given duration and event, or those of the contact of all three bodies if it ends sooner.
+
+    Either force may vanish long before the other: they are followed by turns, further and further.
+    """
+    span = FIRST_SPAN
+    while True:
+        span = min(span, duration)
+        time, end = sooner(drill, segment, END_DRILL_TOOL_RELEASE, span, event)
+        time, end = sooner(drill, segment, END_ACTUATOR_RELEASE, time, end)
+        if time < span or span == duration:
+            return time, end
+        span *= 8.0
+
+
+@compiled
 def next_event(drill, state, segment):
     """What ends the segment, and after what time [s].
 
@@ -145,6 +165,9 @@ def next_event(drill, state, segment):
             duration = change
             event = END_AMPLITUDE
     contact = state.contact
+    if contact == CONTACT_BOTH:
+        duration, event = sooner_release(drill, segment, duration, event)
+        return event, duration
     if contact == CONTACT_DRILL_TOOL and segment.drill_tool_decay_rate == 0.0:
         root = release_time(
             segment.drill_tool_cosine,
