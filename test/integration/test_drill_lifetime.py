@@ -1,0 +1,250 @@
+"""A drill begins, is stopped, is disturbed, and loses those around it; the others go on."""
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from drill_client import SECOND, Client, nanoseconds, stamps, steps
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+from rpud_msgs.msg import ContactForce, Status
+
+import rpud_sim.bag
+
+LISTENER = Path(__file__).with_name("listener.py")
+
+
+@pytest.fixture
+def drill(process):
+    """Start a drill with ROS arguments and wait until it drills."""
+
+    def start(*words, namespace="/rpud"):
+        arguments = ("--ros-args", "-r", f"__ns:={namespace}", *words)
+        started = process("drill_node", *arguments)
+        started.wait_for_line("drilling: regime")
+        return started
+
+    return start
+
+
+@pytest.fixture
+def listen():
+    """Join a namespace as a client."""
+    clients = []
+
+    def join(namespace="/rpud"):
+        clients.append(Client(namespace))
+        return clients[-1]
+
+    yield join
+    for client in clients:
+        client.close()
+
+
+def sequences(path):
+    with rpud_sim.bag.open(path) as bag:
+        return [
+            deserialize_message(message.data, ContactForce).sequence
+            for message in bag.messages(["/rpud/contact_force"])
+        ]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_cleanly_and_the_end_is_heard(drill, listen, number):
+    node = drill(namespace="/ending")
+    client = listen("/ending")
+    statuses, impacts = client.listen("status"), client.listen("contact_force")
+    waveforms = client.listen("waveform")
+    client.until(lambda: statuses and len(impacts) > 10 and waveforms)
+    assert statuses[-1].state == Status.STATE_RUNNING
+    os.kill(node.pid, number)
+    client.until(lambda: statuses[-1].state == Status.STATE_STOPPED)
+    assert node.wait(10.0) == 0
+    assert "Traceback" not in node.output
+    last = statuses[-1]
+    # What happened until the end is heard as well,
+    end = nanoseconds(last.header.stamp)
+    # but for an impact whose contact has not ended.
+    client.until(lambda: last.impacts - 1 <= impacts[-1].sequence + 1)
+
+    def told():
+        final = waveforms[-1]
+        period = round(final.sample_period * SECOND)
+        return stamps([final])[0] + len(final.reacting_force) * period
+
+    client.until(lambda: told() >= end)
+    assert told() == end
+    assert set(steps([message.sequence for message in impacts])) == {1}
+
+
+def test_a_signal_before_it_drills_ends_it_too(process):
+    node = process("drill_node", "--ros-args", "-r", "__ns:=/early", "-p", "use_sim_time:=true")
+    node.wait_for_line("waiting for /clock, as use_sim_time is set")
+    node.terminate()
+    assert node.wait(10.0) == 0
+
+
+def test_a_listener_that_stands_still_or_is_killed_does_not_hold_it_up(drill, process, listen):
+    node = drill()
+    words = ("--expect", "/rpud/contact_force=50", "/rpud/nodal_plane=20", "/rpud/status=1")
+    frozen, killed = (process(sys.executable, LISTENER, *words) for _ in range(2))
+    for listener in (frozen, killed):
+        listener.wait_for_line("heard enough")
+    os.kill(frozen.pid, signal.SIGSTOP)
+    killed.kill()
+    client = listen()
+    statuses, impacts = client.listen("status"), client.listen("contact_force")
+    client.until(lambda: len(statuses) >= 4)
+    assert set(steps([message.sequence for message in impacts])) == {1}
+    assert statuses[-1].messages_dropped == 0
+    assert statuses[-1].lag < 0.5
+    # Nor does the one that never acknowledges hold up its end.
+    began = time.monotonic()
+    node.interrupt()
+    assert node.wait(10.0) == 0
+    assert time.monotonic() - began < 4.0
+    os.kill(frozen.pid, signal.SIGCONT)
+
+
+def test_a_killed_recorder_leaves_drill_and_listeners_at_work(drill, process, listen, tmp_path):
+    node = drill()
+    recorder = process("recorder", "--out", tmp_path / "run")
+    recorder.wait_for_line("recording 10 topics")
+    client = listen()
+    statuses, impacts = client.listen("status"), client.listen("contact_force")
+    client.until(lambda: impacts)
+    recorder.kill()
+    recorder.wait()
+    heard = len(impacts)
+    client.until(lambda: len(impacts) > heard + 400)
+    assert set(steps([message.sequence for message in impacts])) == {1}
+    assert statuses[-1].messages_dropped == 0
+    node.interrupt()
+    assert node.wait(10.0) == 0
+
+
+def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
+    drill, process, listen, tmp_path
+):
+    first = drill()
+    client = listen()
+    impacts, statuses = client.listen("contact_force"), client.listen("status")
+    recorder = process("recorder", "--out", tmp_path / "run")
+    recorder.wait_for_line("recording 10 topics")
+    client.until(lambda: len(impacts) > 100)
+    first.kill()
+    first.wait()
+    killed_at = impacts[-1].sequence
+    second = drill()
+    client.until(lambda: impacts[-1].sequence < 50 or len(impacts) > 5000)
+    client.until(lambda: impacts[-1].sequence > 100)
+    second.interrupt()
+    client.until(lambda: statuses[-1].state == Status.STATE_STOPPED)
+    assert second.wait(10.0) == 0
+    recorder.interrupt()
+    assert recorder.wait() == 0
+    recorder.wait_for_line(r"recorded \d+ messages on 10 topics")
+    recorded = sequences(tmp_path / "run")
+    jumps = [step for step in steps(recorded) if step != 1]
+    assert len(jumps) == 1
+    assert jumps[0] < 0
+    assert killed_at in recorded
+
+
+def test_a_drill_that_stood_still_counts_it_and_skips_nothing(drill, listen):
+    node = drill(namespace="/frozen")
+    client = listen("/frozen")
+    planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
+    statuses, diagnostics = client.listen("status"), client.listen("/diagnostics")
+    waveforms, trajectories = client.listen("waveform"), client.listen("trajectory")
+    client.until(lambda: statuses and len(planes) > 20 and waveforms and trajectories)
+    missed = statuses[-1].deadlines_missed
+    before = stamps(planes)[-1]
+    os.kill(node.pid, signal.SIGSTOP)
+    time.sleep(1.0)
+    os.kill(node.pid, signal.SIGCONT)
+
+    def caught_up():
+        return time.time_ns() - stamps(planes)[-1] < SECOND // 5
+
+    client.until(lambda: stamps(planes)[-1] > before + SECOND and caught_up())
+    client.until(lambda: statuses[-1].deadlines_missed >= missed + 80)
+    assert max(status.lateness_max for status in statuses) > 0.9
+    assert set(steps(stamps(planes))) == {SECOND // 100}
+    assert set(steps([message.sequence for message in impacts])) == {1}
+    for stream, name in ((waveforms, "reacting_force"), (trajectories, "duration")):
+        assert steps([message.sequence for message in stream]) == [
+            len(getattr(message, name)) for message in stream[:-1]
+        ]
+
+    def warned():
+        return [
+            status.message
+            for message in diagnostics
+            for status in message.status
+            if status.name == "/frozen/drill_node: timing" and status.level != b"\x00"
+        ]
+
+    client.until(warned)
+    count = len(statuses)
+    client.until(lambda: len(statuses) >= count + 2)
+    assert statuses[-1].lag == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_machine_that_is_too_slow_is_told_of(drill, listen):
+    # A thousand blocks a second with a million samples each: more than any machine can.
+    node = drill(
+        *("-p", "telemetry_rate:=1000", "-p", "sample_rate:=1000000", "-p", "block_duration:=0.01"),
+        namespace="/slow",
+    )
+    client = listen("/slow")
+    statuses = client.listen("status")
+    client.until(lambda: len(statuses) >= 2)
+    last = statuses[-1]
+    assert last.real_time_factor > 0.0
+    assert (last.deadlines_missed > 0) == (last.lateness_max > 0.001) or last.deadlines_missed > 0
+    node.interrupt()
+    assert node.wait(15.0) == 0
+
+
+def test_the_drill_can_be_the_source_of_time(drill, listen):
+    client = listen("/timed")
+    clocks, statuses = client.listen("/clock", qos_profile_sensor_data), client.listen("status")
+    planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
+    began = time.monotonic()
+    drill("-p", "publish_clock:=true", namespace="/timed")
+    client.until(lambda: len(clocks) > 50 and len(planes) > 50 and statuses and impacts)
+    elapsed = (time.monotonic() - began) * SECOND
+    times = [nanoseconds(message.clock) for message in clocks]
+    assert all(0 < at < elapsed for at in times)
+    assert all(step > 0 and step % (SECOND // 100) == 0 for step in steps(times))
+    assert stamps(planes)[0] < elapsed
+    assert set(stamps(planes)) & set(times)
+    assert all(0 < stamp < elapsed for stamp in stamps(impacts))
+    assert 0 <= stamps(statuses)[0] < elapsed
+    assert nanoseconds(statuses[0].drive_applied) == 0
+
+
+def test_with_use_sim_time_it_waits_for_the_clock_and_begins_then(process, listen):
+    node = process("drill_node", "--ros-args", "-r", "__ns:=/waiting", "-p", "use_sim_time:=true")
+    node.wait_for_line("waiting for /clock, as use_sim_time is set")
+    client = listen("/waiting")
+    planes, statuses = client.listen("nodal_plane"), client.listen("status")
+    publisher = client.node.create_publisher(Clock, "/clock", 10)
+    client.until(publisher.get_subscription_count)
+    assert statuses == []
+    assert planes == []
+    now = Clock()
+    now.clock.sec = 5000
+
+    def drills():
+        publisher.publish(now)
+        return len(planes) > 10
+
+    client.until(drills)
+    assert all(5000 * SECOND <= stamp < 5030 * SECOND for stamp in stamps(planes))
+    assert nanoseconds(statuses[0].drive_applied) == 5000 * SECOND

@@ -1,0 +1,226 @@
+"""What plain rclpy clients hear of a drill in another process."""
+
+import time
+
+import numpy as np
+import pytest
+from ament_index_python.packages import get_package_share_directory
+from drill_client import PLENTY, SECOND, TELEMETRY, Client, nanoseconds, stamps, steps
+from numpy.testing import assert_allclose
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rpud_msgs.msg import Status
+from support import Process
+from trajectories import of_message, rebuild
+
+from rpud_sim.simulation import SEGMENT, preset
+
+FREE_MASS = 5e-3
+CONFIG = get_package_share_directory("rpud_sim") + "/config"
+
+
+@pytest.fixture(scope="module")
+def drill():
+    """One drill for all that only listen."""
+    process = Process("drill_node", "--ros-args", "-r", "__ns:=/listened")
+    try:
+        process.wait_for_line("drilling: regime drilling, weight on bit 10 N, drive on")
+        yield process
+    finally:
+        process.stop()
+
+
+@pytest.fixture
+def client(drill):
+    client = Client("/listened")
+    yield client
+    client.close()
+
+
+@pytest.mark.parametrize(
+    "qos", [QoSProfile(depth=10), qos_profile_sensor_data], ids=["default", "sensor data"]
+)
+def test_every_sensor_is_heard_with_default_and_with_sensor_data_qos(client, qos):
+    heard = {topic: client.listen(topic, qos) for topic in TELEMETRY}
+    arrived = []
+    client.until(lambda: all(len(messages) >= 5 for messages in heard.values()))
+    for messages in heard.values():
+        arrived.append(time.time_ns() - stamps(messages)[-1])
+    # Near the wall clock, so that they line up with what other sensors say.
+    assert all(abs(age) < SECOND for age in arrived)
+    count = len(heard["nodal_plane"])
+    client.until(lambda: len(heard["nodal_plane"]) >= count + 20)
+    for topic, messages in heard.items():
+        assert all(step > 0 and step % 10_000_000 == 0 for step in steps(stamps(messages))), topic
+
+
+def test_telemetry_is_one_sample_of_one_motion_a_hundred_times_a_second(client):
+    heard = {topic: client.listen(topic) for topic in TELEMETRY}
+    client.until(lambda: all(len(messages) >= 120 for messages in heard.values()))
+    by_stamp = {
+        topic: dict(zip(stamps(messages), messages, strict=True))
+        for topic, messages in heard.items()
+    }
+    for topic, messages in heard.items():
+        assert set(steps(stamps(messages))) == {SECOND // 100}, topic
+    common = set.intersection(*map(set, by_stamp.values()))
+    assert len(common) >= 100
+    parameters = preset("drilling")
+    damping = 2.0 * 0.5 * np.sqrt(parameters.load_spring_rate * parameters.rpud_mass)
+    for stamp in common:
+        plane, tool, force, wrench = (by_stamp[topic][stamp] for topic in TELEMETRY)
+        expected = 10.0 - 2000.0 * plane.position - damping * plane.velocity
+        assert force.force == pytest.approx(expected, abs=1e-9)
+        assert wrench.wrench.force.z == -force.force
+        assert abs(tool.displacement) < 1e-3
+        assert plane.header.frame_id == "rpud_nodal_plane"
+        assert tool.header.frame_id == "rpud_tool_tip"
+        assert force.header.frame_id == wrench.header.frame_id == "rpud_mount"
+
+
+def test_every_impact_is_heard_once_and_is_physical(client):
+    heard = client.listen("contact_force")
+    client.until(lambda: len(heard) >= 400)
+    sequences = [message.sequence for message in heard]
+    assert set(steps(sequences)) == {1}
+    assert all(step > 0 for step in steps(stamps(heard)))
+    for message in heard:
+        # The drill tool rests when it is struck, so that all the energy is the free mass's.
+        assert message.energy == pytest.approx(FREE_MASS * message.impact_velocity**2 / 2, rel=1e-6)
+        assert message.peak_force > 0.0
+        assert 0.0 < message.contact_duration < 1e-3
+        assert message.impact_velocity > 0.0
+        assert message.header.frame_id == "rpud_tool_tip"
+    # It arrives, stops and leaves: more than once its momentum and not more than twice.
+    given = [message.impulse / (FREE_MASS * message.impact_velocity) for message in heard]
+    assert 1.0 < np.median(given) < 2.0
+
+
+def test_the_status_is_latched_for_who_comes_late(client):
+    heard = client.listen("status")
+    status = client.until(lambda: heard and heard[0])
+    assert status.state == Status.STATE_RUNNING
+    assert status.regime == Status.REGIME_DRILLING
+    assert (status.weight_on_bit, status.drive_enabled) == (10.0, True)
+    assert (status.drive_voltage, status.drive_frequency) == (100.0, 16000.0)
+    client.until(lambda: len(heard) >= 3)
+    first, second = heard[-2:]
+    assert steps(stamps([first, second])) == [SECOND]
+    assert second.impacts > first.impacts
+    assert second.real_time_factor == pytest.approx(1.0, abs=0.3)
+    assert nanoseconds(second.weight_on_bit_applied) == nanoseconds(second.drive_applied)
+    assert second.commands_accepted == second.commands_rejected == second.messages_dropped == 0
+
+
+def test_the_diagnostics_tell_timing_and_commands(client):
+    heard = client.listen("/diagnostics")
+
+    def ours():
+        return [
+            status
+            for message in heard
+            for status in message.status
+            if status.name.startswith("/listened/drill_node: ")
+        ]
+
+    client.until(lambda: len(ours()) >= 2)
+    assert {status.name for status in ours()} == {
+        "/listened/drill_node: timing",
+        "/listened/drill_node: commands",
+    }
+    values = {pair.key: pair.value for status in ours() for pair in status.values}
+    assert float(values["real_time_factor"]) > 0.0
+    assert int(values["blocks"]) > 0
+    assert {"deadlines_missed", "lag [s]", "lateness_max [s]", "commands_rejected"} <= set(values)
+
+
+def test_streams_have_no_gap_and_rebuild_each_other_at_rates_that_do_not_divide(process):
+    process(
+        *("drill_node", "--ros-args", "-r", "__ns:=/streams", "-p", "telemetry_rate:=30"),
+        *("-p", "sample_rate:=44100", "-p", "block_duration:=0.1", "-p", "weight_on_bit:=20"),
+    )
+    client = Client("/streams")
+    try:
+        waveforms, trajectories = client.listen("waveform"), client.listen("trajectory")
+        planes = client.listen("nodal_plane")
+        client.until(lambda: len(waveforms) >= 8 and len(trajectories) >= 9)
+    finally:
+        client.close()
+    rate = 44100
+    origin = nanoseconds(trajectories[0].origin)
+
+    following = steps([message.sequence for message in waveforms])
+    assert following == [len(message.reacting_force) for message in waveforms[:-1]]
+    assert set(following) == {rate // 10}
+    for message in waveforms:
+        assert message.sample_period == 1.0 / rate
+        assert stamps([message]) == [origin + message.sequence * SECOND // rate]
+
+    following = steps([message.sequence for message in trajectories])
+    assert following == [len(message.duration) for message in trajectories[:-1]]
+    arrays = {
+        name: np.concatenate([np.array(getattr(message, name)) for message in trajectories])
+        for name in SEGMENT.names
+    }
+    starts = arrays["start_seconds"] + arrays["start_fraction"]
+    assert_allclose(np.diff(starts), arrays["duration"][:-1], atol=1e-14)
+    for message in trajectories:
+        exact = origin + (message.start_seconds[0] + message.start_fraction[0]) * SECOND
+        assert abs(stamps([message])[0] - exact) <= 1000  # as a float cannot tell it better
+
+    first = np.ceil(starts[0] * rate)
+    compared = 0
+    for message in waveforms:
+        number = message.sequence + np.arange(len(message.reacting_force))
+        told = (number >= first) & (number / rate < starts[-1])
+        if not told.any():
+            continue
+        compared += told.sum()
+        number = number[told]
+        expected = rebuild(
+            arrays, number // rate, number % rate / rate, **of_message(trajectories[0])
+        )
+        for name, tolerance in {
+            "nodal_plane_position": 1e-13,
+            "actuator_position": 1e-13,
+            "free_mass_position": 1e-13,
+            "drill_tool_displacement": 1e-13,
+            "contact_force": 1e-3,
+            "reacting_force": 1e-8,
+        }.items():
+            found = np.array(getattr(message, name))[told]
+            assert_allclose(found, expected[name], rtol=1e-9, atol=tolerance, err_msg=name)
+    assert compared > 5 * rate // 10
+    # Periods of 33333333.3 ns do not add up to a drift.
+    times = [stamp - origin for stamp in stamps(planes)]
+    numbers = [round(at * 30 / SECOND) for at in times]
+    assert set(steps(numbers)) == {1}
+    assert times == [number * SECOND // 30 for number in numbers]
+
+
+def test_nobody_has_to_listen_and_late_listeners_hear_the_present(client):
+    """A listener that comes second hears what the first one hears, from then on."""
+    early = client.listen("contact_force")
+    client.until(lambda: len(early) >= 10)
+    late = client.listen("contact_force")
+    client.until(lambda: len(late) >= 50)
+    assert late[0].sequence > early[0].sequence
+    mine = {message.sequence: message for message in early}
+    assert all(mine[message.sequence] == message for message in late[:40])
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_a_parameter_file_chooses_the_regime(process, regime):
+    drill = process(
+        *("drill_node", "--ros-args", "-r", f"__ns:=/{regime}"),
+        *("--params-file", f"{CONFIG}/{regime}.yaml"),
+    )
+    client = Client(f"/{regime}")
+    try:
+        heard, impacts = client.listen("status"), client.listen("contact_force", PLENTY)
+        client.until(lambda: heard and len(impacts) >= 5)
+    finally:
+        client.close()
+    assert heard[0].regime == regime
+    assert heard[0].weight_on_bit == preset(regime).weight_on_bit
+    drill.interrupt()
+    assert drill.wait() == 0
