@@ -1,0 +1,150 @@
+"""The contact in the rock, eqs. (20)-(39), against quadrature and direct integration."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
+
+from rpud_sim.model import contact
+from rpud_sim.model.drill import effective_tool
+from rpud_sim.model.parameters import preset
+
+FREE_MASS, GRAVITY = 5e-3, 9.81
+DRILLING = preset("drilling")
+K_1 = 1.96e11 * 7.8e-5 / 10e-3  # eq. (20)
+K_2 = 1.96e11 * 2.0e-5 / 80e-3
+M_1 = 7.9e3 * 7.8e-5 * 10e-3
+M_2 = 7.9e3 * 2.0e-5 * 80e-3
+
+
+def strain_energy(f_middle):
+    """2 V / eta^2 of eq. (26), for a shape that is 1 at the top, f_middle between, 0 below."""
+    top = quad(lambda x: 1.96e11 * 7.8e-5 * ((1 - f_middle) / 10e-3) ** 2, 0, 10e-3)[0]
+    bottom = quad(lambda x: 1.96e11 * 2.0e-5 * (f_middle / 80e-3) ** 2, 0, 80e-3)[0]
+    return top + bottom
+
+
+def kinetic_energy(f_middle):
+    """2 T / eta'^2 of eq. (25), section by section, for the same shape."""
+    rho = 7.9e3
+    top = quad(lambda x: rho * 7.8e-5 * (1 - (1 - f_middle) * x / 10e-3) ** 2, 0, 10e-3)[0]
+    bottom = quad(lambda x: rho * 2.0e-5 * (f_middle * (1 - x / 80e-3)) ** 2, 0, 80e-3)[0]
+    return top, bottom
+
+
+def test_section_spring_rates():
+    assert contact.section_spring_rate(1.96e11, 7.8e-5, 10e-3) == pytest.approx(K_1)
+
+
+def test_printed_tool_is_what_the_paper_prints():
+    tool = contact.printed_tool(K_1, K_2, M_1, M_2)
+    # Eq. (27) follows from the shape printed in eq. (24), with f(L_1) = k_2 / (k_1 + k_2).
+    assert tool.spring_rate == pytest.approx(strain_energy(K_2 / (K_1 + K_2)), rel=1e-9)
+    # In eq. (22) the first term follows from f(L_1) = k_2 / (k_1 + k_2), the second from the other.
+    first, _ = kinetic_energy(K_2 / (K_1 + K_2))
+    _, second = kinetic_energy(K_1 / (K_1 + K_2))
+    assert tool.mass == pytest.approx(first + second, rel=1e-9)
+
+
+def test_rayleigh_tool_is_consistent():
+    tool = contact.rayleigh_tool(K_1, K_2, M_1, M_2)
+    shape = K_1 / (K_1 + K_2)
+    assert tool.spring_rate == pytest.approx(strain_energy(shape), rel=1e-9)
+    assert tool.spring_rate == pytest.approx(1 / (1 / K_1 + 1 / K_2))
+    assert tool.mass == pytest.approx(sum(kinetic_energy(shape)), rel=1e-9)
+
+
+def test_the_parameter_chooses_the_model():
+    assert effective_tool(DRILLING) == contact.printed_tool(K_1, K_2, M_1, M_2)
+    rayleigh = effective_tool(DRILLING.replace(contact_model="rayleigh"))
+    assert rayleigh == pytest.approx(contact.rayleigh_tool(K_1, K_2, M_1, M_2))
+
+
+@settings(max_examples=25)
+@given(
+    model=st.sampled_from(["printed", "rayleigh"]),
+    displacement=st.floats(-1e-6, 2e-5),
+    velocity=st.floats(0.05, 8.0),
+    gravity=st.sampled_from([0.0, 1.62, 9.81]),
+)
+def test_contact_agrees_with_direct_integration(model, displacement, velocity, gravity):
+    tool = effective_tool(DRILLING.replace(contact_model=model))
+    arguments = (displacement, velocity, FREE_MASS, tool.mass, tool.spring_rate, gravity)
+
+    def acceleration(eta):  # eq. (31)
+        return (FREE_MASS * gravity - tool.spring_rate * eta) / (FREE_MASS + tool.mass)
+
+    t_max = contact.time_of_maximum(*arguments)
+    t_con = contact.contact_time(*arguments)
+    solution = solve_ivp(
+        lambda _, y: (y[1], acceleration(y[0])),
+        (0.0, 1.1 * t_con),
+        (displacement, velocity),
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-16,
+        dense_output=True,
+    ).sol
+    for time in np.linspace(0.0, t_con, 9):
+        eta, eta_second = contact.deformation(time, *arguments)
+        assert eta == pytest.approx(solution(time)[0], abs=1e-14)
+        assert eta_second == pytest.approx(acceleration(solution(time)[0]), rel=1e-7, abs=1e-3)
+        # Eqs. (29) and (30) are two sides of one force.
+        force = contact.contact_force(eta_second, FREE_MASS, gravity)
+        assert force == pytest.approx(tool.mass * eta_second + tool.spring_rate * eta, abs=1e-8)
+    # Eq. (38): the first maximum after the impact, where the velocity vanishes.
+    turning = brentq(lambda t: solution(t)[1], 0.0, 0.9 * t_con, xtol=1e-16)
+    assert t_max == pytest.approx(turning, abs=1e-12)
+    greatest = contact.force_at_maximum(*arguments)
+    eta, eta_second = contact.deformation(t_max, *arguments)
+    assert greatest == pytest.approx(contact.contact_force(eta_second, FREE_MASS, gravity))
+    # Eq. (39): deformed as at the impact, and on the way back.
+    assert solution(t_con)[0] == pytest.approx(displacement, abs=1e-14)
+    assert solution(t_con)[1] == pytest.approx(-velocity, rel=1e-6)
+
+
+@given(velocity=st.floats(0.01, 10.0), gravity=st.floats(0.0, 20.0))
+def test_contact_is_left_when_its_force_returns_to_zero(velocity, gravity):
+    tool = effective_tool(DRILLING)
+    rest = FREE_MASS * gravity / tool.spring_rate
+    omega = contact.natural_frequency(FREE_MASS, tool.mass, tool.spring_rate)
+    time = contact.release_time(-rest, velocity / omega, omega, gravity)
+    arguments = (0.0, velocity, FREE_MASS, tool.mass, tool.spring_rate, gravity)
+    _, acceleration = contact.deformation(time, *arguments)
+    greatest = contact.force_at_maximum(*arguments)
+    assert abs(contact.contact_force(acceleration, FREE_MASS, gravity)) < 1e-9 * greatest + 1e-11
+    # Close to eq. (39), which ends the contact when the deformation is back at zero.
+    assert time == pytest.approx(contact.contact_time(*arguments), rel=1e-2)
+
+
+def test_a_mass_that_only_rests_is_not_released():
+    assert contact.release_time(1e-9, 0.0, 1e5, 9.81 + 10.0) == math.inf
+
+
+def test_five_metres_per_second_is_not_what_fig_12_shows():
+    """Fig. 12 shows 1650 N and 42 um. Table 2 with eqs. (20)-(36) as printed gives other values."""
+    tool = contact.printed_tool(K_1, K_2, M_1, M_2)
+    together = FREE_MASS * 5.0 / (FREE_MASS + tool.mass)  # eq. (21)
+    arguments = (0.0, together, FREE_MASS, tool.mass, tool.spring_rate, GRAVITY)
+    force = contact.force_at_maximum(*arguments)
+    deformation, _ = contact.deformation(contact.time_of_maximum(*arguments), *arguments)
+    omega = math.sqrt(tool.spring_rate / (FREE_MASS + tool.mass))
+    assert force == pytest.approx(FREE_MASS * together * omega, rel=1e-3)
+    assert deformation == pytest.approx(together / omega, rel=1e-3)
+    assert not 1500 < force < 1800
+    assert deformation < 30e-6
+
+
+@given(
+    st.floats(1e-3, 0.1), st.floats(1e-3, 1.0), st.floats(0.0, 1.0), st.floats(1e-3, 10.0)
+)
+def test_half_sine_carries_the_impulse_of_the_collision(m_1, m_2, e, speed):
+    peak, duration, impulse = contact.half_sine_impulse(m_1, m_2, e, speed, 1e8)
+    assert impulse == pytest.approx((1 + e) * m_1 * m_2 / (m_1 + m_2) * speed)
+    assert quad(lambda t: peak * math.sin(math.pi * t / duration), 0, duration)[
+        0
+    ] == pytest.approx(impulse)

@@ -1,0 +1,90 @@
+"""Bodies on springs: eqs. (2), (8), (9), (14)-(16), and the vibration on the right-hand side."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad, solve_ivp
+
+from rpud_sim.model.suspension import (
+    damping_coefficient,
+    decaying_derivatives,
+    decaying_integral,
+    decaying_part,
+    driven_vibration,
+    free_vibration,
+    reacting_force,
+)
+
+
+def position(motion, frequency, phase, time):
+    displacement, _ = decaying_part(motion, time)
+    angle = 2 * math.pi * (phase + frequency * time)
+    steady = motion.vibration_sine * math.sin(angle) + motion.vibration_cosine * math.cos(angle)
+    return motion.offset + displacement + steady
+
+
+@settings(max_examples=15)
+@given(
+    damping_ratio=st.floats(0.0, 0.99),
+    mass=st.floats(0.01, 2.0),
+    spring_rate=st.floats(100.0, 1e5),
+    force=st.floats(-50.0, 50.0),
+    vibration_force=st.floats(-100.0, 100.0),
+    velocity=st.floats(-3.0, 3.0),
+)
+def test_closed_form_solves_the_equation_of_motion(
+    damping_ratio, mass, spring_rate, force, vibration_force, velocity
+):
+    frequency, phase, start, time = 900.0, 0.3, 1e-3, 7e-3
+    c = damping_coefficient(damping_ratio, mass, spring_rate)
+    motion = driven_vibration(
+        mass, c, spring_rate, force, vibration_force, 7.0, frequency, phase, start, velocity
+    )
+
+    def equation(t, y):
+        phi = 2 * math.pi * (phase + frequency * t)
+        push = force + vibration_force * math.sin(phi) + 7.0 * math.cos(phi)
+        return y[1], (push - c * y[1] - spring_rate * y[0]) / mass
+
+    solution = solve_ivp(
+        equation, (0, time), (start, velocity), method="DOP853", rtol=1e-11, atol=1e-13
+    )
+    assert position(motion, frequency, phase, time) == pytest.approx(solution.y[0, -1], abs=2e-10)
+
+
+def test_damping_is_the_ratio_to_the_critical_one():
+    assert damping_coefficient(0.5, 1.0, 2000.0) == pytest.approx(math.sqrt(2000.0))
+
+
+def test_free_vibration_has_the_coefficients_of_eq_9():
+    c = damping_coefficient(0.5, 1.0, 2000.0)
+    motion = free_vibration(1.0, c, 2000.0, 0.0, 2e-3, -0.3)
+    omega = math.sqrt(2000.0)
+    assert motion.angular_frequency == pytest.approx(omega * math.sqrt(1 - 0.5**2))
+    assert motion.cosine == 2e-3
+    A_2 = (-0.3 + 0.5 * omega * 2e-3) / motion.angular_frequency
+    assert motion.sine == pytest.approx(A_2)
+
+
+def test_velocity_derivatives_and_integral_agree_with_the_displacement():
+    motion = free_vibration(0.5, 12.0, 3000.0, 10.0, -1e-3, 0.4)
+    time, step = 3e-3, 1e-5
+
+    def displacement(t):
+        return decaying_part(motion, t)[0]
+
+    x, v = decaying_part(motion, time)
+    acceleration, jerk = decaying_derivatives(motion, x, v)
+    before, after = displacement(time - step), displacement(time + step)
+    assert v == pytest.approx((after - before) / (2 * step), rel=1e-5)
+    assert acceleration == pytest.approx((after - 2 * x + before) / step**2, rel=1e-5)
+    far = displacement(time + 2 * step) - displacement(time - 2 * step)
+    assert jerk == pytest.approx((far - 2 * (after - before)) / (2 * step**3), rel=1e-3)
+    assert decaying_integral(motion, time) == pytest.approx(quad(displacement, 0, time)[0])
+
+
+def test_reacting_force_at_rest_is_the_weight_on_bit():
+    assert reacting_force(10.0, 2000.0, 44.7, 0.0, 0.0) == 10.0
+    assert reacting_force(0.0, 2000.0, 40.0, -1e-3, -0.1) == pytest.approx(6.0)
