@@ -78,8 +78,10 @@ class RecorderProcess:
             print(summary, end="", flush=True)
         code = self._process.returncode
         if code != 0:
-            shown = [line for line in self._errors if line.startswith("rpud")] or self._errors[-3:]
-            print("\n".join(shown or [f"the recorder ended with {code}"]), file=sys.stderr)
+            shown = [line for line in self._errors if line.startswith("rpud")]
+            if not shown and code < 0:
+                shown = [f"rpud run: the recorder was ended by signal {-code}; its bag is torn"]
+            print("\n".join(shown or self._errors[-3:]), file=sys.stderr)
         return code
 
     def _read_errors(self) -> None:
@@ -144,7 +146,7 @@ def _drill(node: DrillNode, stop: StopRequest, bag: str | None, namespace: str, 
         line.end()
         recorded = recorder is None or recorder.close() == 0
     print(summary_text(node.totals.figures(), node.report), flush=True)
-    if bag:
+    if bag and recorded:
         print(f"bag: {bag}", flush=True)
     return code if recorded else 1
 
