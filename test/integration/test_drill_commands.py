@@ -19,7 +19,7 @@ from rpud_sim.simulation.configuration import NODE_NAMES
 def drill():
     process = Process("drill_node", "--ros-args", "-r", "__ns:=/commanded")
     try:
-        process.wait_for_line("drilling: regime drilling")
+        process.wait_for_line("drilling: regime drilling", timeout=100.0)
         yield process
     finally:
         process.stop()

@@ -25,7 +25,7 @@ def drill(process):
     def start(*words, namespace="/rpud"):
         arguments = ("--ros-args", "-r", f"__ns:={namespace}", *words)
         started = process("drill_node", *arguments)
-        started.wait_for_line("drilling: regime")
+        started.wait_for_line("drilling: regime", timeout=100.0)  # a first one compiles
         return started
 
     return start
@@ -88,43 +88,32 @@ def test_a_signal_before_it_drills_ends_it_too(process):
     assert node.wait(10.0) == 0
 
 
-def test_a_listener_that_stands_still_or_is_killed_does_not_hold_it_up(drill, process, listen):
+def test_neither_a_frozen_nor_a_killed_listener_nor_a_killed_recorder_holds_it_up(
+    drill, process, listen, tmp_path
+):
     node = drill()
     words = ("--expect", "/rpud/contact_force=50", "/rpud/nodal_plane=20", "/rpud/status=1")
     frozen, killed = (process(sys.executable, LISTENER, *words) for _ in range(2))
+    recorder = process("recorder", "--out", tmp_path / "run")
     for listener in (frozen, killed):
         listener.wait_for_line("heard enough")
-    os.kill(frozen.pid, signal.SIGSTOP)
-    killed.kill()
+    recorder.wait_for_line("recording 10 topics")
     client = listen()
     statuses, impacts = client.listen("status"), client.listen("contact_force")
+    client.until(lambda: statuses and impacts)
+    os.kill(frozen.pid, signal.SIGSTOP)
+    killed.kill()
+    recorder.kill()
     client.until(lambda: len(statuses) >= 4)
     assert set(steps([message.sequence for message in impacts])) == {1}
     assert statuses[-1].messages_dropped == 0
     assert statuses[-1].lag < 0.5
-    # Nor does the one that never acknowledges hold up its end.
+    # Nor do those that never acknowledge hold up its end.
     began = time.monotonic()
     node.interrupt()
     assert node.wait(10.0) == 0
     assert time.monotonic() - began < 4.0
     os.kill(frozen.pid, signal.SIGCONT)
-
-
-def test_a_killed_recorder_leaves_drill_and_listeners_at_work(drill, process, listen, tmp_path):
-    node = drill()
-    recorder = process("recorder", "--out", tmp_path / "run")
-    recorder.wait_for_line("recording 10 topics")
-    client = listen()
-    statuses, impacts = client.listen("status"), client.listen("contact_force")
-    client.until(lambda: impacts)
-    recorder.kill()
-    recorder.wait()
-    heard = len(impacts)
-    client.until(lambda: len(impacts) > heard + 400)
-    assert set(steps([message.sequence for message in impacts])) == {1}
-    assert statuses[-1].messages_dropped == 0
-    node.interrupt()
-    assert node.wait(10.0) == 0
 
 
 def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
@@ -224,7 +213,7 @@ def test_the_drill_can_be_the_source_of_time(drill, listen):
     assert all(step > 0 and step % (SECOND // 100) == 0 for step in steps(times))
     assert stamps(planes)[0] < elapsed
     assert set(stamps(planes)) & set(times)
-    assert all(0 < stamp < elapsed for stamp in stamps(impacts))
+    assert all(0 <= stamp < elapsed for stamp in stamps(impacts))
     assert 0 <= stamps(statuses)[0] < elapsed
     assert nanoseconds(statuses[0].drive_applied) == 0
 

@@ -23,7 +23,9 @@ def drill():
     """One drill for all that only listen."""
     process = Process("drill_node", "--ros-args", "-r", "__ns:=/listened")
     try:
-        process.wait_for_line("drilling: regime drilling, weight on bit 10 N, drive on")
+        process.wait_for_line(
+            "drilling: regime drilling, weight on bit 10 N, drive on", timeout=100.0
+        )
         yield process
     finally:
         process.stop()

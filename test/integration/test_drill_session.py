@@ -1,0 +1,228 @@
+"""`rpud run`: the main job, whole, in processes of its own."""
+
+import os
+import signal
+import subprocess
+
+import pytest
+from ament_index_python.packages import get_package_share_directory
+from drill_client import SECOND, Client, nanoseconds, steps
+from rosbags.highlevel import AnyReader
+from rpud_msgs.msg import Status
+
+CONFIG = get_package_share_directory("rpud_sim") + "/config"
+TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench")
+TYPES = {
+    "/rpud/contact_force": "rpud_msgs/msg/ContactForce",
+    "/rpud/drill_tool": "rpud_msgs/msg/DrillTool",
+    "/rpud/nodal_plane": "rpud_msgs/msg/NodalPlane",
+    "/rpud/reacting_force": "rpud_msgs/msg/ReactingForce",
+    "/rpud/status": "rpud_msgs/msg/Status",
+    "/rpud/trajectory": "rpud_msgs/msg/Trajectory",
+    "/rpud/waveform": "rpud_msgs/msg/Waveform",
+    "/rpud/wrench": "geometry_msgs/msg/WrenchStamped",
+}
+
+
+def run(*words):
+    """Run `rpud run` to its end; give exit code, standard output and standard error."""
+    done = subprocess.run(
+        ["rpud", "run", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=100.0,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def read(path):
+    """Give the messages of a bag by topic, as rosbags reads them."""
+    with AnyReader([path]) as reader:
+        types = {connection.topic: connection.msgtype for connection in reader.connections}
+        heard = {topic: [] for topic in types}
+        for connection, _, data in reader.messages():
+            heard[connection.topic].append(reader.deserialize(data, connection.msgtype))
+    return types, heard
+
+
+def stamps(messages):
+    return [nanoseconds(message.header.stamp) for message in messages]
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    """Two seconds of drilling, recorded."""
+    path = tmp_path_factory.mktemp("session") / "bag"
+    return path, run("--duration", 2, "--record", path, "--set", "weight_on_bit=20")
+
+
+@pytest.fixture(scope="module")
+def bag(session):
+    path, (code, _, errors) = session
+    assert code == 0, errors
+    return read(path)
+
+
+def test_it_shows_rate_and_forces_and_ends_with_a_summary_and_the_bag(session):
+    path, (code, output, errors) = session
+    assert code == 0
+    lines = output.splitlines()
+    assert lines[0].startswith("recorded ")
+    assert "drilled 2.00 s: " in output
+    assert "impacts/s  contact force " in output
+    assert "deadlines missed, 0 commands accepted, 0 refused, 0 messages dropped" in output
+    assert lines[-1] == f"bag: {path}"
+    live = [line for line in errors.splitlines() if "reacting force" in line]
+    assert live, errors
+    assert " N mean " in live[0]
+    assert "Traceback" not in errors
+
+
+def test_the_bag_has_every_topic_with_its_type(bag):
+    types, heard = bag
+    assert TYPES.items() <= types.items()
+    assert all(heard[topic] for topic in TYPES)
+    assert set(types) - set(TYPES) == {"/rpud/command/weight_on_bit", "/rpud/command/drive"}
+
+
+def test_the_bag_has_every_sample_and_every_impact_from_the_first_on(bag):
+    _, heard = bag
+    for topic in TELEMETRY:
+        times = stamps(heard[f"/rpud/{topic}"])
+        assert len(times) == 200, topic
+        assert set(steps(times)) == {SECOND // 100}, topic
+    impacts = heard["/rpud/contact_force"]
+    assert [message.sequence for message in impacts] == list(range(len(impacts)))
+    last = heard["/rpud/status"][-1]
+    assert last.state == Status.STATE_STOPPED
+    assert 0 <= last.impacts - len(impacts) <= 1
+    assert last.weight_on_bit == 20.0
+
+
+def test_the_bag_has_two_seconds_of_both_streams_without_a_gap(bag):
+    _, heard = bag
+    waveforms, trajectories = heard["/rpud/waveform"], heard["/rpud/trajectory"]
+    sequence = 0
+    for message in waveforms:
+        assert message.sequence == sequence
+        sequence += len(message.reacting_force)
+    assert sequence == 100_000
+    sequence = 0
+    for message in trajectories:
+        assert message.sequence == sequence
+        sequence += len(message.duration)
+    whole = sum(message.duration.sum() for message in trajectories)
+    # The last segment has not ended when the drill does; none is longer than 10 ms.
+    assert 1.99 <= whole <= 2.0
+
+
+def test_the_duration_is_simulation_time_to_the_nanosecond(bag):
+    _, heard = bag
+    planes, statuses = stamps(heard["/rpud/nodal_plane"]), stamps(heard["/rpud/status"])
+    origin = nanoseconds(heard["/rpud/trajectory"][0].origin)
+    assert planes[-1] == statuses[-1] == origin + 2 * SECOND
+    assert statuses[0] == origin
+
+
+def test_a_bag_is_never_overwritten_and_that_is_said_in_one_line(tmp_path):
+    (tmp_path / "bag").mkdir()
+    code, output, errors = run("--duration", 1, "--record", tmp_path / "bag")
+    assert code == 1
+    assert output == ""
+    assert errors == f"rpud record: {tmp_path / 'bag'} exists already; a bag is never overwritten\n"
+    assert list((tmp_path / "bag").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--set", "weight_on_bit=-1"], "weight_on_bit = -1 N is outside its range [0, 1000] N"),
+        (["--set", "weight_on_bit=nan"], "weight_on_bit = 'nan' N is outside its range"),
+        (["--set", "wieght_on_bit=1"], "wieght_on_bit is not a parameter; known are "),
+        (["--set", "weight_on_bit"], "'weight_on_bit' is not of the form name=value"),
+        (["--set", "telemetry_rate=33.3"], "telemetry_rate = 33.3 Hz is not a whole number"),
+        (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
+        (["--duration", "0"], "argument --duration: '0' s; it must be a finite number greater"),
+        (["--duration", "nan"], "argument --duration: 'nan' s; it must be a finite number"),
+        (["--namespace", "a b"], "Invalid namespace: namespace must not contain characters"),
+        (["--namespace", "a//b"], "Invalid namespace: namespace must not contain repeated '/'"),
+        (["--namespace", "/9"], "Invalid namespace: "),
+    ],
+)
+def test_what_cannot_be_used_is_one_line_and_leaves_no_bag(tmp_path, words, complaint):
+    code, output, errors = run(*words, "--record", tmp_path / "bag")
+    assert code == 2
+    assert output == ""
+    assert errors.startswith(f"rpud run: {complaint}")
+    assert errors.count("\n") == 1
+    assert not (tmp_path / "bag").exists()
+
+
+@pytest.mark.parametrize("kind", ["SIGTERM", "Ctrl-C"])
+def test_a_signal_ends_drill_and_recorder_and_the_bag_is_whole(process, tmp_path, kind):
+    path = tmp_path / "bag"
+    running = process("rpud", "run", "--record", path)
+    running.wait_for_line("reacting force")
+    if kind == "SIGTERM":
+        running.terminate()
+    else:
+        # The terminal sends it to the whole group, but the recorder must stop last.
+        os.killpg(running.pid, signal.SIGINT)
+    assert running.wait() == 0
+    running.wait_for_line(f"^bag: {path}")
+    _, heard = read(path)
+    impacts = heard["/rpud/contact_force"]
+    assert [message.sequence for message in impacts] == list(range(len(impacts)))
+    assert heard["/rpud/status"][-1].state == Status.STATE_STOPPED
+
+
+def test_a_recorder_that_dies_does_not_stop_the_drill_but_is_told_at_the_end(process, tmp_path):
+    running = process("rpud", "run", "--record", tmp_path / "bag")
+    running.wait_for_line("reacting force")
+    children = subprocess.run(
+        ["ps", "-o", "pid=,args=", "--ppid", str(running.pid)],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    [recorder] = [line.split()[0] for line in children.splitlines() if " record " in line]
+    os.kill(int(recorder), signal.SIGKILL)
+    client = Client("/rpud")
+    try:
+        impacts = client.listen("contact_force")
+        client.until(lambda: len(impacts) > 200)
+    finally:
+        client.close()
+    running.interrupt()
+    assert running.wait() == 1
+    assert "rpud run: the recorder was ended by signal 9; its bag is torn" in running.output
+    assert "drilled " in running.output
+    assert "bag: " not in running.output
+
+
+def test_two_drills_in_two_namespaces_do_not_meet(process):
+    for name, force in (("one", 5), ("two", 25)):
+        process("rpud", "run", "--namespace", name, "--set", f"weight_on_bit={force}", "--quiet")
+    for name, force in (("/one", 5.0), ("/two", 25.0)):
+        client = Client(name)
+        try:
+            statuses = client.listen("status")
+            client.until(lambda statuses=statuses: len(statuses) >= 2)
+            assert {status.weight_on_bit for status in statuses} == {force}
+        finally:
+            client.close()
+
+
+def test_configuration_regime_and_assignments_come_in_that_order(process):
+    process(
+        *("rpud", "run", "--namespace", "ordered", "--config", f"{CONFIG}/drilling.yaml"),
+        *("--regime", "free", "--set", "weight_on_bit=3", "--quiet"),
+    )
+    client = Client("/ordered")
+    try:
+        statuses = client.listen("status")
+        client.until(lambda: statuses)
+    finally:
+        client.close()
+    assert (statuses[0].regime, statuses[0].weight_on_bit) == ("free", 3.0)
