@@ -28,7 +28,6 @@ from rpud_sim.model.suspension import decaying_derivatives, decaying_part
 from rpud_sim.model.tolerances import (
     LOWEST_BOUNCE,
     MOST_COLLISIONS,
-    NARROWEST_CAGE,
     SAME_ACCELERATION,
     SAME_VELOCITY,
     TOUCHING,
@@ -191,7 +190,7 @@ def hold_both(drill, state, v_ut, v_hv, stay):
         + drill.free_mass * (state.v_fm - together) ** 2
         + drill.tool_mass * (state.v_dt - together) ** 2
     )
-    caged = energy < min(on_tool, on_tip) * NARROWEST_CAGE
+    caged = energy < min(on_tool, on_tip) * LOWEST_BOUNCE
     if pushes(on_tool) and pushes(on_tip) and (stay or caged):
         state.v_fm = together
         state.v_dt = together
@@ -263,7 +262,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck):
         ahead = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
         on_tip = returns_at_once(state.v_fm - v_ut, tip - ahead)
     stay = on_tool and on_tip
-    near = not opened and state.u_dt - state.u_np - u_hv <= NARROWEST_CAGE
+    near = not opened and state.u_dt - state.u_np - u_hv <= LOWEST_BOUNCE
     if (stay or near) and hold_both(drill, state, v_ut, v_hv, stay):
         return CONTACT_BOTH
     if on_tool:

@@ -10,13 +10,10 @@ within ``TIME_RESOLUTION``.
 # Two bodies that are nearer touch, and may overlap by as much before they collide [m].
 TOUCHING = 1e-12
 
-# A bounce that is lower is a contact that lasts [m]. The lowest bounce may gain TOUCHING by
-# falling deeper than it began; that is well below what it loses in a collision.
-LOWEST_BOUNCE = 8.0 * TOUCHING
-
-# A free mass that is caged between actuator and drill tool, and cannot force them further apart
-# than this against what presses them together, is held by both [m].
-NARROWEST_CAGE = 1e-9
+# A bounce that is lower is a contact that lasts, and so is a cage between actuator and drill tool
+# that the free mass cannot force wider against what presses them together [m]. The energy that
+# this takes away is less than the contact force times this length.
+LOWEST_BOUNCE = 1e-9
 
 # Touching bodies do not collide if their velocities differ by less [m/s].
 SAME_VELOCITY = 1e-9

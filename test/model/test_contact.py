@@ -139,12 +139,10 @@ def test_five_metres_per_second_is_not_what_fig_12_shows():
     assert deformation < 30e-6
 
 
-@given(
-    st.floats(1e-3, 0.1), st.floats(1e-3, 1.0), st.floats(0.0, 1.0), st.floats(1e-3, 10.0)
-)
+@given(st.floats(1e-3, 0.1), st.floats(1e-3, 1.0), st.floats(0.0, 1.0), st.floats(1e-3, 10.0))
 def test_half_sine_carries_the_impulse_of_the_collision(m_1, m_2, e, speed):
     peak, duration, impulse = contact.half_sine_impulse(m_1, m_2, e, speed, 1e8)
     assert impulse == pytest.approx((1 + e) * m_1 * m_2 / (m_1 + m_2) * speed)
-    assert quad(lambda t: peak * math.sin(math.pi * t / duration), 0, duration)[
-        0
-    ] == pytest.approx(impulse)
+    assert quad(lambda t: peak * math.sin(math.pi * t / duration), 0, duration)[0] == pytest.approx(
+        impulse
+    )
