@@ -1,0 +1,170 @@
+"""`rpud` as a whole: help, wrong calls, exit codes, and what it loads."""
+
+import importlib
+import os
+import re
+import shlex
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import rpud_sim
+from rpud_sim.cli.main import COMMANDS, build_parser, main
+
+HEAVY = ("numpy", "numba", "scipy", "matplotlib", "mcap", "yaml", "tqdm", "rclpy", "rpud_msgs")
+# All that `rpud simulate` may need, beside the standard library.
+OFFLINE = ("numpy", "numpy.libs", "numba", "llvmlite", "yaml", "tqdm")
+
+
+def called(capsys, *words):
+    """Call `rpud` in this process; give exit code, standard output and standard error."""
+    with pytest.raises(SystemExit) as end:
+        main([str(word) for word in words])
+    return (end.value.code or 0, *capsys.readouterr())
+
+
+@pytest.fixture(scope="session")
+def without_ros(tmp_path_factory):
+    """Run `rpud` by a Python that has nothing but the standard library and what is linked here."""
+    folder = tmp_path_factory.mktemp("without_ros")
+    places = [Path(place) for place in sys.path]
+    for name in OFFLINE:
+        found = next((place / name for place in places if (place / name).exists()), None)
+        if found is not None:
+            (folder / name).symlink_to(found)
+    (folder / "rpud_sim").symlink_to(Path(rpud_sim.__file__).parent)
+    script = f"import sys; sys.path.append({str(folder)!r})\n"
+    script += "from rpud_sim.cli.main import main; main(sys.argv[1:])"
+
+    def run(*words):
+        return subprocess.run(
+            [sys.executable, "-I", "-S", "-c", script, *map(str, words)],
+            env={"PATH": os.environ["PATH"], "HOME": str(folder)},
+            capture_output=True,
+            text=True,
+            timeout=100.0,
+            check=False,
+        )
+
+    return run
+
+
+def test_help_lists_every_command_in_one_line_each(capsys):
+    code, output, errors = called(capsys, "--help")
+    assert (code, errors) == (0, "")
+    for name in COMMANDS:
+        assert re.search(rf"^    {name} +\w", output, re.MULTILINE), name
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_of_every_command_has_an_example_that_is_one(capsys, name):
+    code, output, errors = called(capsys, name, "--help")
+    assert (code, errors) == (0, "")
+    example = importlib.import_module(f"rpud_sim.cli.{name}").EXAMPLE
+    assert f"example: {example}" in " ".join(output.split())
+    program, *words = shlex.split(example)
+    assert program == "rpud"
+    assert words[0] == name
+    assert build_parser().parse_args(words).command == name
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_of_every_command_explains_every_argument(capsys, name):
+    parser = build_parser()
+    choices = next(action.choices for action in parser._actions if action.dest == "command")
+    for action in choices[name]._actions:
+        assert action.help, f"{name} {action.dest}"
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ([], "rpud: the following arguments are required: COMMAND; see rpud --help"),
+        (["drill"], "rpud: argument COMMAND: invalid choice: 'drill'"),
+        (["simulate", "--bogus"], "rpud: unrecognized arguments: --bogus; see rpud --help"),
+        (["simulate", "--regime", "x"], "rpud simulate: argument --regime: invalid choice: 'x'"),
+        (["run", "--duration", "-1"], "rpud run: argument --duration: '-1' s; it must be a finite"),
+        (["record"], "rpud record: the following arguments are required: --out"),
+        (["replay"], "rpud replay: the following arguments are required: BAG"),
+    ],
+)
+def test_a_wrong_call_is_one_line_and_exit_code_2(capsys, words, complaint):
+    code, output, errors = called(capsys, *words)
+    assert (code, output) == (2, "")
+    assert errors.startswith(complaint)
+    assert errors.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in COMMANDS)])
+def test_help_loads_neither_numpy_nor_ros(words):
+    script = (
+        "import sys; from rpud_sim.cli.main import main\n"
+        "try: main(sys.argv[1:])\n"
+        f"finally: print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, *words], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "[]\n")
+
+
+def test_offline_commands_work_where_there_is_no_ros(without_ros):
+    done = without_ros("simulate", "--duration", "0.5", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert '"drill_tool_impact_rate"' in done.stdout
+    for words in (["--help"], ["run", "--help"], ["record", "--help"], ["simulate", "--help"]):
+        assert without_ros(*words).returncode == 0
+
+
+@pytest.mark.parametrize(
+    "words", [["run", "--duration", "1"], ["record", "--out", "bag"], ["replay", "bag"]]
+)
+def test_what_needs_ros_says_so_in_one_line_where_there_is_none(without_ros, words):
+    done = without_ros(*words)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert re.fullmatch(
+        rf"rpud {words[0]}: needs the Python module \w+; source ROS 2 Jazzy or env.bash first\n",
+        done.stderr,
+    )
+
+
+@pytest.mark.parametrize(
+    "words", [["--help"], ["simulate", "--help"], ["simulate", "--duration", "0.1", "--json"]]
+)
+def test_a_reader_that_has_gone_is_no_failure(words):
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(
+            ["rpud", *words], stdout=writing, stderr=subprocess.PIPE, text=True, check=False
+        )
+    finally:
+        os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_missing_module_of_our_own_is_no_matter_of_the_user_s(monkeypatch):
+    from rpud_sim.cli import simulate
+
+    def fail(arguments):
+        importlib.import_module("rpud_sim.missing")
+
+    monkeypatch.setattr(simulate, "run", fail)
+    with pytest.raises(ModuleNotFoundError, match=r"rpud_sim\.missing"):
+        main(["simulate"])
+
+
+def test_ctrl_c_ends_a_long_run_without_a_trace(process):
+    running = process("rpud", "simulate", "--duration", "1e6")
+    busy = Path(f"/proc/{running.pid}/stat")
+    deadline = time.monotonic() + 60.0
+    # Until it has used two seconds of the processor, which is long after its start.
+    while sum(map(int, busy.read_text().rsplit(")", 1)[1].split()[11:13])) < 200:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    running.interrupt()
+    assert running.wait() == 130
+    assert "Traceback" not in running.output

@@ -1,0 +1,199 @@
+"""`rpud simulate` prints figures that other programs rely on."""
+
+import json
+import math
+
+import pytest
+from ament_index_python.packages import get_package_share_directory
+
+from rpud_sim.cli.main import main
+from rpud_sim.simulation import NAMES, preset
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import FIGURES, Statistics
+
+CONFIG = get_package_share_directory("rpud_sim") + "/config"
+CONTRACT = {
+    "duration",
+    "events",
+    "drill_tool_impact_rate",
+    "actuator_impact_rate",
+    "impact_velocity_mean",
+    "contact_force_mean",
+    "contact_force_max",
+    "kinetic_energy_rate",
+    "reacting_force_mean",
+    "real_time_factor",
+}
+
+
+@pytest.fixture
+def simulate(capsys):
+    """Call `rpud simulate` in this process; give exit code, standard output and standard error."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as end:
+            main(["simulate", *map(str, words)])
+        return (end.value.code or 0, *capsys.readouterr())
+
+    return call
+
+
+@pytest.fixture
+def figures(simulate):
+    """Call `rpud simulate --json` and give what it says."""
+
+    def call(*words):
+        code, output, errors = simulate("--json", *words)
+        assert (code, errors) == (0, "")
+        # One object that every reader of JSON takes: without NaN and Infinity.
+        return json.loads(output, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+    return call
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_json_has_the_contract_s_figures(figures, regime):
+    found = figures("--regime", regime, "--duration", 2)
+    assert found.keys() >= CONTRACT
+    for name in CONTRACT:
+        assert isinstance(found[name], (int, float)), name
+        assert found[name] > 0, name
+        assert math.isfinite(found[name]), name
+    assert type(found["events"]) is int
+    assert found["duration"] == 2.0
+    assert found["regime"] == regime
+    assert found["contact_force_max"] >= found["contact_force_mean"]
+    assert found["real_time_factor"] > 1.0
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_the_figures_are_those_of_the_simulation(figures, regime):
+    simulation, statistics = Simulation(preset(regime)), Statistics()
+    statistics.add(simulation.advance_to(1_500_000_000))
+    found = figures("--regime", regime, "--duration", 1.5)
+    assert {name: found[name] for name in FIGURES} == {
+        name: statistics.figures()[name] for name in FIGURES
+    }
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+@pytest.mark.parametrize("more", [[], ["--repeat", 3]])
+def test_the_same_seed_gives_the_same_output_but_for_the_speed(figures, regime, more):
+    def run(seed):
+        found = figures("--regime", regime, "--duration", 0.5, "--seed", seed, *more)
+        return {name: value for name, value in found.items() if name != "real_time_factor"}
+
+    assert run(3) == run(3)
+    assert run(3)["reacting_force_mean"] != run(4)["reacting_force_mean"]
+
+
+def test_an_ensemble_has_a_standard_error_for_each_figure(figures):
+    found = figures("--duration", 0.5, "--repeat", 8, "--seed", 1)
+    assert found["repeat"] == 8
+    assert found["seed"] == 1
+    errors = found["standard_error"]
+    assert set(FIGURES) <= errors.keys()
+    for name in FIGURES:
+        assert 0.0 < errors[name] < found[name], name
+    # The mean's error shrinks as one over the root of the number of runs.
+    many = figures("--duration", 0.5, "--repeat", 128, "--seed", 1)["standard_error"]
+    ratio = many["drill_tool_impact_rate"] / errors["drill_tool_impact_rate"]
+    assert 0.1 < ratio < 0.6
+
+
+def test_a_single_run_has_no_standard_error(figures):
+    assert "standard_error" not in figures("--duration", 0.1)
+
+
+def test_every_parameter_is_said_as_used(figures):
+    words = ["--set", "weight_on_bit=20", "--set", "actuator_restitution=0.9"]
+    found = figures("--duration", 0.1, *words)["parameters"]
+    assert found.keys() == set(NAMES)
+    assert (found["weight_on_bit"], found["actuator_restitution"]) == (20.0, 0.9)
+    assert found["rpud_mass"] == 1.0
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_a_configuration_file_is_its_regime(figures, regime):
+    found = figures("--config", f"{CONFIG}/{regime}.yaml", "--duration", 0.1)
+    again = figures("--regime", regime, "--duration", 0.1)
+    assert found["regime"] == regime
+    assert found["parameters"] == again["parameters"]
+    assert found["events"] == again["events"]
+
+
+def test_an_assignment_overrules_the_file(figures, tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**:\n  ros__parameters: {weight_on_bit: 1.0e1, gravity: 1.62}\n")
+    found = figures("--config", file, "--set", "weight_on_bit=15", "--duration", 0.1)
+    assert found["parameters"]["weight_on_bit"] == 15.0
+    assert found["parameters"]["gravity"] == 1.62
+
+
+def test_more_weight_on_bit_pushes_harder(figures):
+    soft = figures("--duration", 5, "--set", "weight_on_bit=10")["reacting_force_mean"]
+    hard = figures("--duration", 5, "--set", "weight_on_bit=30")["reacting_force_mean"]
+    assert hard > soft + 8.0
+
+
+def test_the_shortest_run_has_figures_or_null_and_is_json(figures):
+    found = figures("--duration", "1e-9", "--set", "weight_on_bit=0")
+    assert found["duration"] == 1e-9
+    assert found["contact_force_max"] is None or found["contact_force_max"] > 0.0
+
+
+def test_the_table_has_every_figure_with_its_unit(simulate):
+    code, output, errors = simulate("--duration", 1, "--repeat", 2)
+    assert (code, errors) == (0, "")
+    lines = {line.split()[0]: line.split() for line in output.splitlines()}
+    assert lines.keys() >= CONTRACT
+    assert lines["reacting_force_mean"][-1] == "N"
+    assert lines["impact_velocity_mean"][-1] == "m/s"
+    assert lines["drill_tool_impact_rate"][-1] == "1/s"
+    assert lines["reacting_force_mean"][2] == "+-"
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--duration", "0"], "--duration = 0 s is outside its range [1e-09, 1e+06] s"),
+        (["--duration", "-1"], "--duration = -1 s is outside its range [1e-09, 1e+06] s"),
+        (["--duration", "nan"], "--duration = nan s is outside its range [1e-09, 1e+06] s"),
+        (["--duration", "1e9"], "--duration = 1e+09 s is outside its range [1e-09, 1e+06] s"),
+        (["--duration", "long"], "--duration = 'long' s is outside its range [1e-09, 1e+06] s"),
+        (["--repeat", "0"], "--repeat = 0 is outside its range [1, 1e+06]"),
+        (["--repeat", "1.5"], "--repeat = '1.5' is outside its range [1, 1e+06]"),
+        (["--seed", "-1"], "--seed = -1 is outside its range [0, 9.22337e+18]"),
+        (
+            ["--set", "weight_on_bit=-5"],
+            "weight_on_bit = -5 N is outside its range [0, 1000] N",
+        ),
+        (
+            ["--set", "free_mass=1e9"],
+            "free_mass = 1e+09 kg is outside its range (0, 10] kg",
+        ),
+        (
+            ["--set", "rpud_damping_ratio=1"],
+            "rpud_damping_ratio = 1 is outside its range [0, 1)",
+        ),
+        (["--set", "contact_model=x"], "contact_model = 'x' is not one of printed, rayleigh"),
+        (["--set", "oops"], "'oops' is not of the form name=value"),
+        (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
+        (
+            ["--bag", "bag", "--repeat", "2"],
+            "--bag goes with a single run, not with --repeat",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_one_line_and_exit_code_2(simulate, words, complaint):
+    code, output, errors = simulate(*words)
+    assert (code, output) == (2, "")
+    assert errors == f"rpud simulate: {complaint}\n"
+
+
+def test_an_unknown_parameter_is_told_which_there_are(simulate):
+    code, output, errors = simulate("--set", "wieght_on_bit=1")
+    assert (code, output) == (2, "")
+    assert errors.startswith("rpud simulate: wieght_on_bit is not a parameter; known are ")
+    assert all(name in errors for name in NAMES)
+    assert errors.count("\n") == 1
