@@ -2,6 +2,7 @@
 
 import math
 import time
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -58,7 +59,7 @@ def check_trajectory(segments):
         times = np.linspace(0.0, segment["duration"], 20)
         assert gap(segment, FREE_MASS, TIP, times).min() > -1.01 * TOUCHING
         assert gap(segment, DRILL_TOOL, FREE_MASS, times).min() > -1.01 * TOUCHING
-    for before, after in zip(segments[:2000], segments[1:2000], strict=False):
+    for before, after in pairwise(segments[:2000]):
         end = before["duration"]
         step = float(after["start_seconds"] - before["start_seconds"])
         step += after["start_fraction"] - before["start_fraction"]
@@ -140,7 +141,7 @@ def test_collisions_keep_momentum_and_restitution_and_lose_energy(regime, restit
     segments, _ = run(parameters, 1.0)
     tool, struck = (restitution, (0, 0)) if regime == "free" else (0.0, (0, 2))
     seen = {EVENT_ACTUATOR_IMPACT: 0, EVENT_DRILL_TOOL_IMPACT: 0}
-    for before, after in zip(segments[:-1], segments[1:], strict=True):
+    for before, after in pairwise(segments):
         _, _, _, tip, _, mass, _, rock = motion_at(before, before["duration"])
         _, _, _, tip_after, _, mass_after, _, rock_after = motion_at(after, 0.0)
         event = int(after["event"])
@@ -168,7 +169,7 @@ def test_mean_reacting_force_is_the_mean_impulse_of_the_collisions(regime):
     segments, _ = run(parameters, 20.0)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     pushed = impulse = 0.0
-    for before, after in zip(segments[:-1], segments[1:], strict=True):
+    for before, after in pairwise(segments):
         half = 0.5 * before["duration"]
         times = half * (nodes + 1.0)
         u, v = nodal_plane(before, times), nodal_plane(before, times, 1)

@@ -70,7 +70,7 @@ def test_choices(name, value):
 
 
 def test_unknown_names_are_refused():
-    with pytest.raises(ParameterError, match="^mass is not a parameter; known are rpud_mass, "):
+    with pytest.raises(ParameterError, match=r"^mass is not a parameter; known are rpud_mass, "):
         Parameters().replace(mass=1.0)
 
 

@@ -1,6 +1,7 @@
 """No event is missed and none is late: against a dense search in independent closed forms."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def guards_of(drill, segment):
 
 
 def lowest(function, duration, samples):
-    """Least value between 0 and the duration: every dip of the samples is followed to its bottom."""
+    """Least value between 0 and the duration: every dip is followed to its bottom."""
     times = np.linspace(0.0, duration, samples)
     values = function(times)
     least = values.min()
@@ -100,7 +101,7 @@ def test_no_guard_is_negative_before_the_event(case):
 def test_impacts_are_exact_to_a_picosecond(case):
     _, segments = trajectory(*CASES[case])
     checked = 0
-    for segment, after in zip(segments[:-1], segments[1:], strict=True):
+    for segment, after in pairwise(segments):
         end = segment["duration"]
         for front, back in ((FREE_MASS, TIP), (DRILL_TOOL, FREE_MASS)):
             distance = gap(segment, front, back, end)
@@ -123,7 +124,7 @@ def test_impacts_are_exact_to_a_picosecond(case):
 
 
 def hanging_mass(clearance, velocity=0.0):
-    """Make a segment in which the mass hangs ahead of a vibrating tip, by a clearance at its crest."""
+    """Make a segment in which the mass hangs by a clearance ahead of a vibrating tip."""
     segment = np.zeros(1, SEGMENT)[0]
     segment["vibration_frequency"] = 16000.0
     segment["vibration_amplitude"] = 35e-6

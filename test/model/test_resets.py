@@ -1,0 +1,111 @@
+"""Each way from one contact to another, in closed form."""
+
+import numpy as np
+import pytest
+
+from rpud_sim.model.drill import STATE, derive
+from rpud_sim.model.parameters import preset
+from rpud_sim.model.resets import close_gaps, exchange_momentum, lasting_contact
+from rpud_sim.model.tolerances import LOWEST_BOUNCE, TOUCHING
+
+ACTUATOR, TOOL, BOTH = 1, 2, 3
+STILL = {"vibration_amplitude": 0.0, "weight_on_bit": 0.0}
+
+
+def state_of(**values):
+    state = np.rec.array(np.zeros(1, STATE))[0]
+    state.frequency = 16000.0
+    for name, value in values.items():
+        setattr(state, name, value)
+    return state
+
+
+def settled(parameters, opened=0, **values):
+    """Resolve one instant; returns the contact that lasts, the collisions and the state."""
+    drill, state = derive(parameters), state_of(**values)
+    closed = close_gaps(state, 0)
+    collisions = exchange_momentum(drill, state, closed)
+    contact = lasting_contact(drill, state, closed, opened, collisions.drill_tool_struck)
+    return contact, collisions, state
+
+
+def test_a_mass_far_from_both_touches_nothing():
+    assert settled(preset("free"), u_np=-1e-3, u_dt=1e-3)[0] == 0
+
+
+def test_a_bouncing_mass_leaves_the_tool():
+    parameters = preset("free").replace(drill_tool_restitution=0.5, **STILL)
+    contact, collisions, state = settled(parameters, u_np=-1e-3, v_fm=0.2)
+    assert contact == 0
+    assert collisions.drill_tool_struck
+    assert state.v_dt - state.v_fm == pytest.approx(0.5 * 0.2)
+    assert collisions.impact_velocity == 0.2
+    assert collisions.energy == pytest.approx(0.5 * 5e-3 * 0.2**2)
+    assert collisions.impulse == pytest.approx(13.5e-3 * state.v_dt)
+
+
+@pytest.mark.parametrize(("higher", "contact"), [(0.9, TOOL), (1.1, 0)])
+def test_the_lowest_bounce_decides_what_rests(higher, contact):
+    parameters = preset("free").replace(**STILL)
+    leaving = -((2.0 * 9.81 * LOWEST_BOUNCE * higher) ** 0.5)
+    assert settled(parameters, u_np=-1e-3, v_fm=leaving)[0] == contact
+
+
+def test_in_the_rock_mass_and_tool_go_on_together():
+    parameters = preset("drilling").replace(**STILL)
+    contact, _, state = settled(parameters, u_np=-1e-3, v_fm=2.0)
+    together = 2.0 * 5e-3 / (5e-3 + derive(parameters).tool_mass)  # eq. (21)
+    assert contact == TOOL
+    assert (state.v_fm, state.v_dt) == pytest.approx((together, together))
+
+
+def test_the_actuator_strikes_a_mass_that_is_still_on_the_tool():
+    contact, collisions, state = settled(preset("drilling"), v_np=0.5)
+    assert collisions.actuator_struck
+    assert collisions.drill_tool_struck
+    assert contact & TOOL
+    assert state.v_np < 0.5
+    drill = derive(preset("drilling"))
+    v_hv = 2 * np.pi * 16000.0 * state.amplitude
+    carried = (drill.free_mass + drill.tool_mass) * state.v_fm
+    assert drill.rpud_mass * (state.v_np + v_hv) + carried == pytest.approx(0.5)
+
+
+def test_the_weight_on_bit_presses_all_three_together():
+    assert settled(preset("free"), weight_on_bit=10.0)[0] == BOTH
+    assert settled(preset("drilling"), weight_on_bit=10.0)[0] == BOTH
+
+
+def test_the_load_spring_draws_the_actuator_off_a_resting_mass():
+    contact, _, _ = settled(preset("free"), u_np=1e-5, u_fm=1e-5, u_dt=1e-5)
+    assert contact == TOOL
+
+
+def test_without_gravity_a_receding_tool_leaves_the_mass():
+    parameters = preset("free").replace(gravity=0.0, **STILL)
+    # The restoring spring draws the tool toward the rock, away from the mass.
+    contact, _, _ = settled(parameters, u_np=-1.0, u_fm=-1e-3, u_dt=-1e-3)
+    assert contact == 0
+
+
+def test_bodies_at_rest_without_forces_stay_in_contact():
+    parameters = preset("free").replace(gravity=0.0, **STILL)
+    assert settled(parameters)[0] == BOTH
+
+
+@pytest.mark.parametrize("opened", [ACTUATOR, TOOL])
+def test_a_contact_that_opens_is_not_held_again_at_once(opened):
+    parameters = preset("free").replace(gravity=0.0, **STILL)
+    assert not settled(parameters, opened=opened)[0] & opened
+
+
+def test_overlaps_are_pushed_apart_without_moving_the_nodal_plane():
+    state = state_of(u_np=1e-3, u_fm=1e-3 - TOUCHING, u_dt=1e-3 - 2 * TOUCHING)
+    assert close_gaps(state, 0) == BOTH
+    assert (state.u_np, state.u_fm, state.u_dt) == (1e-3, 1e-3, 1e-3)
+
+
+def test_bodies_that_met_are_closed_whatever_the_digits():
+    state = state_of(u_np=-2 * TOUCHING, u_dt=1e-3)
+    assert close_gaps(state, 0) == 0
+    assert close_gaps(state, ACTUATOR) == ACTUATOR
