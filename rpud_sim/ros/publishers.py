@@ -32,10 +32,11 @@ def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATI
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
-# Reliable offers serve listeners of both kinds; the depth is what a slow one may fall behind.
-TELEMETRY_QOS = _reliable(100)
+# Reliable offers serve listeners of both kinds; the depth is what a slow one may fall behind, and
+# what a node that stood still can make up for at once: several seconds.
+TELEMETRY_QOS = _reliable(1000)
 CONTACT_FORCE_QOS = _reliable(2000)
-STREAM_QOS = _reliable(20)
+STREAM_QOS = _reliable(100)
 STATUS_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 DIAGNOSTICS_QOS = _reliable(10)
 COMMAND_QOS = _reliable(100)
