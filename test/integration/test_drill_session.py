@@ -159,16 +159,12 @@ def test_what_cannot_be_used_is_one_line_and_leaves_no_bag(tmp_path, words, comp
     assert not (tmp_path / "bag").exists()
 
 
-@pytest.mark.parametrize("kind", ["SIGTERM", "Ctrl-C"])
-def test_a_signal_ends_drill_and_recorder_and_the_bag_is_whole(process, tmp_path, kind):
+def test_ctrl_c_ends_drill_and_recorder_and_the_bag_is_whole(process, tmp_path):
     path = tmp_path / "bag"
     running = process("rpud", "run", "--record", path)
-    running.wait_for_line("reacting force")
-    if kind == "SIGTERM":
-        running.terminate()
-    else:
-        # The terminal sends it to the whole group, but the recorder must stop last.
-        os.killpg(running.pid, signal.SIGINT)
+    running.wait_for_line("reacting force", timeout=100.0)
+    # The terminal sends it to the whole group, but the recorder must stop last.
+    os.killpg(running.pid, signal.SIGINT)
     assert running.wait() == 0
     running.wait_for_line(f"^bag: {path}")
     _, heard = read(path)
@@ -191,7 +187,7 @@ def test_a_recorder_that_dies_does_not_stop_the_drill_but_is_told_at_the_end(pro
     client = Client("/rpud")
     try:
         impacts = client.listen("contact_force")
-        client.until(lambda: len(impacts) > 200)
+        client.until(lambda: len(impacts) > 20)
     finally:
         client.close()
     running.interrupt()
