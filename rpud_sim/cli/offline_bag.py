@@ -125,13 +125,13 @@ def _impacts(block: Block) -> Iterator[_Entry]:
 
 
 def _waveform(block: Block) -> Iterator[_Entry]:
-    """Yield the samples from the block's start on and before its end, as one message."""
-    first = -(-block.start * SAMPLE_RATE // NANOSECONDS)
-    count = -(-block.end * SAMPLE_RATE // NANOSECONDS) - first
-    if count > 0:
-        samples = block.sample(Times.from_grid(first, count, SAMPLE_RATE))
-        stamp = first * NANOSECONDS // SAMPLE_RATE
-        yield stamp, "waveform", fields.waveform_fields(samples, stamp, first, SAMPLE_RATE)
+    """Yield the block's samples as one message."""
+    numbers = block.grid(SAMPLE_RATE)
+    if numbers:
+        samples = block.sample(Times.from_grid(numbers.start, len(numbers), SAMPLE_RATE))
+        stamp = numbers.start * NANOSECONDS // SAMPLE_RATE
+        values = fields.waveform_fields(samples, stamp, numbers.start, SAMPLE_RATE)
+        yield stamp, "waveform", values
 
 
 def _status(simulation: Simulation, state: str) -> _Entry:

@@ -55,7 +55,6 @@ class DrillPublishers:
         self._sample_rate = settings.sample_rate
         self._stream_period = round(settings.block_duration * settings.telemetry_rate)
         self._origin = 0
-        self._samples = 0
         self._segments = 0
         self._pending: list[Block] = []
         self._dropped = 0
@@ -143,14 +142,12 @@ class DrillPublishers:
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
 
     def _publish_waveform(self, block: Block) -> None:
-        # Samples from the block's start on and before its end: no sample twice, none left out.
-        end = -(-block.end * self._sample_rate // NANOSECONDS)
-        first, count = self._samples, end - self._samples
-        self._samples = end
-        if count > 0 and self._waveform.get_subscription_count():
-            samples = block.sample(Times.from_grid(first, count, self._sample_rate))
-            stamp = self._origin + first * NANOSECONDS // self._sample_rate
-            message = messages.samples_to_waveform(samples, stamp, first, self._sample_rate)
+        rate = self._sample_rate
+        numbers = block.grid(rate)
+        if numbers and self._waveform.get_subscription_count():
+            samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
+            stamp = self._origin + numbers.start * NANOSECONDS // rate
+            message = messages.samples_to_waveform(samples, stamp, numbers.start, rate)
             self._publish(self._waveform, message)
 
     def _publish(self, publisher: Publisher, message: Any) -> None:

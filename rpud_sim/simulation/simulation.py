@@ -55,6 +55,16 @@ class Block:
         """The segment that was in progress at its end, shape (1,)."""
         return self.covering[-1:]
 
+    def grid(self, rate: int) -> range:
+        """Numbers of the samples at a whole rate [Hz] from the block's start on and before its end.
+
+        Blocks that follow each other have every sample once.
+        """
+        return range(
+            -(-self.start * rate // NANOSECONDS),
+            -(-self.end * rate // NANOSECONDS),
+        )
+
     def sample(self, times: Times) -> Samples:
         """Sample all channels at ascending times from the block's start to its end."""
         return sample(self.drill, self.covering, times)
@@ -141,8 +151,6 @@ class Simulation:
         self._engine.advance(seconds, rest / NANOSECONDS)
         segments, impacts = self._engine.take()
         covering = join([segments, self._engine.open_segment], SEGMENT)
-        covering.flags.writeable = False
-        impacts.flags.writeable = False
         block = Block(self._time, time, covering, impacts, self._drill)
         self._time = time
         return block
