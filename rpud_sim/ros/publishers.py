@@ -33,10 +33,11 @@ def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATI
 
 
 # Reliable offers serve listeners of both kinds; the depth is what a slow one may fall behind, and
-# what a node that stood still can make up for at once: several seconds.
+# what a node that stood still can make up for at once. Streams are large: more of them that a
+# frozen or killed listener does not acknowledge would hold up the drill.
 TELEMETRY_QOS = _reliable(1000)
 CONTACT_FORCE_QOS = _reliable(2000)
-STREAM_QOS = _reliable(100)
+STREAM_QOS = _reliable(20)
 STATUS_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 DIAGNOSTICS_QOS = _reliable(10)
 COMMAND_QOS = _reliable(100)
