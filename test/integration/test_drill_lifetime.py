@@ -97,7 +97,7 @@ def test_neither_a_frozen_nor_a_killed_listener_nor_a_killed_recorder_holds_it_u
     recorder = process("recorder", "--out", tmp_path / "run")
     for listener in (frozen, killed):
         listener.wait_for_line("heard enough")
-    recorder.wait_for_line("recording 10 topics")
+    recorder.wait_for_line(r"recording \d+ topics")
     client = listen()
     statuses, impacts = client.listen("status"), client.listen("contact_force")
     client.until(lambda: statuses and impacts)
@@ -123,7 +123,7 @@ def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
     client = listen()
     impacts, statuses = client.listen("contact_force"), client.listen("status")
     recorder = process("recorder", "--out", tmp_path / "run")
-    recorder.wait_for_line("recording 10 topics")
+    recorder.wait_for_line(r"recording \d+ topics")
     client.until(lambda: len(impacts) > 100)
     first.kill()
     first.wait()
@@ -136,7 +136,7 @@ def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
     assert second.wait(10.0) == 0
     recorder.interrupt()
     assert recorder.wait() == 0
-    recorder.wait_for_line(r"recorded \d+ messages on 10 topics")
+    recorder.wait_for_line(r"recorded \d+ messages on \d+ topics")
     recorded = sequences(tmp_path / "run")
     jumps = [step for step in steps(recorded) if step != 1]
     assert len(jumps) == 1
