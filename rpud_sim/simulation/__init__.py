@@ -1,5 +1,6 @@
 """The model under commands: configuration, trajectory sampling, statistics and ensembles."""
 
+from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import (
     CONTACT_MODELS,
     NAMES,
@@ -11,14 +12,16 @@ from rpud_sim.model.parameters import (
     check_choice,
     preset,
 )
-from rpud_sim.model.segment import SEGMENT
+from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT, SEGMENT
 
 __all__ = [
     "CONTACT_MODELS",
+    "EVENT_ACTUATOR_IMPACT",
     "NAMES",
     "QUANTITIES",
     "REGIMES",
     "SEGMENT",
+    "EngineError",
     "ParameterError",
     "Parameters",
     "Quantity",

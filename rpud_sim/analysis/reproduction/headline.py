@@ -1,0 +1,49 @@
+"""The numbers that the paper states, and where the model's counterpart is found."""
+
+from __future__ import annotations
+
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True)
+class Number:
+    """A number of the paper.
+
+    Args:
+        key: its name in the JSON.
+        paper: its value, in SI units.
+        unit: SI unit.
+        source: where the paper has it.
+        statement: what it is, with the paper's words where they matter.
+        regime: in which the model gives it; ``contact`` is the single collision at 5 m/s.
+        figure: name of the figure of that run.
+        measured: whether the paper measured it rather than simulate it.
+    """
+
+    key: str
+    paper: float
+    unit: str
+    source: str
+    statement: str
+    regime: str
+    figure: str
+    measured: bool = False
+
+
+CONTACT_SPEED = 5.0  # Fig. 12 [m/s]
+
+NUMBERS = (
+    Number("free_impact_rate", 260 / 0.6, "1/s", "Fig. 3", "260 impacts in 0.6 s, \u201cnearly 430 Hz\u201d", "free", "impact_rate"),
+    Number("free_reacting_force_mean", 5.8, "N", "Fig. 5", "mean reacting force of the first 5 s", "free", "reacting_force_mean"),
+    Number("drilling_impact_rate", 282 / 0.6, "1/s", "Fig. 8", "282 impacts in 0.6 s, \u201cnearly 470 Hz\u201d", "drilling", "impact_rate"),
+    Number("drilling_contact_force_max", 2600.0, "N", "Fig. 10", "greatest contact force in 0.6 s", "drilling", "contact_force_max"),
+    Number("drilling_contact_force_low", 400.0, "N", "Fig. 11", "\u201cmost\u201d contact forces are above (5 % quantile)", "drilling", "contact_force_low"),
+    Number("drilling_contact_force_high", 2200.0, "N", "Fig. 11", "\u201cmost\u201d contact forces are below (95 % quantile)", "drilling", "contact_force_high"),
+    Number("drilling_kinetic_energy", 12.4, "J", "Fig. 13", "kinetic energy brought to the drill tool in 0.6 s", "drilling", "kinetic_energy"),
+    Number("drilling_reacting_force_mean", 14.0, "N", "Fig. 14", "mean reacting force (taken over 5 s)", "drilling", "reacting_force_mean"),
+    Number("contact_peak_force", 1650.0, "N", "Fig. 12", "contact force of one collision at 5 m/s", "contact", "peak_force"),
+    Number("contact_peak_displacement", 42e-6, "m", "Fig. 12", "displacement of one collision at 5 m/s", "contact", "peak_displacement"),
+    Number("measured_nodal_plane_displacement", 2.6e-3, "m", "Fig. 20", "measured displacement amplitude of the nodal plane (greatest in 0.6 s)", "free", "nodal_plane_displacement", True),
+    Number("measured_drill_tool_displacement", 14e-3, "m", "Fig. 20", "measured displacement amplitude of the drill tool (greatest in 0.6 s)", "free", "drill_tool_displacement", True),
+    Number("measured_reacting_force_mean", 5.2, "N", "Fig. 21", "measured mean reacting force", "free", "reacting_force_mean", True),
+)

@@ -1,0 +1,28 @@
+"""Independent jobs on two threads, the engine's kernels do not hold the interpreter, and their progress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+# Passes on the items of an iterable of known length, and shows how far it is under a title.
+Track = Callable[[Iterable[Any], int, str], Iterable[Any]]
+
+WORKERS = 2
+
+
+def silent(items: Iterable[Any], total: int, title: str) -> Iterable[Any]:
+    """Pass on the items and show nothing."""
+    return items
+
+
+def gather(
+    function: Callable[[Job], Result], jobs: Sequence[Job], title: str, track: Track
+) -> list[Result]:
+    """Return the results of the jobs, in their order."""
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return list(track(pool.map(function, jobs), len(jobs), title))
