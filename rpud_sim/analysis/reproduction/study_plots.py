@@ -1,0 +1,157 @@
+"""Figures 15-18 and 23 with intervals, the readings side by side, and the elastic bar."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from rpud_sim.analysis.reproduction.bar_study import BarStudy
+from rpud_sim.analysis.reproduction.headline import NUMBERS
+from rpud_sim.analysis.reproduction.plots import new_figure
+from rpud_sim.analysis.reproduction.readings import Fit
+from rpud_sim.analysis.reproduction.studies import OUTPUTS, Study
+from rpud_sim.simulation import QUANTITIES, preset
+from rpud_sim.simulation.contact import contact_history, single_contact
+
+STUDY_FIGURES = {
+    "actuator_restitution": "figure_15",
+    "free_mass": "figure_16",
+    "rpud_damping_ratio": "figure_17",
+    "weight_on_bit": "figure_18",
+}
+UNITS = {
+    "contact_force_mean": "N",
+    "drill_tool_impact_rate": "1/s",
+    "kinetic_energy_rate": "W",
+    "reacting_force_mean": "N",
+}
+
+
+def plot_studies(studies: dict[str, list[Study]]) -> dict[str, Figure]:
+    """Return figures 15-18 and 23 by name.
+
+    Args:
+        studies: the four studies about each drill, by the drill's name.
+    """
+    figures = {}
+    for parameter, name in STUDY_FIGURES.items():
+        figure, axes = new_figure(columns=2, rows=2)
+        for axis, output in zip(axes.flat, OUTPUTS, strict=True):
+            for drill, group in studies.items():
+                _draw(axis, _find(group, parameter), output, drill)
+            axis.set(xlabel=_label(parameter), ylabel=f"{output} [{UNITS[output]}]")
+            axis.set_ylim(bottom=0.0)
+        axes[0, 0].legend(fontsize="small")
+        figures[name] = figure
+    figure, axes = new_figure()
+    for drill, group in studies.items():
+        _draw(axes[0, 0], _find(group, "weight_on_bit"), "reacting_force_mean", drill)
+    weights = _find(next(iter(studies.values())), "weight_on_bit").values
+    axes[0, 0].plot(weights, weights, ":", color="gray", label="reacting force = weight on bit")
+    axes[0, 0].set(xlabel=_label("weight_on_bit"), ylabel="reacting_force_mean [N]")
+    axes[0, 0].legend(fontsize="small")
+    figures["figure_23"] = figure
+    return figures
+
+
+def _find(studies: list[Study], parameter: str) -> Study:
+    return next(study for study in studies if study.parameter == parameter)
+
+
+def _label(parameter: str) -> str:
+    unit = QUANTITIES[parameter].unit
+    return f"{parameter} [{unit}]" if unit else parameter
+
+
+def _draw(axis, study: Study, output: str, label: str) -> None:
+    axis.errorbar(
+        study.values,
+        study.mean(output),
+        study.half_interval(output),
+        marker="o",
+        markersize=3,
+        linewidth=1,
+        capsize=2,
+        label=label,
+    )
+
+
+def plot_readings(fits: dict[str, Fit]) -> Figure:
+    """Return the ratio of model to paper for every number, under some readings by name."""
+    figure, axes = new_figure()
+    figure.set_size_inches(9.0, 5.5)
+    axis = axes[0, 0]
+    places = np.arange(len(NUMBERS))[::-1]
+    axis.axvspan(0.9, 1.1, color="tab:green", alpha=0.2, label="within 10 %")
+    axis.axvline(1.0, color="black", linewidth=0.8)
+    for shift, (name, fit) in enumerate(fits.items()):
+        values = [fit.values[number.key] for number in NUMBERS]
+        paper = np.array([number.paper for number in NUMBERS])
+        mean = np.array([value.mean for value in values]) / paper
+        spread = np.array([[value.mean - value.low, value.high - value.mean] for value in values])
+        axis.errorbar(
+            mean,
+            places - 0.18 * (shift - 0.5 * (len(fits) - 1)),
+            xerr=np.maximum(spread.T / paper, 0.0),
+            fmt="o",
+            markersize=4,
+            capsize=2,
+            label=name,
+        )
+    axis.set_yticks(places, [number.key for number in NUMBERS])
+    axis.set(xscale="log", xlabel="model / paper; bars: 95 % of single runs")
+    axis.set_xlim(0.02, 40.0)
+    axis.legend(fontsize="small", loc="upper left", bbox_to_anchor=(0.0, -0.12))
+    return figure
+
+
+def plot_bar_study(study: BarStudy) -> dict[str, Figure]:
+    """Return the elastic bar's figures by name: one blow in time, and all blows over free mass and speed."""
+    return {"bar_contact": _bar_contact(study), "bar_study": _bar_trends(study)}
+
+
+def _bar_contact(study: BarStudy) -> Figure:
+    figure, axes = new_figure(columns=2)
+    drill = preset("drilling")
+    blow = next(item for item in study.by_mass if item.free_mass == drill.free_mass)
+    shown = blow.bar.time <= 1.2 * blow.bar.duration
+    axes[0, 0].plot(1e6 * blow.bar.time[shown], 1e6 * blow.bar.displacement[shown], label="bar")
+    axes[0, 1].plot(1e6 * blow.bar.time[shown], blow.bar.force[shown], label="bar")
+    for model in blow.contacts:
+        chosen = drill.replace(contact_model=model)
+        contact = single_contact(chosen, blow.impact_velocity)
+        time = np.linspace(0.0, contact.duration, 200)
+        histories = contact_history(chosen, blow.impact_velocity, time)
+        axes[0, 0].plot(1e6 * time, 1e6 * histories[0], label=model)
+        axes[0, 1].plot(1e6 * time, histories[1], label=model)
+    axes[0, 0].set(xlabel="time [\u00b5s]", ylabel="displacement of the upper end [\u00b5m]")
+    axes[0, 1].set(xlabel="time [\u00b5s]", ylabel="contact force [N]", yscale="symlog")
+    for axis in axes.flat:
+        axis.legend()
+    return figure
+
+
+def _bar_trends(study: BarStudy) -> Figure:
+    figure, axes = new_figure(columns=3, rows=2)
+    figure.set_size_inches(12.0, 6.4)
+    for row, group, key, scale, label in (
+        (axes[0], study.by_mass, "free_mass", 1e3, "free mass [g], 5 m/s"),
+        (axes[1], study.by_speed, "impact_velocity", 1.0, "impact velocity [m/s], 5 g"),
+    ):
+        at = [scale * getattr(item, key) for item in group]
+        for axis, name, unit, factor in zip(
+            row,
+            ("peak_force", "duration", "restitution"),
+            ("[N]", "[\u00b5s]", ""),
+            (1.0, 1e6, 1.0),
+            strict=True,
+        ):
+            axis.plot(at, [factor * getattr(item.bar, name) for item in group], "ko-", label="bar")
+            for model in group[0].contacts:
+                values = [factor * getattr(item.contacts[model], name) for item in group]
+                axis.plot(at, values, "s--", label=model)
+            axis.set(xlabel=label, ylabel=f"{name} {unit}".rstrip(), xscale="log")
+            if name == "peak_force":
+                axis.set_yscale("log")
+    axes[0, 0].legend(fontsize="small")
+    return figure
