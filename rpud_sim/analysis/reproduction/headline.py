@@ -33,12 +33,12 @@ class Number:
 CONTACT_SPEED = 5.0  # Fig. 12 [m/s]
 
 NUMBERS = (
-    Number("free_impact_rate", 260 / 0.6, "1/s", "Fig. 3", "260 impacts in 0.6 s, \u201cnearly 430 Hz\u201d", "free", "impact_rate"),
+    Number("free_impact_rate", 260 / 0.6, "1/s", "Fig. 3", "260 impacts in 0.6 s, “nearly 430 Hz”", "free", "impact_rate"),
     Number("free_reacting_force_mean", 5.8, "N", "Fig. 5", "mean reacting force of the first 5 s", "free", "reacting_force_mean"),
-    Number("drilling_impact_rate", 282 / 0.6, "1/s", "Fig. 8", "282 impacts in 0.6 s, \u201cnearly 470 Hz\u201d", "drilling", "impact_rate"),
+    Number("drilling_impact_rate", 282 / 0.6, "1/s", "Fig. 8", "282 impacts in 0.6 s, “nearly 470 Hz”", "drilling", "impact_rate"),
     Number("drilling_contact_force_max", 2600.0, "N", "Fig. 10", "greatest contact force in 0.6 s", "drilling", "contact_force_max"),
-    Number("drilling_contact_force_low", 400.0, "N", "Fig. 11", "\u201cmost\u201d contact forces are above (5 % quantile)", "drilling", "contact_force_low"),
-    Number("drilling_contact_force_high", 2200.0, "N", "Fig. 11", "\u201cmost\u201d contact forces are below (95 % quantile)", "drilling", "contact_force_high"),
+    Number("drilling_contact_force_low", 400.0, "N", "Fig. 11", "“most” contact forces are above (5 % quantile)", "drilling", "contact_force_low"),
+    Number("drilling_contact_force_high", 2200.0, "N", "Fig. 11", "“most” contact forces are below (95 % quantile)", "drilling", "contact_force_high"),
     Number("drilling_kinetic_energy", 12.4, "J", "Fig. 13", "kinetic energy brought to the drill tool in 0.6 s", "drilling", "kinetic_energy"),
     Number("drilling_reacting_force_mean", 14.0, "N", "Fig. 14", "mean reacting force (taken over 5 s)", "drilling", "reacting_force_mean"),
     Number("contact_peak_force", 1650.0, "N", "Fig. 12", "contact force of one collision at 5 m/s", "contact", "peak_force"),

@@ -134,10 +134,10 @@ def _single_contact(drilling: Parameters) -> Figure:
         label = f"{model}, {modulus:g} Pa"
         for axis, values in zip(axes.flat, (1e6 * displacement, force), strict=True):
             axis.plot(1e6 * time, values, style, color=color, label=label)
-    axes[0, 0].axhline(42.0, color="red", linestyle=":", label="paper: 42 \u00b5m")
+    axes[0, 0].axhline(42.0, color="red", linestyle=":", label="paper: 42 µm")
     axes[0, 1].axhline(1650.0, color="red", linestyle=":", label="paper: 1650 N")
-    axes[0, 0].set(xlabel="time [\u00b5s]", ylabel="displacement [\u00b5m]", xscale="log")
-    axes[0, 1].set(xlabel="time [\u00b5s]", ylabel="contact force [N]", xscale="log")
+    axes[0, 0].set(xlabel="time [µs]", ylabel="displacement [µm]", xscale="log")
+    axes[0, 1].set(xlabel="time [µs]", ylabel="contact force [N]", xscale="log")
     axes[0, 1].set_ylim(bottom=0.0)
     for axis in axes.flat:
         axis.legend(fontsize="small")

@@ -47,9 +47,20 @@ class Reading:
     count: str
 
     def __str__(self) -> str:
-        return (
-            f"A = {self.vibration_amplitude * 1e6:g} \u00b5m, W = {self.weight_on_bit:g} N, "
-            f"E = {self.elastic_modulus:g} Pa, {self.contact_model} contact, {self.count} counted"
+        return self.describe("drilling")
+
+    def describe(self, regime: str) -> str:
+        """Return the choices in words: those that matter to a number of the regime."""
+        amplitude = f"A = {self.vibration_amplitude * 1e6:g} µm"
+        weight = f"W = {self.weight_on_bit:g} N"
+        contact = f"E = {self.elastic_modulus:g} Pa, {self.contact_model} contact"
+        counted = f"{self.count} counted"
+        return ", ".join(
+            {
+                "free": (amplitude, counted),
+                "contact": (contact,),
+                "drilling": (amplitude, weight, contact, counted),
+            }[regime]
         )
 
     def parameters(self, regime: str) -> Parameters:
@@ -79,9 +90,8 @@ class Value:
     high: float
 
     def near(self, number: Number) -> bool:
-        """Whether mean and paper agree to within ``NEAR``, given the mean's 95 % interval."""
-        margin = NEAR * number.paper + 1.96 * self.standard_error
-        return abs(self.mean - number.paper) <= margin
+        """Whether the mean is within ``NEAR`` of the paper's value."""
+        return abs(self.mean / number.paper - 1.0) <= NEAR
 
     def includes(self, number: Number) -> bool:
         """Whether the paper's value is one that a single run may show."""
@@ -109,6 +119,11 @@ class Fit:
     misfit_simulated: float
     misfit_measured: float
     stalled: int
+
+    @property
+    def near(self) -> int:
+        """How many numbers are reproduced within ``NEAR``."""
+        return sum(self.values[number.key].near(number) for number in NUMBERS)
 
 
 def all_readings() -> tuple[Reading, ...]:
@@ -211,7 +226,7 @@ def not_reproduced(fits: list[Fit]) -> list[dict[str, Any]]:
                 "key": number.key,
                 "paper": number.paper,
                 "nearest": nearest.values[number.key].mean,
-                "reading": str(nearest.reading),
+                "reading": nearest.reading.describe(number.regime),
             }
         )
     return missing

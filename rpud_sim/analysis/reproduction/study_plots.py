@@ -107,7 +107,7 @@ def plot_readings(fits: dict[str, Fit]) -> Figure:
 
 def plot_bar_study(study: BarStudy) -> dict[str, Figure]:
     """Return the elastic bar's figures by name: one blow in time, and all blows over free mass and speed."""
-    return {"bar_contact": _bar_contact(study), "bar_study": _bar_trends(study)}
+    return {"bar_contact": _bar_contact(study), "bar_trends": _bar_trends(study)}
 
 
 def _bar_contact(study: BarStudy) -> Figure:
@@ -124,8 +124,8 @@ def _bar_contact(study: BarStudy) -> Figure:
         histories = contact_history(chosen, blow.impact_velocity, time)
         axes[0, 0].plot(1e6 * time, 1e6 * histories[0], label=model)
         axes[0, 1].plot(1e6 * time, histories[1], label=model)
-    axes[0, 0].set(xlabel="time [\u00b5s]", ylabel="displacement of the upper end [\u00b5m]")
-    axes[0, 1].set(xlabel="time [\u00b5s]", ylabel="contact force [N]", yscale="symlog")
+    axes[0, 0].set(xlabel="time [µs]", ylabel="displacement of the upper end [µm]")
+    axes[0, 1].set(xlabel="time [µs]", ylabel="contact force [N]", yscale="symlog")
     for axis in axes.flat:
         axis.legend()
     return figure
@@ -142,7 +142,7 @@ def _bar_trends(study: BarStudy) -> Figure:
         for axis, name, unit, factor in zip(
             row,
             ("peak_force", "duration", "restitution"),
-            ("[N]", "[\u00b5s]", ""),
+            ("[N]", "[µs]", ""),
             (1.0, 1e6, 1.0),
             strict=True,
         ):

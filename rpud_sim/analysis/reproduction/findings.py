@@ -1,0 +1,260 @@
+"""What the numbers say, in words and rows of tables; the same for the HTML report and for validation.md."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.analysis.reproduction.headline import NUMBERS, Number
+from rpud_sim.analysis.reproduction.readings import Fit, Value, not_reproduced
+from rpud_sim.analysis.reproduction.reproduction import (
+    BEST,
+    TABLES,
+    Reproduction,
+    figure_12_implies,
+)
+from rpud_sim.analysis.reproduction.studies import CLAIMS, OUTPUTS
+
+CLOSE = 0.2  # the energy balance counts as right within this share of the elastic bar's
+
+SOURCES = {"section": "Section IV", "abstract": "abstract", "conclusion": "conclusion"}
+CHOICES = ("vibration_amplitude", "weight_on_bit", "elastic_modulus", "contact_model", "count")
+
+Row = tuple[str, ...]
+
+
+def plain(value: float, digits: int = 3) -> str:
+    """Return a number with so many significant digits and no exponent."""
+    if value != 0.0 and not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.{digits - 1}e}"
+    return np.format_float_positional(value, digits, fractional=False, trim="-")
+
+
+def show(value: float, unit: str) -> str:
+    """Return a quantity in a fitting unit, such as 42 µm for 4.2e-5 m."""
+    if unit == "m":
+        return f"{plain(1e6 * value)} µm" if value < 1e-3 else f"{plain(1e3 * value)} mm"
+    if unit == "s":
+        return f"{plain(1e6 * value)} µs"
+    return f"{plain(value)} {unit}".rstrip()
+
+
+def show_value(value: Value, number: Number) -> str:
+    """Return mean, 95 % interval of the mean, and what 95 % of single runs show."""
+    mean = show(value.mean, number.unit)
+    if value.low == value.high:
+        return mean
+    half = show(1.96 * value.standard_error, number.unit)
+    runs = f"{show(value.low, number.unit)} to {show(value.high, number.unit)}"
+    return f"{mean} ± {half} (runs: {runs})"
+
+
+def summary(result: Reproduction) -> list[str]:
+    """Return the main findings, one sentence or two each."""
+    best, tables = result.best, result.tables
+    missing = [entry["key"] for entry in not_reproduced(result.fits)]
+    low, high = best.misfit_interval
+    simulated = min(result.fits, key=lambda fit: fit.misfit_simulated)
+    most = max(result.fits, key=lambda fit: (fit.near, -fit.misfit))
+    slope, half = result.slope(BEST)
+    lines = [
+        f"Of {len(result.fits)} readings, the one that fits all {len(NUMBERS)} numbers best is: {best.reading}. "
+        f"Its misfit is {best.misfit:.2f} [{low:.2f}, {high:.2f}], that is, the model is typically off by a factor "
+        f"of {np.exp(best.misfit):.1f}; {best.near} numbers agree within 10 %. No reading reproduces the paper as a "
+        f"whole.",
+        f"The presets ({tables.reading}) have a misfit of {tables.misfit:.2f} and {tables.near} numbers within 10 %.",
+        f"Over the {sum(not n.measured for n in NUMBERS)} simulated numbers alone the best reading is: "
+        f"{simulated.reading}, with {simulated.misfit_simulated:.2f}. Most numbers within 10 % ({most.near}) has: "
+        f"{most.reading}.",
+        f"No reading reproduces within 10 %: {', '.join(missing) or 'none; each is met by some reading'}.",
+    ]
+    for drill in (TABLES, BEST):
+        agree = sum(row[-1] == "yes" for row in trend_rows(result, drill))
+        lines.append(
+            f"Trends of Figs. 15-18 ({drill}): {agree} of 16 agree with Section IV."
+            f"{_disagreements(result, drill)}"
+        )
+    lines.append(
+        f"Fig. 23: the reacting force rises with the weight on bit in the model as it does in the measurement, by "
+        f"{slope:.3f} ± {half:.3f} N per N ({BEST})."
+    )
+    lines.append(_bar_finding(result))
+    return lines
+
+
+def _disagreements(result: Reproduction, drill: str) -> str:
+    rows = [row for row in trend_rows(result, drill) if row[-1] != "yes"]
+    if not rows:
+        return ""
+    return " It differs on: " + "; ".join(
+        f"{row[1]} over {row[0]} ({row[2]}, Section IV: {row[6]})" for row in rows
+    ) + "."
+
+
+def _bar_finding(result: Reproduction) -> str:
+    parts = []
+    for model in ("printed", "rayleigh"):
+        right = [
+            name
+            for name in ("peak_force", "peak_displacement", "duration", "restitution")
+            if all(
+                abs(getattr(item.contacts[model], name) / getattr(item.bar, name) - 1.0) <= CLOSE
+                for item in result.bar.by_mass
+                if item.free_mass >= 5e-3
+            )
+        ]
+        parts.append(f"{model}: {', '.join(right) or 'nothing'}")
+    return (
+        "Against the elastic bar, for the free mass of Table 2 and heavier, the energy balance is within 20 % in "
+        + "; ".join(parts)
+        + ". The bar's first wave alone gives a force that the energy balance leaves out: eq. (21) lets the tool's "
+        "effective mass take its velocity in no time, by an impulse that appears in no contact force."
+    )
+
+
+def number_rows(result: Reproduction) -> list[Row]:
+    """Return for each number: key, source, statement, paper, presets, best reading, readings within 10 %, nearest."""
+    rows = []
+    for number in NUMBERS:
+        near = sum(fit.values[number.key].near(number) for fit in result.fits)
+        nearest = _nearest(result.fits, number)
+        rows.append(
+            (
+                number.key,
+                number.source,
+                number.statement,
+                show(number.paper, number.unit),
+                show_value(result.tables.values[number.key], number),
+                show_value(result.best.values[number.key], number),
+                f"{near} of {len(result.fits)}",
+                f"{show(nearest.values[number.key].mean, number.unit)} "
+                f"({nearest.reading.describe(number.regime)})",
+            )
+        )
+    return rows
+
+
+def _nearest(fits: list[Fit], number: Number) -> Fit:
+    return min(fits, key=lambda fit: abs(np.log(fit.values[number.key].mean / number.paper)))
+
+
+def missing_rows(result: Reproduction) -> list[Row]:
+    """Return for each number that no reading reproduces: key, paper, nearest, its reading."""
+    units = {number.key: number.unit for number in NUMBERS}
+    return [
+        (
+            entry["key"],
+            show(entry["paper"], units[entry["key"]]),
+            show(entry["nearest"], units[entry["key"]]),
+            entry["reading"],
+        )
+        for entry in not_reproduced(result.fits)
+    ]
+
+
+def ranking_rows(result: Reproduction) -> list[Row]:
+    """Return for each reading, the best first: rank, choices, misfits, numbers within 10 %, and every mean."""
+    return [
+        (
+            str(rank),
+            *(_choice(fit.reading, name) for name in CHOICES),
+            f"{fit.misfit:.3f} [{fit.misfit_interval[0]:.3f}, {fit.misfit_interval[1]:.3f}]",
+            f"{fit.misfit_simulated:.3f}",
+            f"{fit.misfit_measured:.3f}",
+            str(fit.near),
+            *(
+                f"{show(value.mean, number.unit)} ± {show(1.96 * value.standard_error, number.unit)}"
+                for number in NUMBERS
+                for value in (fit.values[number.key],)
+            ),
+        )
+        for rank, fit in enumerate(result.fits, 1)
+    ]
+
+
+def choice_rows(result: Reproduction) -> list[Row]:
+    """Return for each choice taken alone: its name, value, and the least misfit of any reading that has it."""
+    rows = []
+    for name in CHOICES:
+        for value in sorted({getattr(fit.reading, name) for fit in result.fits}):
+            fits = [fit for fit in result.fits if getattr(fit.reading, name) == value]
+            rows.append((name, _choice(fits[0].reading, name), f"{fits[0].misfit:.3f}"))
+    return rows
+
+
+def _choice(reading: Any, name: str) -> str:
+    value = getattr(reading, name)
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def trend_rows(result: Reproduction, drill: str) -> list[Row]:
+    """Return for each trend: parameter, output, verdict, change, tau, p, three statements, whether IV agrees."""
+    rows = []
+    for trend in result.trends[drill]:
+        place = OUTPUTS.index(trend.output)
+        claims = [CLAIMS[trend.parameter][source][place] or "-" for source in SOURCES]
+        rows.append(
+            (
+                trend.parameter,
+                trend.output,
+                trend.verdict + (", and turns" if trend.turns else ""),
+                f"{100.0 * trend.change:+.1f} ± {100.0 * trend.change_interval:.1f} %",
+                f"{trend.tau:+.2f}",
+                f"{trend.p_value:.1e}",
+                *claims,
+                "yes" if claims[0] == trend.verdict else "no",
+            )
+        )
+    return rows
+
+
+def bar_rows(result: Reproduction) -> list[Row]:
+    """Return for each blow: free mass, speed, then bar, printed and Rayleigh for each of the four quantities."""
+    rows = []
+    for item in (*result.bar.by_mass, *result.bar.by_speed):
+        row = [show(1e3 * item.free_mass, "g"), show(item.impact_velocity, "m/s")]
+        for name, unit in (
+            ("peak_force", "N"),
+            ("peak_displacement", "m"),
+            ("duration", "s"),
+            ("restitution", ""),
+        ):
+            bar = getattr(item.bar, name)
+            row.append(show(bar, unit))
+            for model in ("printed", "rayleigh"):
+                value = getattr(item.contacts[model], name)
+                row.append(f"{show(value, unit)} (×{plain(value / bar, 2)})")
+        rows.append(tuple(row))
+    return rows
+
+
+def mesh_rows(result: Reproduction) -> list[Row]:
+    """Return for each mesh: elements in part I, the four quantities, time touching, error of the energy."""
+    return [
+        (
+            str(elements),
+            show(bar.peak_force, "N"),
+            show(bar.peak_displacement, "m"),
+            show(bar.duration, "s"),
+            plain(bar.restitution),
+            show(bar.touching, "s"),
+            f"{bar.energy_error:.1e}",
+        )
+        for elements, bar in result.bar.by_elements.items()
+    ]
+
+
+def tool_rows(result: Reproduction) -> list[Row]:
+    """Return effective mass and spring rate of the tool: what Fig. 12 implies, and both contact models of steel."""
+    implied = figure_12_implies()
+    rows = [("implied by Fig. 12", implied["tool_mass"], implied["tool_spring_rate"])]
+    contacts = result.bar.by_speed[0].contacts
+    rows += [(name, tool.tool_mass, tool.tool_spring_rate) for name, tool in contacts.items()]
+    return [(name, f"{1e3 * mass:.2f} g", f"{rate:.3g} N/m") for name, mass, rate in rows]
+
+
+def effort_text(result: Reproduction) -> str:
+    """Return how much was simulated, in one line."""
+    return ", ".join(f"{name} {value}" for name, value in dataclasses.asdict(result.effort).items())

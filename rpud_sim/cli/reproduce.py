@@ -1,0 +1,60 @@
+"""`rpud reproduce`: the paper's figures and numbers beside the model's, with intervals."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+HELP = "reproduce every figure and number of the paper, with intervals, as an HTML report"
+EXAMPLE = "rpud reproduce --out reproduction"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `rpud reproduce`."""
+    parser.add_argument(
+        "--out",
+        default="reproduction",
+        metavar="DIR",
+        help="folder for report.html, numbers.json, validation.md and the pictures (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="small ensembles: seconds, with wide intervals"
+    )
+    parser.add_argument("--json", action="store_true", help="print all numbers as one JSON object")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Reproduce the paper and write the report; give the exit code."""
+    from rpud_sim.analysis.reproduction.findings import summary
+    from rpud_sim.analysis.reproduction.report import REPORT, write_report
+    from rpud_sim.analysis.reproduction.reproduction import QUICK, Effort, reproduce
+
+    folder = Path(arguments.out)
+    started = time.perf_counter()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        result = reproduce(QUICK if arguments.quick else Effort(), _track)
+        quick = " --quick" if arguments.quick else ""
+        write_report(result, folder, f"rpud reproduce{quick} --out DIR")
+    except OSError as error:
+        print(f"rpud reproduce: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 1
+    if arguments.json:
+        print(json.dumps(result.numbers(), default=float))
+        return 0
+    for line in summary(result):
+        print(f"- {line}")
+    print(f"{folder / REPORT} written in {time.perf_counter() - started:.0f} s")
+    return 0
+
+
+def _track(items: Iterable[Any], total: int, title: str) -> Iterable[Any]:
+    from tqdm import tqdm
+
+    # A bar appears only on a terminal, and only for what takes longer than two seconds.
+    return tqdm(items, title, total, delay=2.0, disable=None, leave=False, file=sys.stderr)
