@@ -4,9 +4,10 @@ The stepped bar obeys the one-dimensional wave equation
 
     rho A u_tt = (E A u_x)_x,   0 < x < L_dt1 + L_dt2,   u = 0 at the rock
 
-and the rigid free mass strikes its upper end, x = 0, with unilateral contact. In space: linear finite elements with
-lumped masses, all of one length. The contact is a spring as stiff as one element of part I, so that mesh and contact
-become rigid together. In time: the explicit Runge-Kutta method of order 8 of SciPy's ``solve_ivp``.
+and the rigid free mass strikes its upper end, x = 0, with unilateral contact. In space: linear
+finite elements with lumped masses, all of one length. The contact is a spring as stiff as one
+element of part I, so that mesh and contact become rigid together. In time: the explicit Runge-Kutta
+method of order 8 of SciPy's ``solve_ivp``.
 """
 
 from __future__ import annotations
@@ -52,7 +53,10 @@ class BarImpact:
 
 
 def impedance(parameters: Parameters) -> float:
-    """Return the wave impedance of part I, A sqrt(E rho) [N s/m]: force of the first wave over impact velocity."""
+    """Return the wave impedance of part I, A sqrt(E rho) [N s/m].
+
+    It is the contact force of the first wave over the impact velocity.
+    """
     return parameters.section_1_area * float(
         np.sqrt(parameters.elastic_modulus * parameters.drill_tool_density)
     )
@@ -155,4 +159,3 @@ def _energy_error(
         )
 
     return energy(state[:, -1]) / energy(state[:, 0]) - 1.0
-

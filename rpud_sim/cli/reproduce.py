@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         default="reproduction",
         metavar="DIR",
-        help="folder for report.html, numbers.json, validation.md and the pictures (default: %(default)s)",
+        help="folder for the report, its pictures and numbers (default: %(default)s)",
     )
     parser.add_argument(
         "--quick", action="store_true", help="small ensembles: seconds, with wide intervals"

@@ -56,7 +56,7 @@ def single_contact(parameters: Parameters, impact_velocity: float) -> Contact:
 def contact_history(
     parameters: Parameters, impact_velocity: float, times: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return displacement of the drill tool's upper side [m] and contact force [N], eqs. (30) and (36).
+    """Return the tool's displacement [m] and the contact force [N], eqs. (30) and (36).
 
     Args:
         parameters: of the drill.

@@ -1,1 +1,1 @@
-"""The paper reproduced: every figure and number, with intervals, under every reading of what it leaves open."""
+"""The paper reproduced: every figure and number, with intervals, under every reading."""

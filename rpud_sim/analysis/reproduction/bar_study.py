@@ -39,7 +39,8 @@ class BarStudy:
     Args:
         by_mass: at 5 m/s.
         by_speed: with the free mass of Table 2.
-        by_elements: the bar alone, with its number of elements in part I; the free mass of Table 2 at 5 m/s.
+        by_elements: the bar alone, with its number of elements in part I; the free mass of Table 2
+            at 5 m/s.
     """
 
     by_mass: list[Comparison]
@@ -59,7 +60,9 @@ def run_bar_study(elements: int, track: Track) -> BarStudy:
     blows += [(base, speed, elements) for speed in SPEEDS if speed != CONTACT_SPEED]
     finer = [elements // 4, elements // 2, elements * 3 // 2]
     blows += [(base, CONTACT_SPEED, number) for number in finer]
-    bars = dict(zip(blows, gather(lambda blow: strike(*blow), blows, "elastic bar", track), strict=True))
+    bars = dict(
+        zip(blows, gather(lambda blow: strike(*blow), blows, "elastic bar", track), strict=True)
+    )
 
     def compare(parameters: Parameters, speed: float) -> Comparison:
         contacts = {

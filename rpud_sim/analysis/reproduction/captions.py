@@ -5,11 +5,16 @@ CAPTIONS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "figure_03": (
         "Fig. 3: positions before drilling",
         "“impacts the drill tool approximately 260 times in 0.6 seconds … nearly 430 Hz”",
-        ("free_impact_rate", "measured_nodal_plane_displacement", "measured_drill_tool_displacement"),
+        (
+            "free_impact_rate",
+            "measured_nodal_plane_displacement",
+            "measured_drill_tool_displacement",
+        ),
     ),
     "figure_04": (
         "Fig. 4: the same, zoomed",
-        "“In each oscillation cycle of the free mass, the end tip of the actuator experiences several cycles”",
+        "“In each oscillation cycle of the free mass, the end tip of the actuator experiences "
+        "several cycles”",
         (),
     ),
     "figure_05": (
@@ -24,7 +29,8 @@ CAPTIONS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "figure_09": (
         "Fig. 9: the same, zoomed",
-        "“the end tip of the actuator experiences several cycles for each oscillation cycle of the free mass”",
+        "“the end tip of the actuator experiences several cycles for each oscillation cycle of the "
+        "free mass”",
         (),
     ),
     "figure_10": (
@@ -57,24 +63,26 @@ CAPTIONS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 STUDY_CAPTIONS: dict[str, tuple[str, str]] = {
     "figure_15": (
         "Fig. 15: coefficient of restitution",
-        "“the average contact force increases significantly … results in a decrease in the number of collisions per "
-        "second. The kinetic energy … and reacting force increase”",
+        "“the average contact force increases significantly … results in a decrease in the number "
+        "of collisions per second. The kinetic energy … and reacting force increase”",
     ),
     "figure_16": (
         "Fig. 16: free mass",
-        "“an increase in the contact force, the kinetic energy …, and reacting force … the number of collisions per "
-        "second decreases”",
+        "“an increase in the contact force, the kinetic energy …, and reacting force … the number "
+        "of collisions per second decreases”",
     ),
     "figure_17": (
         "Fig. 17: damping ratio of the RPUD",
-        "Section IV: “little effect on the contact force … number of collisions per second and the kinetic energy … "
-        "increase … a decrease in the average reacting force”. Abstract: contact force and kinetic energy “can be "
-        "enhanced by … decreasing the damping ratio”. Conclusion: “increasing the damping ratio … contributes to "
-        "increases in both the contact force and the kinetic energy”",
+        "Section IV: “little effect on the contact force … number of collisions per second and the "
+        "kinetic energy … increase … a decrease in the average reacting force”. Abstract: contact "
+        "force and kinetic energy “can be enhanced by … decreasing the damping ratio”. Conclusion: "
+        "“increasing the damping ratio … contributes to increases in both the contact force and "
+        "the kinetic energy”",
     ),
     "figure_18": (
         "Fig. 18: weight on bit",
-        "Section IV: “little effect on the contact force … number of collisions per second, the kinetic energy …, and "
-        "the reacting force increase”. Abstract and conclusion: the contact force increases as well",
+        "Section IV: “little effect on the contact force … number of collisions per second, the "
+        "kinetic energy …, and the reacting force increase”. Abstract and conclusion: the contact "
+        "force increases as well",
     ),
 }

@@ -1,4 +1,4 @@
-"""What the numbers say, in words and rows of tables; the same for the HTML report and for validation.md."""
+"""What the numbers say, in words and rows of tables, for the report and for validation.md."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rpud_sim.analysis.reproduction.headline import NUMBERS, Number
 from rpud_sim.analysis.reproduction.readings import Fit, Value, not_reproduced
 from rpud_sim.analysis.reproduction.reproduction import (
     BEST,
-    TABLES,
+    PRESETS,
     Reproduction,
     figure_12_implies,
 )
@@ -41,44 +41,49 @@ def show(value: float, unit: str) -> str:
     return f"{plain(value)} {unit}".rstrip()
 
 
+def show_mean(value: Value, number: Number) -> str:
+    """Return mean and 95 % interval of the mean."""
+    mean = show(value.mean, number.unit)
+    return f"{mean} ± {show(1.96 * value.standard_error, number.unit)}"
+
+
 def show_value(value: Value, number: Number) -> str:
     """Return mean, 95 % interval of the mean, and what 95 % of single runs show."""
-    mean = show(value.mean, number.unit)
     if value.low == value.high:
-        return mean
-    half = show(1.96 * value.standard_error, number.unit)
+        return show(value.mean, number.unit)
     runs = f"{show(value.low, number.unit)} to {show(value.high, number.unit)}"
-    return f"{mean} ± {half} (runs: {runs})"
+    return f"{show_mean(value, number)} (runs: {runs})"
 
 
 def summary(result: Reproduction) -> list[str]:
     """Return the main findings, one sentence or two each."""
-    best, tables = result.best, result.tables
+    best, presets = result.best, result.presets
     missing = [entry["key"] for entry in not_reproduced(result.fits)]
     low, high = best.misfit_interval
     simulated = min(result.fits, key=lambda fit: fit.misfit_simulated)
     most = max(result.fits, key=lambda fit: (fit.near, -fit.misfit))
     slope, half = result.slope(BEST)
     lines = [
-        f"Of {len(result.fits)} readings, the one that fits all {len(NUMBERS)} numbers best is: {best.reading}. "
-        f"Its misfit is {best.misfit:.2f} [{low:.2f}, {high:.2f}], that is, the model is typically off by a factor "
-        f"of {np.exp(best.misfit):.1f}; {best.near} numbers agree within 10 %. No reading reproduces the paper as a "
-        f"whole.",
-        f"The presets ({tables.reading}) have a misfit of {tables.misfit:.2f} and {tables.near} numbers within 10 %.",
-        f"Over the {sum(not n.measured for n in NUMBERS)} simulated numbers alone the best reading is: "
-        f"{simulated.reading}, with {simulated.misfit_simulated:.2f}. Most numbers within 10 % ({most.near}) has: "
-        f"{most.reading}.",
-        f"No reading reproduces within 10 %: {', '.join(missing) or 'none; each is met by some reading'}.",
+        f"Of {len(result.fits)} readings, the one that fits all {len(NUMBERS)} numbers best is: "
+        f"{best.reading}. Its misfit is {best.misfit:.2f} [{low:.2f}, {high:.2f}], that is, the "
+        f"model is typically off by a factor of {np.exp(best.misfit):.1f}; {best.near} numbers "
+        f"agree within 10 %. No reading reproduces the paper as a whole.",
+        f"The presets ({presets.reading}) have a misfit of {presets.misfit:.2f} and {presets.near} "
+        "numbers within 10 %.",
+        f"Over the {sum(not n.measured for n in NUMBERS)} simulated numbers alone the best reading "
+        f"is: {simulated.reading}, with {simulated.misfit_simulated:.2f}. Most numbers within 10 % "
+        f"({most.near}) has: {most.reading}.",
+        f"No reading reproduces within 10 %: {', '.join(missing) or 'nothing of this kind'}.",
     ]
-    for drill in (TABLES, BEST):
+    for drill in (PRESETS, BEST):
         agree = sum(row[-1] == "yes" for row in trend_rows(result, drill))
         lines.append(
             f"Trends of Figs. 15-18 ({drill}): {agree} of 16 agree with Section IV."
             f"{_disagreements(result, drill)}"
         )
     lines.append(
-        f"Fig. 23: the reacting force rises with the weight on bit in the model as it does in the measurement, by "
-        f"{slope:.3f} ± {half:.3f} N per N ({BEST})."
+        "Fig. 23: the reacting force rises with the weight on bit in the model as it does in the "
+        f"measurement, by {slope:.3f} ± {half:.3f} N per N ({BEST})."
     )
     lines.append(_bar_finding(result))
     return lines
@@ -88,9 +93,11 @@ def _disagreements(result: Reproduction, drill: str) -> str:
     rows = [row for row in trend_rows(result, drill) if row[-1] != "yes"]
     if not rows:
         return ""
-    return " It differs on: " + "; ".join(
-        f"{row[1]} over {row[0]} ({row[2]}, Section IV: {row[6]})" for row in rows
-    ) + "."
+    return (
+        " It differs on: "
+        + "; ".join(f"{row[1]} over {row[0]} ({row[2]}, Section IV: {row[6]})" for row in rows)
+        + "."
+    )
 
 
 def _bar_finding(result: Reproduction) -> str:
@@ -107,16 +114,18 @@ def _bar_finding(result: Reproduction) -> str:
         ]
         parts.append(f"{model}: {', '.join(right) or 'nothing'}")
     return (
-        "Against the elastic bar, for the free mass of Table 2 and heavier, the energy balance is within 20 % in "
+        "Against the elastic bar, for the free mass of Table 2 and heavier, the energy balance is "
+        "within 20 % in "
         + "; ".join(parts)
-        + ". The bar's first wave alone gives a force that the energy balance leaves out: eq. (21) lets the tool's "
-        "effective mass take its velocity in no time, by an impulse that appears in no contact force."
+        + ". The bar's first wave alone gives a force that the energy balance leaves out: "
+        "eq. (21) lets the tool's effective mass take its velocity in no time, by an impulse that appears in no contact "
+        "force."
     )
 
 
 def number_rows(result: Reproduction) -> list[Row]:
-    """Return for each number: key, source, statement, paper, presets, best reading, readings within 10 %, nearest."""
-    rows = []
+    """Return for each number the row under ``HEADINGS["numbers"]``."""
+    rows: list[Row] = []
     for number in NUMBERS:
         near = sum(fit.values[number.key].near(number) for fit in result.fits)
         nearest = _nearest(result.fits, number)
@@ -126,7 +135,7 @@ def number_rows(result: Reproduction) -> list[Row]:
                 number.source,
                 number.statement,
                 show(number.paper, number.unit),
-                show_value(result.tables.values[number.key], number),
+                show_value(result.presets.values[number.key], number),
                 show_value(result.best.values[number.key], number),
                 f"{near} of {len(result.fits)}",
                 f"{show(nearest.values[number.key].mean, number.unit)} "
@@ -155,7 +164,7 @@ def missing_rows(result: Reproduction) -> list[Row]:
 
 
 def ranking_rows(result: Reproduction) -> list[Row]:
-    """Return for each reading, the best first: rank, choices, misfits, numbers within 10 %, and every mean."""
+    """Return for each reading, the best first: ``HEADINGS["ranking"]``, then every mean."""
     return [
         (
             str(rank),
@@ -164,19 +173,15 @@ def ranking_rows(result: Reproduction) -> list[Row]:
             f"{fit.misfit_simulated:.3f}",
             f"{fit.misfit_measured:.3f}",
             str(fit.near),
-            *(
-                f"{show(value.mean, number.unit)} ± {show(1.96 * value.standard_error, number.unit)}"
-                for number in NUMBERS
-                for value in (fit.values[number.key],)
-            ),
+            *(show_mean(fit.values[number.key], number) for number in NUMBERS),
         )
         for rank, fit in enumerate(result.fits, 1)
     ]
 
 
 def choice_rows(result: Reproduction) -> list[Row]:
-    """Return for each choice taken alone: its name, value, and the least misfit of any reading that has it."""
-    rows = []
+    """Return for each choice alone: name, value, and the least misfit of any reading with it."""
+    rows: list[Row] = []
     for name in CHOICES:
         for value in sorted({getattr(fit.reading, name) for fit in result.fits}):
             fits = [fit for fit in result.fits if getattr(fit.reading, name) == value]
@@ -190,8 +195,8 @@ def _choice(reading: Any, name: str) -> str:
 
 
 def trend_rows(result: Reproduction, drill: str) -> list[Row]:
-    """Return for each trend: parameter, output, verdict, change, tau, p, three statements, whether IV agrees."""
-    rows = []
+    """Return for each trend the row under ``HEADINGS["trends"]``."""
+    rows: list[Row] = []
     for trend in result.trends[drill]:
         place = OUTPUTS.index(trend.output)
         claims = [CLAIMS[trend.parameter][source][place] or "-" for source in SOURCES]
@@ -211,8 +216,8 @@ def trend_rows(result: Reproduction, drill: str) -> list[Row]:
 
 
 def bar_rows(result: Reproduction) -> list[Row]:
-    """Return for each blow: free mass, speed, then bar, printed and Rayleigh for each of the four quantities."""
-    rows = []
+    """Return for each blow the row under ``HEADINGS["bar"]``."""
+    rows: list[Row] = []
     for item in (*result.bar.by_mass, *result.bar.by_speed):
         row = [show(1e3 * item.free_mass, "g"), show(item.impact_velocity, "m/s")]
         for name, unit in (
@@ -231,7 +236,7 @@ def bar_rows(result: Reproduction) -> list[Row]:
 
 
 def mesh_rows(result: Reproduction) -> list[Row]:
-    """Return for each mesh: elements in part I, the four quantities, time touching, error of the energy."""
+    """Return for each mesh the row under ``HEADINGS["mesh"]``."""
     return [
         (
             str(elements),
@@ -247,7 +252,7 @@ def mesh_rows(result: Reproduction) -> list[Row]:
 
 
 def tool_rows(result: Reproduction) -> list[Row]:
-    """Return effective mass and spring rate of the tool: what Fig. 12 implies, and both contact models of steel."""
+    """Return the tool that Fig. 12 implies, and those of both contact models of steel."""
     implied = figure_12_implies()
     rows = [("implied by Fig. 12", implied["tool_mass"], implied["tool_spring_rate"])]
     contacts = result.bar.by_speed[0].contacts

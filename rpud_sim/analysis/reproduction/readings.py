@@ -1,7 +1,8 @@
-"""Readings: every set of choices in what the paper leaves open, held for all of its numbers at once.
+"""Readings: sets of choices in what the paper leaves open, each held for all numbers at once.
 
-The misfit of a reading is the root-mean-square of log(model / paper) over all numbers; exp(misfit) is the factor by
-which the model is typically off. Nothing is fitted: the product of the choices below is searched in full.
+The misfit of a reading is the root-mean-square of log(model / paper) over all numbers; exp(misfit)
+is the factor by which the model is typically off. Nothing is fitted: the product of the choices
+below is searched in full.
 """
 
 from __future__ import annotations
@@ -164,9 +165,7 @@ def _drill(reading: Reading, regime: str) -> Parameters:
     return parameters
 
 
-def _fit(
-    reading: Reading, windows: dict[Parameters, Members], random: np.random.Generator
-) -> Fit:
+def _fit(reading: Reading, windows: dict[Parameters, Members], random: np.random.Generator) -> Fit:
     ensembles = {regime: windows[_drill(reading, regime)] for regime in _REGIMES}
     contact = single_contact(reading.parameters("drilling"), CONTACT_SPEED)
     size = {regime: len(ensembles[regime].values["kinetic_energy"]) for regime in _REGIMES}
@@ -213,14 +212,12 @@ def _value(column: np.ndarray) -> Value:
 
 
 def not_reproduced(fits: list[Fit]) -> list[dict[str, Any]]:
-    """Return the numbers that no reading reproduces within ``NEAR``, with the nearest that any reading gives."""
+    """Return the numbers that no reading reproduces within ``NEAR``, with the nearest there is."""
     missing = []
     for number in NUMBERS:
         if any(fit.values[number.key].near(number) for fit in fits):
             continue
-        nearest = min(
-            fits, key=lambda fit: abs(np.log(fit.values[number.key].mean / number.paper))
-        )
+        nearest = min(fits, key=lambda fit: abs(np.log(fit.values[number.key].mean / number.paper)))
         missing.append(
             {
                 "key": number.key,

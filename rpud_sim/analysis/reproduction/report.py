@@ -1,4 +1,4 @@
-"""The report: HTML with its pictures inside, the pictures as PNG, all numbers as JSON, and validation.md."""
+"""The report: HTML with its pictures inside, the pictures, all numbers, and validation.md."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rpud_sim.analysis.reproduction import findings
 from rpud_sim.analysis.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
 from rpud_sim.analysis.reproduction.headline import NUMBERS
 from rpud_sim.analysis.reproduction.plots import run_figures
-from rpud_sim.analysis.reproduction.reproduction import BEST, TABLES, Reproduction
+from rpud_sim.analysis.reproduction.reproduction import BEST, PRESETS, Reproduction
 from rpud_sim.analysis.reproduction.study_plots import (
     plot_bar_study,
     plot_readings,
@@ -71,7 +71,7 @@ def _png(figure: Figure) -> bytes:
 
 def _figures(result: Reproduction) -> dict[str, Figure]:
     shown = {
-        f"presets: {result.tables.reading}": result.tables,
+        f"presets: {result.presets.reading}": result.presets,
         f"best: {result.best.reading}": result.best,
     }
     return {
@@ -122,7 +122,7 @@ def _captioned(result: Reproduction, name: str) -> dict[str, Any]:
                 f"{number.key} {findings.show_value(fit.values[number.key], number)}"
                 for number in numbers
             )
-            for drill, fit in ((TABLES, result.tables), (BEST, result.best))
+            for drill, fit in ((PRESETS, result.presets), (BEST, result.best))
             if numbers
         ],
     }

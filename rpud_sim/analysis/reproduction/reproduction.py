@@ -21,7 +21,7 @@ from rpud_sim.analysis.reproduction.studies import (
 from rpud_sim.analysis.reproduction.work import Track, silent
 from rpud_sim.simulation import preset
 
-TABLES = "tables"  # the paper's tables as the presets have them
+PRESETS = "presets"  # the paper's tables
 BEST = "best reading"
 
 
@@ -38,7 +38,7 @@ class Effort:
         seed: of all initial phases.
     """
 
-    window_members: int = 100
+    window_members: int = 60
     study_members: int = 12
     study_duration: float = 20.0
     study_points: int = 9
@@ -46,7 +46,7 @@ class Effort:
     seed: int = 0
 
 
-QUICK = Effort(8, 4, 2.0, 3, 8)
+QUICK = Effort(4, 4, 2.0, 3, 8)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Reproduction:
     Args:
         effort: that was made.
         fits: of every reading, the best first.
-        studies: by drill, ``TABLES`` and ``BEST``.
+        studies: by drill, ``PRESETS`` and ``BEST``.
         trends: verdicts on the studies, by drill.
         bar: the elastic bar's.
     """
@@ -73,8 +73,8 @@ class Reproduction:
         return self.fits[0]
 
     @property
-    def tables(self) -> Fit:
-        """The reading of the presets: 35 um amplitude, 10 N, steel, printed contact, one collision counted."""
+    def presets(self) -> Fit:
+        """The reading of the presets, one collision counted."""
         drill = preset("drilling")
         reading = Reading(
             drill.vibration_amplitude,
@@ -86,7 +86,7 @@ class Reproduction:
         return next(fit for fit in self.fits if fit.reading == reading)
 
     def slope(self, drill: str) -> tuple[float, float]:
-        """Return the slope of the reacting force over the weight on bit and half its 95 % interval."""
+        """Return slope and half its 95 % interval of reacting force over weight on bit."""
         study = next(item for item in self.studies[drill] if item.parameter == "weight_on_bit")
         members = study.members["reacting_force_mean"]
         weights = np.broadcast_to(study.values[:, None], members.shape)
@@ -133,7 +133,7 @@ def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
         track: shows the progress.
     """
     fits = search(effort.window_members, effort.seed, track)
-    drills = {TABLES: preset("drilling"), BEST: fits[0].reading.parameters("drilling")}
+    drills = {PRESETS: preset("drilling"), BEST: fits[0].reading.parameters("drilling")}
     studies = {
         name: run_studies(
             drill,
@@ -150,9 +150,9 @@ def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
 
 
 def figure_12_implies() -> dict[str, float]:
-    """Return the tool that would give both numbers of Fig. 12 by eqs. (21), (30) and (36), gravity left out.
+    """Return the tool that would give both numbers of Fig. 12 by eqs. (21), (30) and (36).
 
-    From F = m_fm w^2 eta and v' = w eta: effective mass [kg] and spring rate [N/m].
+    Gravity left out, from F = m_fm w^2 eta and v' = w eta: effective mass [kg] and spring rate [N/m].
     """
     force, displacement = (
         next(number.paper for number in NUMBERS if number.key == key)

@@ -1,9 +1,10 @@
-"""Figures 15-18: how four parameters change four outputs, and whether each trend rises, falls or is flat.
+"""Figures 15-18: how four parameters change four outputs, with a verdict on each trend.
 
-Each point is an ensemble of long runs over initial phases, drawn anew for each point, so that all members are
-independent. A trend is tested with Kendall's tau between the parameter and the members' outputs (with ties: the
-Jonckheere-Terpstra test), the p-values of all trends held together with Holm's method. A trend that is significant
-but changes the output by less than ``LITTLE`` from end to end counts as flat: the paper's "little effect".
+Each point is an ensemble of long runs over initial phases, drawn anew for each point, so that all
+members are independent. A trend is tested with Kendall's tau between the parameter and the members'
+outputs (with ties: the Jonckheere-Terpstra test), the p-values of all trends held together with
+Holm's method. A trend that is significant but changes the output by less than ``LITTLE`` from end
+to end counts as flat: the paper's "little effect".
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ SETTLING = 1.0  # simulated before anything is counted [s]
 SIGNIFICANCE = 0.05
 LITTLE = 0.05
 
-# What the paper says of each study: Section IV, the abstract and the conclusion, in the order of OUTPUTS.
-# Section IV calls the panels of Fig. 17 (c) and (d) by each other's letter.
+# What the paper says of each study: Section IV, the abstract and the conclusion, in the order of
+# OUTPUTS. Section IV calls the panels of Fig. 17 (c) and (d) by each other's letter.
 CLAIMS: dict[str, dict[str, tuple[str, ...]]] = {
     "actuator_restitution": {
         "section": ("rises", "falls", "rises", "rises"),
@@ -69,7 +70,8 @@ class Study:
     Args:
         parameter: its name.
         values: of the parameter, shape (n,), SI units.
-        members: outputs of the members at each value, by output, shape (n, members); not a number for a stalled one.
+        members: outputs of the members at each value, by output, shape (n, members); not a number
+            for a stalled one.
     """
 
     parameter: str
@@ -197,6 +199,4 @@ def _verdict(study: Study, output: str, tau: float, p_value: float) -> Trend:
     verdict = "flat"
     if p_value < SIGNIFICANCE and abs(change) > LITTLE:
         verdict = "rises" if change > 0.0 else "falls"
-    return Trend(
-        study.parameter, output, verdict, tau, p_value, change, interval, beyond > LITTLE
-    )
+    return Trend(study.parameter, output, verdict, tau, p_value, change, interval, beyond > LITTLE)

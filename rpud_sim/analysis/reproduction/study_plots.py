@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rpud_sim.analysis.elastic_bar import impedance
 from rpud_sim.analysis.reproduction.bar_study import BarStudy
 from rpud_sim.analysis.reproduction.headline import NUMBERS
 from rpud_sim.analysis.reproduction.plots import new_figure
@@ -19,6 +21,7 @@ STUDY_FIGURES = {
     "rpud_damping_ratio": "figure_17",
     "weight_on_bit": "figure_18",
 }
+_COLORS = ("tab:blue", "tab:orange")  # of the presets and of the best reading
 UNITS = {
     "contact_force_mean": "N",
     "drill_tool_impact_rate": "1/s",
@@ -37,15 +40,18 @@ def plot_studies(studies: dict[str, list[Study]]) -> dict[str, Figure]:
     for parameter, name in STUDY_FIGURES.items():
         figure, axes = new_figure(columns=2, rows=2)
         for axis, output in zip(axes.flat, OUTPUTS, strict=True):
-            for drill, group in studies.items():
-                _draw(axis, _find(group, parameter), output, drill)
-            axis.set(xlabel=_label(parameter), ylabel=f"{output} [{UNITS[output]}]")
-            axis.set_ylim(bottom=0.0)
-        axes[0, 0].legend(fontsize="small")
+            axis.set(xlabel=_label(parameter), title=f"{output} [{UNITS[output]}]")
+            # Each drill has a scale of its own: the trends are what is compared.
+            sides = (axis, axis.twinx())
+            for side, color, (drill, group) in zip(sides, _COLORS, studies.items(), strict=True):
+                _draw(side, _find(group, parameter), output, drill, color)
+                side.set_ylim(bottom=0.0)
+                side.set_ylabel(drill, color=color)
+                side.tick_params(axis="y", labelcolor=color)
         figures[name] = figure
     figure, axes = new_figure()
-    for drill, group in studies.items():
-        _draw(axes[0, 0], _find(group, "weight_on_bit"), "reacting_force_mean", drill)
+    for color, (drill, group) in zip(_COLORS, studies.items(), strict=True):
+        _draw(axes[0, 0], _find(group, "weight_on_bit"), "reacting_force_mean", drill, color)
     weights = _find(next(iter(studies.values())), "weight_on_bit").values
     axes[0, 0].plot(weights, weights, ":", color="gray", label="reacting force = weight on bit")
     axes[0, 0].set(xlabel=_label("weight_on_bit"), ylabel="reacting_force_mean [N]")
@@ -63,7 +69,7 @@ def _label(parameter: str) -> str:
     return f"{parameter} [{unit}]" if unit else parameter
 
 
-def _draw(axis, study: Study, output: str, label: str) -> None:
+def _draw(axis: Axes, study: Study, output: str, label: str, color: str) -> None:
     axis.errorbar(
         study.values,
         study.mean(output),
@@ -73,6 +79,7 @@ def _draw(axis, study: Study, output: str, label: str) -> None:
         linewidth=1,
         capsize=2,
         label=label,
+        color=color,
     )
 
 
@@ -106,7 +113,7 @@ def plot_readings(fits: dict[str, Fit]) -> Figure:
 
 
 def plot_bar_study(study: BarStudy) -> dict[str, Figure]:
-    """Return the elastic bar's figures by name: one blow in time, and all blows over free mass and speed."""
+    """Return the elastic bar's figures by name: one blow in time, and all of them."""
     return {"bar_contact": _bar_contact(study), "bar_trends": _bar_trends(study)}
 
 
@@ -152,6 +159,8 @@ def _bar_trends(study: BarStudy) -> Figure:
                 axis.plot(at, values, "s--", label=model)
             axis.set(xlabel=label, ylabel=f"{name} {unit}".rstrip(), xscale="log")
             if name == "peak_force":
+                first = [impedance(preset("drilling")) * item.impact_velocity for item in group]
+                axis.plot(at, first, ":", color="gray", label="bar's first wave")
                 axis.set_yscale("log")
     axes[0, 0].legend(fontsize="small")
     return figure

@@ -1,51 +1,90 @@
-"""Templates of the HTML report and of validation.md, for jinja2; both are filled from the same context."""
+"""Templates of the HTML report and of validation.md, for jinja2, filled alike."""
 
 HEADINGS = {
     "numbers": (
-        "number", "source", "what it is", "paper", "presets", "best reading",
-        "readings within 10 %", "nearest of any reading",
+        "number",
+        "source",
+        "what it is",
+        "paper",
+        "presets",
+        "best reading",
+        "readings within 10 %",
+        "nearest of any reading",
     ),
     "missing": ("number", "paper", "nearest of any reading", "that reading"),
     "choices": ("choice", "value", "least misfit with it"),
     "ranking": (
-        "rank", "A [m]", "W [N]", "E [Pa]", "contact", "count", "misfit [95 %]",
-        "simulated", "measured", "within 10 %",
+        "rank",
+        "A [m]",
+        "W [N]",
+        "E [Pa]",
+        "contact",
+        "count",
+        "misfit [95 %]",
+        "simulated",
+        "measured",
+        "within 10 %",
     ),
     "trends": (
-        "parameter", "output", "model", "change over the study", "Kendall's tau", "p (Holm)",
-        "Section IV", "abstract", "conclusion", "agrees with Section IV",
+        "parameter",
+        "output",
+        "model",
+        "change over the study",
+        "Kendall's tau",
+        "p (Holm)",
+        "Section IV",
+        "abstract",
+        "conclusion",
+        "agrees with Section IV",
     ),
     "bar": (
-        "free mass", "speed",
-        "peak force: bar", "printed", "rayleigh",
-        "displacement: bar", "printed", "rayleigh",
-        "contact time: bar", "printed", "rayleigh",
-        "restitution: bar", "printed", "rayleigh",
+        "free mass",
+        "speed",
+        "peak force: bar",
+        "printed",
+        "rayleigh",
+        "displacement: bar",
+        "printed",
+        "rayleigh",
+        "contact time: bar",
+        "printed",
+        "rayleigh",
+        "restitution: bar",
+        "printed",
+        "rayleigh",
     ),
     "mesh": (
-        "elements in part I", "peak force", "displacement", "contact time", "restitution",
-        "time touching", "error of the energy",
+        "elements in part I",
+        "peak force",
+        "displacement",
+        "contact time",
+        "restitution",
+        "time touching",
+        "error of the energy",
     ),
     "tools": ("tool", "effective mass", "effective spring rate"),
 }
 
 HOW_TO_READ = (
-    "A *reading* is one set of choices in what the paper leaves open, held for all numbers at once: whether 35 µm is "
-    "the amplitude A or peak-to-peak, the weight on bit W while drilling, the elastic modulus E as printed or of "
-    "steel, the contact model, and whether one collision of a cycle is counted or both. The full product of the "
-    "choices is searched; nothing is fitted.",
-    "The *misfit* of a reading is the root-mean-square of log(model / paper) over all numbers at once, each with the "
-    "same weight; its interval comes from resampling the members of the ensembles.",
-    "Each value is the mean over an ensemble of initial phases, with the 95 % interval of that mean (±), and the range "
-    "that 95 % of single runs show, since the paper shows one run. Every member covers the very window of the "
-    "paper, from rest: 0.6 s, and 5 s for the mean reacting force. Members are independent, so that their standard "
-    "error needs no correction for the correlation within a run.",
-    "Peak displacements are the greatest distances from rest within 0.6 s. “Most” contact forces are taken to be "
-    "those between the 5 % and the 95 % quantile.",
-    "A *trend* is tested by Kendall's tau between the parameter and the outputs of all members (the "
-    "Jonckheere-Terpstra test), with Holm's correction over the sixteen trends at 5 %; a significant trend that "
-    "changes the output by less than 5 % of its mean from end to end counts as flat, which is what the paper calls "
-    "little effect. Long runs settle for 1 s before they count.",
+    "A *reading* is one set of choices in what the paper leaves open, held for all numbers at "
+    "once: whether 35 µm is the amplitude A or peak-to-peak, the weight on bit W while drilling, "
+    "the elastic modulus E as printed or of steel, the contact model, and whether one collision of "
+    "a cycle is counted or both. The full product of the choices is searched; nothing is fitted.",
+    "The *misfit* of a reading is the root-mean-square of log(model / paper) over all numbers at "
+    "once, each with the same weight; its interval comes from resampling the members of the "
+    "ensembles.",
+    "Each value is the mean over an ensemble of initial phases, with the 95 % interval of that "
+    "mean (±), and the range that 95 % of single runs show, since the paper shows one run. Every "
+    "member covers the very window of the paper, from rest: 0.6 s, and 5 s for the mean reacting "
+    "force. Members are independent, so that their standard error needs no correction for the "
+    "correlation within a run.",
+    "Peak displacements are the greatest distances from rest within 0.6 s. “Most” contact forces "
+    "are taken to be those between the 5 % and the 95 % quantile.",
+    "A *trend* is tested by Kendall's tau between the parameter and the outputs of all members "
+    "(the Jonckheere-Terpstra test), with Holm's correction over the sixteen trends at 5 %; a "
+    "significant trend that changes the output by less than 5 % of its mean from end to end counts "
+    "as flat, which is what the paper calls little effect. Long runs settle for 1 s before they "
+    "count.",
 )
 
 MARKDOWN = """\
@@ -88,11 +127,14 @@ What each choice alone costs:
 ## Fig. 23
 
 The measured reacting force rises with the weight on bit. In the model its slope is
-{% for drill, slope in slopes.items() %}{{ slope }} N per N ({{ drill }}){{ ", " if not loop.last }}{% endfor %}.
+{% for drill, slope in slopes.items() -%}
+{{ slope }} N per N ({{ drill }}){{ ", " if not loop.last }}
+{%- endfor %}.
 
 ## The energy balance beside an elastic bar
 
-The drill tool as a stepped elastic bar, fixed in the rock, struck by the rigid free mass; × is the ratio to the bar.
+The drill tool as a stepped elastic bar, fixed in the rock, struck by the rigid free mass;
+× is the ratio to the bar.
 {{ table(headings.bar, bar) }}
 The bar's convergence, for 5 g at 5 m/s:
 {{ table(headings.mesh, mesh) }}
@@ -101,7 +143,8 @@ What Fig. 12 implies by eqs. (21), (30) and (36), beside the two contact models 
 
 HTML = """\
 {%- macro table(heading, rows) %}
-<div class="wide"><table><thead><tr>{% for name in heading %}<th>{{ name }}</th>{% endfor %}</tr></thead>
+<div class="wide"><table>
+<thead><tr>{% for name in heading %}<th>{{ name }}</th>{% endfor %}</tr></thead>
 <tbody>
 {%- for row in rows %}
 <tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>
@@ -114,7 +157,8 @@ HTML = """\
 <!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>The paper, reproduced</title>
 <style>
-body { font: 16px/1.5 sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; color: #222; }
+body { font: 16px/1.5 sans-serif; color: #222; }
+body { max-width: 1100px; margin: 2em auto; padding: 0 1em; }
 img { max-width: 100%; display: block; }
 table { border-collapse: collapse; font-size: 13px; margin: 1em 0; }
 th, td { border-bottom: 1px solid #ddd; padding: 4px 8px; text-align: left; vertical-align: top; }
@@ -124,8 +168,8 @@ th { background: #f4f4f4; }
 .model { border-left: 4px solid #37b; padding-left: 1em; }
 </style></head><body>
 <h1>The paper, reproduced</h1>
-<p>Impact dynamics of a rotary-percussive ultrasonic drill with a free mass: every figure and number of the paper
-beside the model. Generated by <code>{{ command }}</code>; effort: {{ effort }}.</p>
+<p>Impact dynamics of a rotary-percussive ultrasonic drill with a free mass: every figure and number
+of the paper beside the model. Generated by <code>{{ command }}</code>; effort: {{ effort }}.</p>
 <h2>Summary</h2>
 <ul>{% for line in summary %}<li>{{ line }}</li>{% endfor %}</ul>
 <h2>The paper's numbers</h2>
@@ -156,25 +200,25 @@ beside the model. Generated by <code>{{ command }}</code>; effort: {{ effort }}.
 {%- endfor %}
 <h2>Figure 23 and Section V</h2>
 {{ picture("figure_23", "reacting force over weight on bit") }}
-<p class="paper">Paper: “the reacting force increase with increasing the weight on bit” (measured). Before drilling, it
-measured 2.6 mm (nodal plane), 14 mm (drill tool) and 5.2 N; the text says “during rock drilling”, the captions of
-Figs. 20 and 21 “before”, which is what is compared here.</p>
+<p class="paper">Paper: “the reacting force increase with increasing the weight on bit” (measured).
+Before drilling, it measured 2.6 mm (nodal plane), 14 mm (drill tool) and 5.2 N; the text says “during rock drilling”,
+the captions of Figs. 20 and 21 “before”, which is what is compared here.</p>
 {%- for drill, slope in slopes.items() %}
 <p class="model">Model ({{ drill }}): {{ slope }} N per N.</p>
 {%- endfor %}
 <h2>The energy balance beside an elastic bar</h2>
-<p>The drill tool as a stepped elastic bar, fixed in the rock, struck by the rigid free mass: the one-dimensional wave
-equation with linear finite elements, a Runge-Kutta method of order 8, unilateral contact. × is the ratio to the bar.
-The bar and both contact models are linear but for gravity: force and displacement grow with the speed, contact time
-and restitution do not change.</p>
+<p>The drill tool as a stepped elastic bar, fixed in the rock, struck by the rigid free mass: the
+one-dimensional wave equation with linear finite elements, a Runge-Kutta method of order 8,
+unilateral contact. × is the ratio to the bar. The bar and both contact models are linear but for
+gravity: force and displacement grow with the speed, contact time and restitution do not change.</p>
 {{ picture("bar_contact", "one blow") }}
 {{ picture("bar_trends", "blows over free mass and speed") }}
 {{ table(headings.bar, bar) }}
 <h3>Convergence of the bar, 5 g at 5 m/s</h3>
 {{ table(headings.mesh, mesh) }}
 <h3>What Fig. 12 implies</h3>
-<p>The tool that would give both numbers of Fig. 12 by eqs. (21), (30) and (36), beside the contact models with steel.
-This is an inversion of two numbers, used nowhere else.</p>
+<p>The tool that would give both numbers of Fig. 12 by eqs. (21), (30) and (36), beside the
+contact models with steel. This is an inversion of two numbers, used nowhere else.</p>
 {{ table(headings.tools, tools) }}
 <h2>All readings</h2>
 {{ table(headings.choices, choices) }}

@@ -1,7 +1,7 @@
-"""Runs of the very windows that the paper shows: from rest, 0.6 s and 5 s, one member per initial phase.
+"""Runs of the windows that the paper shows: from rest, 0.6 s and 5 s, one per initial phase.
 
-Members are independent, so that their spread is what one run of the paper may show by chance, and their standard
-error is that of the mean.
+Members are independent, so that their spread is what one run of the paper may show by chance, and
+their standard error is that of the mean.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Independent jobs on two threads, the engine's kernels do not hold the interpreter, and their progress."""
+"""Independent jobs on two threads, and their progress; the kernels release the GIL."""
 
 from __future__ import annotations
 
