@@ -25,6 +25,9 @@ MODULI = (1.96e9, 1.96e11)  # as printed, and of steel [Pa]
 CONTACT_MODELS = ("printed", "rayleigh")
 COUNTS = ("one", "both")  # impacts on the drill tool, or these and those of the actuator
 
+# The paper's runs begin at phase zero, eq. (1); members begin this near to it [cycles].
+PHASE_SPREAD = 0.1
+
 NEAR = 0.10  # a number counts as reproduced within this share of the paper's
 _RESAMPLES = 400
 
@@ -147,7 +150,7 @@ def search(members: int, seed: int, track: Track) -> list[Fit]:
     drills = list(
         dict.fromkeys(_drill(reading, regime) for reading in readings for regime in _REGIMES)
     )
-    phases = [random.random(members) for _ in drills]
+    phases = [PHASE_SPREAD * random.uniform(-1.0, 1.0, members) for _ in drills]
     jobs = list(zip(drills, phases, strict=True))
     results = gather(lambda job: run_windows(*job), jobs, "readings", track)
     windows = dict(zip(drills, results, strict=True))

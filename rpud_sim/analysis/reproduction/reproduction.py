@@ -152,7 +152,8 @@ def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
 def figure_12_implies() -> dict[str, float]:
     """Return the tool that would give both numbers of Fig. 12 by eqs. (21), (30) and (36).
 
-    Gravity left out, from F = m_fm w^2 eta and v' = w eta: effective mass [kg] and spring rate [N/m].
+    Gravity left out, from F = m_fm w^2 eta and v' = w eta: effective mass [kg] and spring rate
+    [N/m].
     """
     force, displacement = (
         next(number.paper for number in NUMBERS if number.key == key)

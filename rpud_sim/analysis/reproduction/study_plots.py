@@ -45,7 +45,7 @@ def plot_studies(studies: dict[str, list[Study]]) -> dict[str, Figure]:
             sides = (axis, axis.twinx())
             for side, color, (drill, group) in zip(sides, _COLORS, studies.items(), strict=True):
                 _draw(side, _find(group, parameter), output, drill, color)
-                side.set_ylim(bottom=0.0)
+                side.set_ylim(0.0, 1.2 * _find(group, parameter).mean(output).max())
                 side.set_ylabel(drill, color=color)
                 side.tick_params(axis="y", labelcolor=color)
         figures[name] = figure

@@ -78,6 +78,9 @@ HOW_TO_READ = (
     "member covers the very window of the paper, from rest: 0.6 s, and 5 s for the mean reacting "
     "force. Members are independent, so that their standard error needs no correction for the "
     "correlation within a run.",
+    "Members begin from rest with every gap closed, within a tenth of a cycle of the phase zero that "
+    "eq. (1) starts with. A start near three quarters of a cycle, with the tip at its lowest, is "
+    "another matter: before drilling it may hammer thousands of times a second before the mass flies.",
     "Peak displacements are the greatest distances from rest within 0.6 s. “Most” contact forces "
     "are taken to be those between the 5 % and the 95 % quantile.",
     "A *trend* is tested by Kendall's tau between the parameter and the outputs of all members "
