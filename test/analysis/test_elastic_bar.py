@@ -1,4 +1,4 @@
-"""The elastic bar against exact waves: the first wave in closed form, the rest by characteristics."""
+"""The elastic bar against exact waves: the first in closed form, then by characteristics."""
 
 import numpy as np
 import pytest

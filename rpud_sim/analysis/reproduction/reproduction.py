@@ -46,7 +46,7 @@ class Effort:
     seed: int = 0
 
 
-QUICK = Effort(4, 4, 2.0, 3, 8)
+QUICK = Effort(4, 4, 2.0, 3, 4)
 
 
 @dataclasses.dataclass(frozen=True)

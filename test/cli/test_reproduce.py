@@ -1,0 +1,94 @@
+"""`rpud reproduce --quick`: the whole report, small."""
+
+import json
+import math
+import re
+import subprocess
+import sys
+
+import pytest
+
+from rpud_sim.analysis.reproduction.headline import NUMBERS
+
+
+def rpud(*words):
+    return subprocess.run(
+        [sys.executable, "-m", "rpud_sim.cli.main", *words],
+        capture_output=True,
+        text=True,
+        timeout=110,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("reproduction") / "new"
+    result = rpud("reproduce", "--quick", "--out", str(folder), "--json")
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == "", "no progress bar where nobody looks"
+    return folder, json.loads(result.stdout)
+
+
+def test_the_report_stands_alone(made):
+    folder, _ = made
+    page = (folder / "report.html").read_text(encoding="utf-8")
+
+    pictures = re.findall(r'src="([^"]*)"', page)
+    assert all(source.startswith("data:image/png;base64,") for source in pictures)
+    assert len(pictures) == len(list(folder.glob("*.png"))) == 18
+    assert "http" not in page
+    for figure in (3, 4, 5, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18):
+        assert f"Fig. {figure}:" in page
+
+
+def test_every_number_is_there_with_its_interval_under_every_reading(made):
+    folder, numbers = made
+
+    assert numbers == json.loads((folder / "numbers.json").read_text(encoding="utf-8"))
+    assert set(numbers["numbers"]) == {number.key for number in NUMBERS}
+    assert len(numbers["readings"]) == 112
+    misfits = [reading["misfit"] for reading in numbers["readings"]]
+    assert misfits == sorted(misfits)
+    for reading in numbers["readings"]:
+        assert set(reading["values"]) == set(numbers["numbers"])
+        for value in reading["values"].values():
+            assert math.isfinite(value["mean"])
+            assert value["standard_error"] >= 0.0
+            assert value["low"] <= value["high"]
+
+
+def test_trends_that_nobody_doubts_are_found(made):
+    _, numbers = made
+    verdicts = {
+        (trend["parameter"], trend["output"]): trend["verdict"]
+        for trend in numbers["trends"]["presets"]
+    }
+
+    assert len(verdicts) == 16
+    assert verdicts["actuator_restitution", "contact_force_mean"] == "rises"
+    assert verdicts["free_mass", "drill_tool_impact_rate"] == "falls"
+    assert verdicts["weight_on_bit", "reacting_force_mean"] == "rises"
+    assert verdicts["weight_on_bit", "contact_force_mean"] == "flat"
+    slope = numbers["reacting_force_over_weight_on_bit"]["presets"]
+    assert slope["slope"] > 10.0 * slope["half_interval"]
+
+
+def test_validation_names_its_command_and_every_number(made):
+    folder, _ = made
+    text = (folder / "validation.md").read_text(encoding="utf-8")
+
+    assert "`rpud reproduce --quick --out DIR`" in text
+    for number in NUMBERS:
+        assert f"| {number.key} |" in text
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert all(line.endswith("|") for line in rows)
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(tmp_path):
+    (tmp_path / "file").write_text("")
+    result = rpud("reproduce", "--quick", "--out", str(tmp_path / "file" / "folder"))
+
+    assert result.returncode == 1
+    assert result.stderr.count("\n") == 1
+    assert "file" in result.stderr
