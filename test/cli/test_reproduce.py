@@ -5,6 +5,7 @@ import math
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -83,6 +84,24 @@ def test_validation_names_its_command_and_every_number(made):
         assert f"| {number.key} |" in text
     rows = [line for line in text.splitlines() if line.startswith("|")]
     assert all(line.endswith("|") for line in rows)
+
+
+def test_the_validation_in_the_documents_is_of_this_kind(made):
+    folder, _ = made
+    document = Path(__file__).parents[2] / "docs" / "validation.md"
+    texts = [path.read_text(encoding="utf-8") for path in (folder / "validation.md", document)]
+
+    assert "`rpud reproduce --out DIR`" in texts[1]
+    headings, tables = zip(*(outline(text) for text in texts), strict=True)
+    assert headings[0] == headings[1]
+    assert tables[0] == tables[1]
+
+
+def outline(text):
+    """Headings, and the heads of the tables."""
+    lines = text.splitlines()
+    heads = [lines[i - 1] for i, line in enumerate(lines) if line.startswith("|---")]
+    return [line for line in lines if line.startswith("#")], heads
 
 
 def test_a_folder_that_cannot_be_made_is_one_line(tmp_path):

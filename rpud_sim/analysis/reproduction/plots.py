@@ -14,7 +14,7 @@ from rpud_sim.simulation.sampling import NANOSECONDS, Samples, Times
 from rpud_sim.simulation.simulation import Block, Simulation
 
 _COLORS = {"actuator": "tab:blue", "free mass": "tab:orange", "drill tool": "tab:green"}
-_ZOOM = 0.3, 0.31  # [s]
+_ZOOM = 0.3, 0.305  # [s]
 
 
 def new_figure(columns: int = 1, rows: int = 1) -> tuple[Figure, np.ndarray]:
@@ -93,7 +93,9 @@ def _impacts(block: Block) -> tuple[np.ndarray, np.ndarray]:
 def _contact_forces(block: Block) -> Figure:
     figure, axes = new_figure()
     time, impacts = _impacts(block)
-    axes[0, 0].vlines(time, 0.0, impacts["peak_force"], linewidth=0.6)
+    axes[0, 0].plot(time, impacts["peak_force"], ".", markersize=3, label="model")
+    axes[0, 0].axhline(2600.0, color="red", linestyle=":", label="paper: up to 2600 N")
+    axes[0, 0].legend()
     axes[0, 0].set(xlabel="time [s]", ylabel="greatest force of the contact [N]", yscale="log")
     return figure
 
@@ -101,9 +103,11 @@ def _contact_forces(block: Block) -> Figure:
 def _distribution(block: Block) -> Figure:
     figure, axes = new_figure()
     _, impacts = _impacts(block)
-    axes[0, 0].hist(impacts["peak_force"], bins=50)
+    axes[0, 0].hist(impacts["peak_force"], bins=np.geomspace(100.0, 1e5, 60))
     axes[0, 0].axvspan(400.0, 2200.0, color="tab:red", alpha=0.15, label="paper: 400 to 2200 N")
-    axes[0, 0].set(xlabel="greatest force of the contact [N]", ylabel="impacts in 0.6 s")
+    axes[0, 0].set(
+        xlabel="greatest force of the contact [N]", ylabel="impacts in 0.6 s", xscale="log"
+    )
     axes[0, 0].legend()
     return figure
 

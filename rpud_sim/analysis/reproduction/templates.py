@@ -214,7 +214,8 @@ Before drilling, it measured 2.6 mm (nodal plane), 14 mm (drill tool) and 5.2 N;
 <p>The drill tool as a stepped elastic bar, fixed in the rock, struck by the rigid free mass: the
 one-dimensional wave equation with linear finite elements, a Runge-Kutta method of order 8,
 unilateral contact. × is the ratio to the bar. The bar and both contact models are linear but for
-gravity: force and displacement grow with the speed, contact time and restitution do not change.</p>
+gravity: force and displacement grow with the speed, contact time and restitution do not change.
+The ripple on the force of the bar's first wave is that of the mesh.</p>
 {{ picture("bar_contact", "one blow") }}
 {{ picture("bar_trends", "blows over free mass and speed") }}
 {{ table(headings.bar, bar) }}
