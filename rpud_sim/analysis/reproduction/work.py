@@ -25,4 +25,9 @@ def gather(
 ) -> list[Result]:
     """Return the results of the jobs, in their order."""
     with ThreadPoolExecutor(WORKERS) as pool:
-        return list(track(pool.map(function, jobs), len(jobs), title))
+        try:
+            return list(track(pool.map(function, jobs), len(jobs), title))
+        except BaseException:
+            # Nobody waits for the other jobs, whether one failed or the user has had enough.
+            pool.shutdown(cancel_futures=True)
+            raise
