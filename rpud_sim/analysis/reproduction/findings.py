@@ -67,14 +67,15 @@ def summary(result: Reproduction) -> list[str]:
     lines = [
         f"Of {len(result.fits)} readings, the one that fits all {len(NUMBERS)} numbers best is: "
         f"{best.reading}. Its misfit is {best.misfit:.2f} [{low:.2f}, {high:.2f}], that is, the "
-        f"model is typically off by a factor of {np.exp(best.misfit):.1f}; {best.near} numbers "
-        f"agree within 10 %. {rivals} other readings have an interval that reaches as low.",
-        f"The presets ({presets.reading}) have a misfit of {presets.misfit:.2f} and {presets.near} "
-        "numbers within 10 %.",
+        f"model is typically off by a factor of {np.exp(best.misfit):.1f}. It reproduces within 10 %: "
+        f"{_reproduced(best)}. {rivals} other readings have an interval that reaches as low.",
+        f"The presets ({presets.reading}) have a misfit of {presets.misfit:.2f} and reproduce "
+        f"within 10 %: {_reproduced(presets)}.",
         f"Over the {sum(not n.measured for n in NUMBERS)} simulated numbers alone the best reading "
-        f"is: {simulated.reading}, with {simulated.misfit_simulated:.2f}. Most numbers within 10 % "
-        f"({most.near}) has: {most.reading}.",
-        f"No reading reproduces within 10 %: {', '.join(missing) or 'nothing of this kind'}.",
+        f"is: {simulated.reading}, with {simulated.misfit_simulated:.2f}.",
+        f"Most numbers within 10 % has: {most.reading}, namely {_reproduced(most)}; its misfit is "
+        f"{most.misfit:.2f}.",
+        f"No reading reproduces within 10 %: {', '.join(missing) or 'none is left'}.",
     ]
     for drill in (PRESETS, BEST):
         agree = sum(row[-1] == "yes" for row in trend_rows(result, drill))
@@ -89,6 +90,11 @@ def summary(result: Reproduction) -> list[str]:
     lines.append(_damping_finding(result))
     lines.append(_bar_finding(result))
     return lines
+
+
+def _reproduced(fit: Fit) -> str:
+    near = [number.key for number in NUMBERS if fit.values[number.key].near(number)]
+    return ", ".join(near) or "none"
 
 
 def _disagreements(result: Reproduction, drill: str) -> str:
