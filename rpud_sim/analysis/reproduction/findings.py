@@ -67,8 +67,8 @@ def summary(result: Reproduction) -> list[str]:
     lines = [
         f"Of {len(result.fits)} readings, the one that fits all {len(NUMBERS)} numbers best is: "
         f"{best.reading}. Its misfit is {best.misfit:.2f} [{low:.2f}, {high:.2f}], that is, the "
-        f"model is typically off by a factor of {np.exp(best.misfit):.1f}. It reproduces within 10 %: "
-        f"{_reproduced(best)}. {rivals} other readings have an interval that reaches as low.",
+        f"model is typically off by a factor of {np.exp(best.misfit):.1f}. It reproduces within "
+        f"10 %: {_reproduced(best)}. {rivals} other readings have an interval that reaches as low.",
         f"The presets ({presets.reading}) have a misfit of {presets.misfit:.2f} and reproduce "
         f"within 10 %: {_reproduced(presets)}.",
         f"Over the {sum(not n.measured for n in NUMBERS)} simulated numbers alone the best reading "
