@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-HELP = "reproduce every figure and number of the paper, with intervals, as an HTML report"
+HELP = "reproduce the paper's figures and numbers as a report"
 EXAMPLE = "rpud reproduce --out reproduction"
 
 
