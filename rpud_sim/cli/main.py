@@ -20,10 +20,20 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
+class Help(argparse.HelpFormatter):
+    """Leaves room for the longest command: argparse forgets that commands are indented."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog)
+        self._action_max_length = 4 + max(len(name) for name in COMMANDS)
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of `rpud` with all its commands."""
     parser = Parser(
-        prog="rpud", description="Impact dynamics of a rotary-percussive ultrasonic drill."
+        prog="rpud",
+        description="Impact dynamics of a rotary-percussive ultrasonic drill.",
+        formatter_class=Help,
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
