@@ -20,7 +20,7 @@ def test_a_weight_on_bit_inside_its_range_is_a_float(force):
 
 @pytest.mark.parametrize("force", [*NO_NUMBERS, -1, -1e-300, 1e9, math.nextafter(1e3, 2e3)])
 def test_a_weight_on_bit_outside_its_range_is_refused(force):
-    with pytest.raises(ParameterError, match="^weight_on_bit = .* N is outside its range"):
+    with pytest.raises(ParameterError, match=r"^weight_on_bit = .* N is outside its range"):
         WeightOnBit(force)
 
 
@@ -39,15 +39,15 @@ def test_a_refusal_names_value_unit_and_range():
 @pytest.mark.parametrize("enabled", [True, False])
 @pytest.mark.parametrize("value", [*NO_NUMBERS, -1.0, 1e9])
 def test_a_voltage_or_frequency_outside_its_range_is_refused_even_when_off(enabled, value):
-    with pytest.raises(ParameterError, match="^drive voltage = .* V is outside its range"):
+    with pytest.raises(ParameterError, match=r"^drive voltage = .* V is outside its range"):
         Drive(enabled, value, 16000.0)
-    with pytest.raises(ParameterError, match="^drive frequency = .* Hz is outside its range"):
+    with pytest.raises(ParameterError, match=r"^drive frequency = .* Hz is outside its range"):
         Drive(enabled, 100.0, value)
 
 
 @pytest.mark.parametrize("enabled", [1, 0, "true", None, math.nan])
 def test_enabled_is_true_or_false(enabled):
-    with pytest.raises(ParameterError, match="drive enabled = .* is not true or false"):
+    with pytest.raises(ParameterError, match=r"drive enabled = .* is not true or false"):
         Drive(enabled, 100.0, 16000.0)
 
 

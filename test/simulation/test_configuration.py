@@ -73,7 +73,7 @@ def test_a_file_that_is_no_parameter_file_is_one_line_with_its_name(file, text, 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
     with pytest.raises(ParameterError, match=r"missing\.yaml: No such file or directory$"):
         read_parameter_file(tmp_path / "missing.yaml")
-    with pytest.raises(ParameterError, match="Is a directory$"):
+    with pytest.raises(ParameterError, match=r"Is a directory$"):
         read_parameter_file(tmp_path)
 
 
@@ -98,7 +98,7 @@ def test_an_assignment_is_read_as_yaml_and_every_number_as_a_number(text, name, 
 
 @pytest.mark.parametrize("value", ["nan", ".nan", "-.inf", "inf", "1e999", "-1e9", "true", ""])
 def test_an_assignment_of_no_usable_number_is_refused_by_name(value):
-    with pytest.raises(ParameterError, match="weight_on_bit = .* N is outside its range"):
+    with pytest.raises(ParameterError, match=r"weight_on_bit = .* N is outside its range"):
         to_parameters(dict([parse_assignment(f"weight_on_bit={value}")]))
 
 
