@@ -37,7 +37,7 @@ def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATI
 # frozen or killed listener does not acknowledge would hold up the drill.
 TELEMETRY_QOS = _reliable(1000)
 CONTACT_FORCE_QOS = _reliable(2000)
-STREAM_QOS = _reliable(20)
+STREAM_QOS = _reliable(40)
 STATUS_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 DIAGNOSTICS_QOS = _reliable(10)
 COMMAND_QOS = _reliable(100)
