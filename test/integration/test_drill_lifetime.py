@@ -104,10 +104,11 @@ def test_neither_a_frozen_nor_a_killed_listener_nor_a_killed_recorder_holds_it_u
     os.kill(frozen.pid, signal.SIGSTOP)
     killed.kill()
     recorder.kill()
-    client.until(lambda: len(statuses) >= 4)
+    heard = stamps(statuses)[-1]
+    # In time, or in time again on a busy machine.
+    client.until(lambda: stamps(statuses)[-1] >= heard + 3 * SECOND and statuses[-1].lag < 0.1)
     assert set(steps([message.sequence for message in impacts])) == {1}
     assert statuses[-1].messages_dropped == 0
-    assert statuses[-1].lag < 0.5
     # Nor do those that never acknowledge hold up its end.
     began = time.monotonic()
     node.interrupt()
@@ -124,7 +125,8 @@ def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
     impacts, statuses = client.listen("contact_force"), client.listen("status")
     recorder = process("recorder", "--out", tmp_path / "run")
     recorder.wait_for_line(r"recording \d+ topics")
-    client.until(lambda: len(impacts) > 100)
+    ready = time.time_ns()
+    client.until(lambda: impacts and stamps(impacts)[-1] > ready + SECOND // 4)
     first.kill()
     first.wait()
     killed_at = impacts[-1].sequence

@@ -122,9 +122,14 @@ def test_segments_follow_each_other_without_a_gap_or_a_jump(parameters, given_co
         "nodal_plane_position": 1e-13,
         "actuator_position": 1e-13,
         "free_mass_position": 1e-11,
-        "drill_tool_displacement": 1e-8,  # in the rock it is at rest as soon as it is left alone
+        "drill_tool_displacement": 1e-11,
     }.items():
-        assert_allclose(new[name], old[name], rtol=0.0, atol=tolerance, err_msg=name)
+        # In the rock the drill tool is at rest as soon as it is left alone.
+        let_go = (name == "drill_tool_displacement") & (new[name] == 0.0)
+        assert_allclose(
+            new[name][~let_go], old[name][~let_go], rtol=0.0, atol=tolerance, err_msg=name
+        )
+        assert abs(old[name][let_go]).max(initial=0.0) < 1e-6
     # Unless the actuator touches the free mass, nothing gives the nodal plane a jerk.
     alone = ((segments["contact"][:-1] | segments["contact"][1:] | segments["event"][1:]) & 1) == 0
     name = "nodal_plane_velocity"
