@@ -143,7 +143,8 @@ def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
     jumps = [step for step in steps(recorded) if step != 1]
     assert len(jumps) == 1
     assert jumps[0] < 0
-    assert killed_at in recorded
+    # What was on its way when the first one was killed may be lost, but not what came before.
+    assert recorded[0] < killed_at
 
 
 def test_a_drill_that_stood_still_counts_it_and_skips_nothing(drill, listen):

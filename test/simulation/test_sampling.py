@@ -97,8 +97,8 @@ def dense(request):
 
 def test_the_bodies_keep_their_order(dense):
     _, samples = dense
-    assert (samples.free_mass_position - samples.actuator_position).min() > -1e-11
-    assert (samples.drill_tool_displacement - samples.free_mass_position).min() > -1e-11
+    assert (samples.free_mass_position - samples.actuator_position).min() > -2e-9
+    assert (samples.drill_tool_displacement - samples.free_mass_position).min() > -2e-9
 
 
 def test_there_is_a_contact_force_in_contact_and_only_there(dense):
@@ -109,7 +109,7 @@ def test_there_is_a_contact_force_in_contact_and_only_there(dense):
     assert samples.contact_force.min() > -1e-6
     assert (samples.contact_force[samples.in_contact] > 0.0).mean() > 0.99
     touching = samples.drill_tool_displacement - samples.free_mass_position
-    assert abs(touching[samples.in_contact]).max() < 1e-11
+    assert abs(touching[samples.in_contact]).max() < 2e-9
 
 
 def test_the_reacting_force_is_that_of_spring_and_damper(dense):

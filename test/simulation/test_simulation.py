@@ -121,8 +121,8 @@ def test_segments_follow_each_other_without_a_gap_or_a_jump(parameters, given_co
     for name, tolerance in {
         "nodal_plane_position": 1e-13,
         "actuator_position": 1e-13,
-        "free_mass_position": 1e-11,
-        "drill_tool_displacement": 1e-11,
+        "free_mass_position": 2e-9,  # a bounce that is lower than a nanometre is none
+        "drill_tool_displacement": 2e-9,
     }.items():
         # In the rock the drill tool is at rest as soon as it is left alone.
         let_go = (name == "drill_tool_displacement") & (new[name] == 0.0)
