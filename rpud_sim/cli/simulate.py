@@ -79,7 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     try:
         _check(arguments)
-        parameters = to_parameters(chosen_values(arguments))
+        values = chosen_values(arguments)
+        _refuse_assignments_to_the_node(arguments)
+        parameters = to_parameters(values)
     except ParameterError as error:
         return _fail(error, 2)
     try:
@@ -109,6 +111,17 @@ def _check(arguments: argparse.Namespace) -> None:
         Quantity("", "", 0, 2**63).check("--seed", arguments.seed)
     if arguments.bag and arguments.repeat > 1:
         raise ParameterError("--bag goes with a single run, not with --repeat")
+
+
+def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
+    """Refuse what would do nothing here; a file may hold it, for it is the node's as well."""
+    from rpud_sim.simulation import ParameterError
+    from rpud_sim.simulation.configuration import NODE_NAMES, parse_assignment
+
+    for text in arguments.assignments:
+        name, _ = parse_assignment(text)
+        if name in NODE_NAMES:
+            raise ParameterError(f"{name} is a parameter of the drill node alone: see rpud run")
 
 
 def _phases(arguments: argparse.Namespace) -> tuple[float, ...]:

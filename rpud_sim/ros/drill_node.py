@@ -135,7 +135,9 @@ class DrillNode(Node):
             return 0
         now = self.get_clock().now().nanoseconds
         if now == 0:
-            self.get_logger().info("waiting for /clock, as use_sim_time is set")
+            self.get_logger().info(
+                "waiting for /clock, as use_sim_time is set; stamps then go on in real time"
+            )
         while now == 0 and not self._stop.wait(0.01):
             now = self.get_clock().now().nanoseconds
         return now

@@ -40,8 +40,8 @@ CONTACT_FORCE_QOS = _reliable(2000)
 STREAM_QOS = _reliable(40)
 STATUS_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 DIAGNOSTICS_QOS = _reliable(10)
-COMMAND_QOS = _reliable(100)
-CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+COMMAND_QOS = _reliable(1000)
+CLOCK_QOS = _reliable(10)
 
 
 class DrillPublishers:

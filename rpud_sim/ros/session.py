@@ -65,8 +65,9 @@ class RecorderProcess:
         return False
 
     def close(self) -> int:
-        """Have it close its bag, show its summary, and return its exit code."""
-        if self._process.poll() is None:
+        """Have it close its bag, show its summary, and return 0 if it recorded until now."""
+        early = self._process.poll() is not None
+        if not early:
             self._process.terminate()
         try:
             summary, _ = self._process.communicate(timeout=_CLOSING)
@@ -82,6 +83,9 @@ class RecorderProcess:
             if not shown and code < 0:
                 shown = [f"rpud run: the recorder was ended by signal {-code}; its bag is torn"]
             print("\n".join(shown or self._errors[-3:]), file=sys.stderr)
+        elif early:
+            print("rpud run: the recorder was stopped before the drill", file=sys.stderr)
+            return 1
         return code
 
     def _read_errors(self) -> None:

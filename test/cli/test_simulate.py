@@ -191,6 +191,14 @@ def test_what_cannot_be_used_is_one_line_and_exit_code_2(simulate, words, compla
     assert errors == f"rpud simulate: {complaint}\n"
 
 
+def test_what_is_the_nodes_alone_is_refused_and_not_passed_over(simulate):
+    code, output, errors = simulate("--set", "drive_enabled=false")
+    assert (code, output) == (2, "")
+    assert errors == (
+        "rpud simulate: drive_enabled is a parameter of the drill node alone: see rpud run\n"
+    )
+
+
 def test_an_unknown_parameter_is_told_which_there_are(simulate):
     code, output, errors = simulate("--set", "wieght_on_bit=1")
     assert (code, output) == (2, "")
