@@ -1,7 +1,7 @@
 """Message definitions and type hashes, read from an ament installation without ROS running.
 
 Where no ROS is installed, `share/` beside this file serves for the messages of this project: it
-links to those of `msg_defs`, and holds copies of the standard ones that they need.
+links to those of `msg_defs`, and holds the fields of the standard ones that they need.
 """
 
 from __future__ import annotations
