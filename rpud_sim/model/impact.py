@@ -10,8 +10,7 @@ from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.motion import CONTACT_BOTH
-from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at, nodal_plane_motion
-from rpud_sim.model.suspension import decaying_integral
+from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at, nodal_plane_integral
 from rpud_sim.model.vibration import TWO_PI
 
 # Samples of the contact force in which its maximum is sought while all three bodies are in contact.
@@ -21,15 +20,10 @@ FORCE_SAMPLES = 64
 @compiled
 def tip_integral(segment, time):
     """Integral of u_ut over the first part of a segment [m s]."""
-    motion = nodal_plane_motion(segment)
-    omega = TWO_PI * segment.vibration_frequency
     start = TWO_PI * segment.vibration_phase
     end = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
-    in_phase = motion.vibration_sine + segment.vibration_amplitude
-    steady = in_phase * (math.cos(start) - math.cos(end)) + motion.vibration_cosine * (
-        math.sin(end) - math.sin(start)
-    )
-    return motion.offset * time + decaying_integral(motion, time) + steady / omega
+    vibration = segment.vibration_amplitude * (math.cos(start) - math.cos(end))
+    return nodal_plane_integral(segment, time) + vibration / (TWO_PI * segment.vibration_frequency)
 
 
 @compiled
