@@ -25,6 +25,7 @@ BLOCK_RATE = 20  # blocks of waveform and trajectory a second [Hz]
 TYPES = {
     "contact_force": "rpud_msgs/msg/ContactForce",
     "drill_tool": "rpud_msgs/msg/DrillTool",
+    "joint_states": "sensor_msgs/msg/JointState",
     "nodal_plane": "rpud_msgs/msg/NodalPlane",
     "reacting_force": "rpud_msgs/msg/ReactingForce",
     "status": "rpud_msgs/msg/Status",
@@ -116,6 +117,7 @@ def _telemetry(block: Block) -> Iterator[_Entry]:
         yield stamp, "drill_tool", fields.drill_tool_fields(samples, index, stamp)
         yield stamp, "reacting_force", fields.reacting_force_fields(samples, index, stamp)
         yield stamp, "wrench", fields.wrench_fields(samples, index, stamp)
+        yield stamp, "joint_states", fields.joint_state_fields(samples, index, stamp)
 
 
 def _impacts(block: Block) -> Iterator[_Entry]:

@@ -18,6 +18,7 @@ from rpud_msgs.msg import (
     Trajectory,
     Waveform,
 )
+from sensor_msgs.msg import JointState
 
 from rpud_sim.simulation import fields
 from rpud_sim.simulation.sampling import Samples
@@ -59,6 +60,11 @@ def samples_to_reacting_force(samples: Samples, index: int, stamp: int) -> React
 def samples_to_wrench(samples: Samples, index: int, stamp: int) -> WrenchStamped:
     """Convert one sample to what a wrist sensor between mount and drill reads."""
     return filled(WrenchStamped(), fields.wrench_fields(samples, index, stamp))
+
+
+def samples_to_joint_state(samples: Samples, index: int, stamp: int) -> JointState:
+    """Convert one sample to the state of the joints of the URDF."""
+    return filled(JointState(), fields.joint_state_fields(samples, index, stamp))
 
 
 def impact_to_contact_force(impact: np.void, origin: int) -> ContactForce:

@@ -22,6 +22,8 @@ Fields = dict[str, Any]
 MOUNT_FRAME = "rpud_mount"
 NODAL_PLANE_FRAME = "rpud_nodal_plane"
 TOOL_TIP_FRAME = "rpud_tool_tip"
+# Of urdf/rpud.urdf: each moves one body along the drill axis.
+JOINTS = ("rpud_nodal_plane_joint", "rpud_free_mass_joint", "rpud_tool_tip_joint")
 
 _TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.uint8): "B"}
 
@@ -88,6 +90,32 @@ def wrench_fields(samples: Samples, index: int, stamp: int) -> Fields:
             "force": {"x": 0.0, "y": 0.0, "z": force},
             "torque": {"x": 0.0, "y": 0.0, "z": 0.0},
         },
+    }
+
+
+def joint_state_fields(samples: Samples, index: int, stamp: int) -> Fields:
+    """Fields of ``sensor_msgs/JointState`` for one sample of the ``JOINTS`` of ``urdf/rpud.urdf``.
+
+    The effort is what passes between mount and body, positive toward the rock: the reacting force
+    on the nodal plane, and nothing on free mass and drill tool, as the model passes none of their
+    forces on to the mount. The efforts add up to the negative force of the wrench.
+    """
+    position = (
+        samples.nodal_plane_position[index],
+        samples.free_mass_position[index],
+        samples.drill_tool_displacement[index],
+    )
+    velocity = (
+        samples.nodal_plane_velocity[index],
+        samples.free_mass_velocity[index],
+        samples.drill_tool_velocity[index],
+    )
+    return {
+        "header": header_fields(stamp, MOUNT_FRAME),
+        "name": list(JOINTS),
+        "position": array("d", position),
+        "velocity": array("d", velocity),
+        "effort": array("d", (samples.reacting_force[index], 0.0, 0.0)),
     }
 
 
