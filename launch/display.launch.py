@@ -8,12 +8,14 @@ from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 
 def generate_launch_description() -> LaunchDescription:
     """Describe the drill node, the publisher of its frames, and RViz if asked."""
-    urdf = Path(get_package_share_directory("rpud_sim"), "urdf", "rpud.urdf")
+    share = Path(get_package_share_directory("rpud_sim"))
+    urdf = (share / "urdf" / "rpud.urdf").read_text()
     settings = {"use_sim_time": LaunchConfiguration("use_sim_time")}
     log_level = ["--log-level", LaunchConfiguration("log_level")]
     return LaunchDescription(
@@ -32,7 +34,7 @@ def generate_launch_description() -> LaunchDescription:
                 package="robot_state_publisher",
                 executable="robot_state_publisher",
                 namespace=LaunchConfiguration("namespace"),
-                parameters=[settings, {"robot_description": urdf.read_text()}],
+                parameters=[settings, {"robot_description": ParameterValue(urdf, value_type=str)}],
                 ros_arguments=log_level,
                 output="screen",
             ),
@@ -40,7 +42,7 @@ def generate_launch_description() -> LaunchDescription:
                 package="rviz2",
                 executable="rviz2",
                 namespace=LaunchConfiguration("namespace"),
-                arguments=["--fixed-frame", "rpud_base"],
+                arguments=["--display-config", str(share / "config" / "display.rviz")],
                 parameters=[settings],
                 ros_arguments=log_level,
                 condition=IfCondition(LaunchConfiguration("rviz")),
