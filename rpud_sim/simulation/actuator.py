@@ -21,11 +21,15 @@ NEVER = sys.maxsize
 # the simulation is stepped.
 HEATING_INTERVAL = 10_000_000
 
-# A step changes the amplitude by about this share of its greatest, unless it lasts one cycle.
+# A step changes the amplitude by at most this share of its greatest, unless it is as short as one
+# cycle or this share of the time constant, so that far from resonance the steps stay countable.
 STEP = 0.01
+SHORTEST_STEP = 0.002
 
-# The amplitude is steady when it is this near to its end, as a share of its greatest.
+# The amplitude is steady when it is this near to its end, as a share of its greatest, or when the
+# envelope is within this voltage [V] of its own, where rounding would end its approach.
 STEADY = 0.001
+SMALLEST_VOLTAGE = 1e-9
 
 ACTUATOR_QUANTITIES: Mapping[str, Quantity] = {
     "nominal_voltage": NOMINAL_VOLTAGE,
@@ -146,12 +150,8 @@ class Actuator:
         self._drawn = 0.0
         self._heat = 0.0
         self._heating = HEATING_INTERVAL if parameters.heating else NEVER
+        self._amplitude = 0.0
         self._begin()
-
-    @property
-    def time(self) -> int:
-        """Present time [ns]."""
-        return self._time
 
     @property
     def amplitude(self) -> float:
@@ -308,7 +308,7 @@ class Actuator:
     def _follow(self) -> None:
         """Take the amplitude of the present envelope where it is due, and plan the next step."""
         away = abs(self._envelope - self._end)
-        if away <= STEADY * self._scale:
+        if away <= max(STEADY * self._scale, SMALLEST_VOLTAGE):
             self._envelope = self._end
             self._scale = abs(self._end)
             taken = self._amplitude_of(self._end)
@@ -318,7 +318,10 @@ class Actuator:
             self._step = NEVER
         elif self._step in (NEVER, self._since):
             self._amplitude = self._amplitude_of(self._envelope)
-            duration = max(STEP * self._scale / (abs(self._rate) * away), 1.0 / self._frequency)
+            # An envelope that rings down turns without beating.
+            rate = abs(self._rate) if self._end else self._decay
+            shortest = max(SHORTEST_STEP / self._decay, 1.0 / self._frequency)
+            duration = max(STEP * self._scale / (rate * away), shortest)
             self._step = self._since + math.ceil(duration * NANOSECONDS)
 
     def _amplitude_of(self, envelope: complex) -> float:
