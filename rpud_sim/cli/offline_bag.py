@@ -93,10 +93,9 @@ def _messages(parameters: Parameters, duration: float, phase: float) -> Iterator
             number = simulation.time * BLOCK_RATE // NANOSECONDS + 1
             block = simulation.advance_to(min(number * NANOSECONDS // BLOCK_RATE, end))
             entries = [*_telemetry(block), *_impacts(block), *_waveform(block)]
-            if len(block.segments):
-                values = fields.trajectory_fields(block, segments, 0)
+            for values in fields.trajectory_fields(block, segments, 0):
                 entries.append((fields.stamp_of(values), "trajectory", values))
-                segments += len(block.segments)
+            segments += len(block.segments)
             if block.end % NANOSECONDS == 0:
                 entries.append(_status(simulation, "running"))
             yield from sorted(entries, key=lambda entry: entry[0])

@@ -5,6 +5,7 @@ Stamps and origins, the stamp of simulation time zero, are integer nanoseconds.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TypeVar
 
 import numpy as np
@@ -77,6 +78,7 @@ def samples_to_waveform(samples: Samples, stamp: int, sequence: int, sample_rate
     return filled(Waveform(), fields.waveform_fields(samples, stamp, sequence, sample_rate))
 
 
-def segments_to_trajectory(block: Block, sequence: int, origin: int) -> Trajectory:
-    """Convert a block's ``SEGMENT`` records, at least one; the number is the first one's."""
-    return filled(Trajectory(), fields.trajectory_fields(block, sequence, origin))
+def segments_to_trajectories(block: Block, sequence: int, origin: int) -> Iterator[Trajectory]:
+    """Convert a block's ``SEGMENT`` records, whose first has this number, by sets of constants."""
+    for values in fields.trajectory_fields(block, sequence, origin):
+        yield filled(Trajectory(), values)

@@ -118,8 +118,8 @@ class DrillPublishers:
         self._publish_waveform(block)
         count = len(block.segments)
         if count and self._trajectory.get_subscription_count():
-            message = messages.segments_to_trajectory(block, self._segments, self._origin)
-            self._publish(self._trajectory, message)
+            for message in messages.segments_to_trajectories(block, self._segments, self._origin):
+                self._publish(self._trajectory, message)
         self._segments += count
 
     def publish_status(self, status: Status) -> None:
