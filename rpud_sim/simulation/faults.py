@@ -168,7 +168,7 @@ def number_of(value: Any) -> float | None:
     try:
         return float(value)
     except OverflowError:
-        return math.copysign(math.inf, value)
+        return math.inf if value > 0 else -math.inf
 
 
 @dataclasses.dataclass(frozen=True)
@@ -281,3 +281,24 @@ def check_honoured(
             reason = "acts on the progress while drilling and needs a rock_model, which is none"
     if reason:
         raise FaultError(f"{fault} cannot be honoured: it {reason}")
+
+
+def honoured_kinds(
+    *, regime: str, actuator_model: str, resonance_frequency: float, rock_model: str
+) -> tuple[str, ...]:
+    """Kinds that a configuration, as for ``check_honoured``, honours by default."""
+    honoured = []
+    for name, kind in KINDS.items():
+        fault = Fault(name, "" if kind.physical else next(iter(CHANNELS)))
+        try:
+            check_honoured(
+                fault,
+                regime=regime,
+                actuator_model=actuator_model,
+                resonance_frequency=resonance_frequency,
+                rock_model=rock_model,
+            )
+        except FaultError:
+            continue
+        honoured.append(name)
+    return tuple(honoured)
