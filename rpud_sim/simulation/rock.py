@@ -58,7 +58,7 @@ class Progress:
     """Depth of the hole, from the impacts on the drill tool while it is in the rock.
 
     Each impact deepens the hole by its kinetic energy, times the share that breaks the rock, over
-    specific energy and area. Without a rock model depth and rate are NaN.
+    specific energy and area. Without a rock model depth and rate stay zero.
 
     Args:
         parameters: of the rock.
@@ -69,7 +69,7 @@ class Progress:
         self._metres_per_joule = parameters.rock_energy_transfer / (
             parameters.rock_specific_energy * parameters.hole_area
         )
-        self._depth = 0.0 if self._modelled else math.nan
+        self._depth = 0.0
         self._times = np.empty(0, np.int64)
         self._depths = np.empty(0)
 
@@ -105,8 +105,6 @@ class Progress:
         Args:
             time: the end of that second [ns], not before the last impact.
         """
-        if not self._modelled:
-            return math.nan
         recent = np.searchsorted(self._times, time - RATE_WINDOW, side="right")
         window = min(time, RATE_WINDOW) / NANOSECONDS
         return math.fsum(self._depths[recent:]) / window if window > 0.0 else 0.0
