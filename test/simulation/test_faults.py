@@ -14,6 +14,7 @@ from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError, check_honoured, honoured_kinds
 
 MESSAGE = Path(__file__).parents[2] / "msg_defs" / "msg" / "Fault.msg"
+DOCUMENTATION = Path(__file__).parents[2] / "docs" / "faults.md"
 SIGNAL = [name for name, kind in KINDS.items() if not kind.physical]
 PLAIN = {
     "regime": "drilling",
@@ -150,3 +151,25 @@ def test_the_kinds_that_a_drill_honours():
     assert honoured_kinds(**FULL) == tuple(KINDS)
     refused = {"resonance_drift", "hard_rock", "choking", "drill_tool_binding"}
     assert {*honoured_kinds(**PLAIN)} == {*KINDS} - refused
+
+
+def test_the_documentation_names_every_kind_with_its_default_and_every_channel():
+    rows = {
+        cells[1].strip(" `"): cells[2:]
+        for line in DOCUMENTATION.read_text().splitlines()
+        if len(cells := line.split("|")) > 3
+    }
+    assert {*KINDS, *CHANNELS} <= {*rows}
+    for name, kind in KINDS.items():
+        meaning = rows[name][0]
+        if kind.magnitude is None:
+            assert meaning.strip() == "-"
+        elif not kind.in_channel_unit:
+            assert f"({kind.default:g})" in meaning
+    for name, channel in CHANNELS.items():
+        main, default, others = rows[name][:3]
+        assert f"`{'.'.join(channel.numbers[0])}` [{channel.unit}]" in main
+        assert float(default.split()[0]) == channel.scale
+        assert name == "wrench" or all(
+            f"`{path[-1]}`" in others for path in (*channel.numbers[1:], *channel.flags)
+        )
