@@ -14,8 +14,9 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.simulation import Parameters, fields
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
-from rpud_sim.simulation.simulation import Block, Simulation
+from rpud_sim.simulation.simulation import Simulation
 
 NAMESPACE = "/rpud"
 TELEMETRY_RATE = 100  # Hz
@@ -41,6 +42,8 @@ _LATCHED_OFFER = QosProfile(durability="transient_local")
 _ACCOUNT = {
     "commands_accepted": 0,
     "commands_rejected": 0,
+    "commands_lost": False,
+    "commanders": 0,
     "deadlines_missed": 0,
     "messages_dropped": 0,
     "real_time_factor": 1.0,
@@ -142,7 +145,7 @@ def _status(simulation: Simulation, state: str) -> _Entry:
         simulation.parameters.regime,
         simulation.applied,
         0,
-        impacts=simulation.impact_count,
+        **fields.drill_fields(simulation),
         **_ACCOUNT,
     )
     return simulation.time, "status", values

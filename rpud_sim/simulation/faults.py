@@ -63,7 +63,9 @@ def _binding(description: str) -> Quantity:
 
 
 KINDS: Mapping[str, Kind] = {
-    "free_mass_jammed": Kind(True, "the free mass is wedged to the drill tool and strikes it no more"),
+    "free_mass_jammed": Kind(
+        True, "the free mass is wedged to the drill tool and strikes it no more"
+    ),
     "lost_preload": Kind(
         True,
         "the load spring pushes less than commanded",

@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied
+from rpud_sim.simulation.ledger import FaultRecord, Faults
 from rpud_sim.simulation.sampling import NANOSECONDS, Samples
-from rpud_sim.simulation.simulation import Block
+from rpud_sim.simulation.simulation import Simulation
 
 Fields = dict[str, Any]
 
@@ -187,7 +189,7 @@ def status_fields(
 
     Args:
         stamp: simulation time of the report.
-        state: ``running`` or ``stopped``.
+        state: one of the STATE constants of ``rpud_msgs/Status``.
         regime: ``free`` or ``drilling``.
         applied: the commands in force.
         origin: stamp of simulation time zero.
@@ -205,3 +207,37 @@ def status_fields(
         "drive_applied": time_fields(origin + applied.drive_time),
         **counts,
     }
+
+
+def drill_fields(simulation: Simulation) -> Fields:
+    """Those fields of ``rpud_msgs/Status`` that tell how the drill itself is."""
+    actuator = simulation.actuator
+    return {
+        "impacts": simulation.impact_count,
+        "vibration_amplitude": actuator.amplitude,
+        "resonance_frequency": actuator.resonance_frequency,
+        "actuator_temperature": actuator.temperature,
+        "electrical_power": actuator.electrical_power,
+        "depth": simulation.depth,
+        "penetration_rate": simulation.penetration_rate,
+        "active_faults": len(simulation.faults.active),
+    }
+
+
+def fault_fields(record: FaultRecord, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/Fault``; the origin is the stamp of simulation time zero."""
+    over = record.clear is not None
+    return {
+        "number": record.number,
+        "kind": record.fault.kind,
+        "channel": record.fault.channel,
+        "magnitude": record.fault.magnitude,
+        "active": not over,
+        "onset": time_fields(origin + record.onset),
+        "clear": time_fields(origin + record.clear if record.clear is not None else 0),
+    }
+
+
+def faults_header_fields(ledger: Faults, time: int, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/Faults`` at a simulation time, but for the faults themselves."""
+    return {"header": header_fields(origin + time), "forgotten": ledger.forgotten}
