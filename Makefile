@@ -47,6 +47,11 @@ format: .venv/.lint ## Format the code and mend what ruff can
 bench: install/.package ## Run the benchmarks
 	@$(WITH_ENV) python -m bench
 
+.PHONY: soak
+soak: DURATION = 1800
+soak: install/.package ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
+	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
+
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)
 	toolchain/lock.sh
