@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from rclpy.node import Node
 
@@ -16,6 +15,7 @@ from rpud_sim.ros.inbox import Inbox
 from rpud_sim.ros.pacing import Pacer, boundaries_until, boundary
 from rpud_sim.ros.parameters import Settings
 from rpud_sim.ros.publishers import DrillPublishers
+from rpud_sim.ros.requests import Requests
 from rpud_sim.ros.time_source import TimeSource
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.ensemble import initial_phases
@@ -24,10 +24,6 @@ from rpud_sim.simulation.simulation import Simulation
 Result = TypeVar("Result")
 
 _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
-
-
-class StoppedError(RuntimeError):
-    """What was asked for cannot be done any more: the drilling has ended."""
 
 
 class InterruptedStepError(RuntimeError):
@@ -65,7 +61,7 @@ class Drilling:
         self._stop = threading.Event()
         self._finished = threading.Event()
         self._failure: BaseException | None = None
-        self._requests: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
+        self._requests = Requests(self._wake.set)
         self._seed = settings.seed
         self._playing = False
         self._at_start = False
@@ -133,23 +129,16 @@ class Drilling:
         Raises:
             StoppedError: if the drilling has ended.
         """
-        future: Future[Result] = Future()
-        self._requests.append((action, future))
-        self._wake.set()
-        return self.result(future)
+        return self._requests.do(action)
 
-    def result(self, future: Future[Result]) -> Result:
-        """Wait for what the thread was asked to do.
+    def wait(self, step: Future[int]) -> int:
+        """Wait for the end of a step and return the simulation time that was reached [ns].
 
         Raises:
+            InterruptedStepError: if it ended before its time.
             StoppedError: if the drilling has ended.
         """
-        while True:
-            try:
-                return future.result(timeout=_LONGEST_WAIT)
-            except TimeoutError:
-                if self._finished.is_set() and not future.done():
-                    raise StoppedError("the drill has stopped") from None
+        return self._requests.wait(step)
 
     # What follows is for the pacing thread, by way of request().
 
@@ -174,12 +163,14 @@ class Drilling:
         """Let time stand still."""
         self._interrupt("the simulation was paused")
         self._playing = self._at_start = False
+        self._pacer.stop()
         self._report()
 
     def halt(self) -> None:
         """Begin anew and let time stand still."""
         self.reset(time=True, state=True)
         self._playing, self._at_start = False, True
+        self._pacer.stop()
         self._report()
 
     def step(self, until: int) -> Future[int]:
@@ -204,6 +195,8 @@ class Drilling:
         """Take settings that differ in what may change while the drill runs."""
         if settings.real_time_factor != self._settings.real_time_factor:
             self._pacer.start(self._simulation.time, factor=settings.real_time_factor)
+            if not self._playing:
+                self._pacer.stop()
         self._settings = settings
         self._control.set(settings.command_timeout, settings.command_loss_ramp)
         self._simulation.configure(settings.configuration)
@@ -228,7 +221,8 @@ class Drilling:
             self._account.begin()
         elif time:
             self._outputs.move(self._source.begin() - now)
-        self._pacer.start(self._simulation.time)
+        if self._playing:
+            self._pacer.start(self._simulation.time, self._source.resume(self._simulation.time))
         self._publish_faults()
         self._report()
 
@@ -253,8 +247,7 @@ class Drilling:
         finally:
             self._finished.set()
             self._interrupt("the drill has stopped")
-            while self._requests:
-                self._requests.popleft()[1].set_exception(StoppedError("the drill has stopped"))
+            self._requests.close()
 
     def _drill(self) -> None:
         settings = self._settings
@@ -269,7 +262,8 @@ class Drilling:
         self._pacer = Pacer(
             settings.telemetry_rate, settings.real_time_factor, schedule=self._source.schedule
         )
-        self._pacer.start(0, self._source.resume(0))
+        if self._playing:
+            self._pacer.start(0, self._source.resume(0))
         self._account.begin()
         self._publish_faults()
         self._report()
@@ -289,12 +283,7 @@ class Drilling:
         self._report("stopped")
 
     def _serve(self) -> None:
-        while self._requests:
-            action, future = self._requests.popleft()
-            try:
-                future.set_result(action())
-            except Exception as error:  # it belongs to whoever asked
-                future.set_exception(error)
+        self._requests.serve()
         if self._source.went_back():
             self._logger.warning("/clock went back: the drill begins anew")
             self.reset(time=True, state=True)
@@ -312,6 +301,8 @@ class Drilling:
 
     def _advance(self, until: int) -> None:
         block = self._simulation.advance_to(until)
+        # Where nothing paces it, its listeners do.
+        self._outputs.patient = self._goal is not None or self._settings.real_time_factor == 0.0
         self._outputs.publish_block(block, self._simulation.faults.since(block.start))
         self._publish_faults()
         self._account.add(block)
@@ -319,8 +310,6 @@ class Drilling:
             self._logger.warning(refusal)
         commanded = self._take_commands()
         self._pacer.finish(until)
-        if self._goal is not None or self._settings.real_time_factor == 0.0:
-            self._outputs.wait_for_listeners()
         if commanded or self._account.due():
             self._report()
         if self._goal is not None and until >= self._goal:

@@ -10,9 +10,10 @@ from rclpy.parameter import Parameter
 from rpud_msgs.srv import ClearFault, InjectFault, ListFaults
 from std_srvs.srv import SetBool
 
-from rpud_sim.ros.drilling import Drilling, StoppedError
+from rpud_sim.ros.drilling import Drilling
 from rpud_sim.ros.messages import record_to_fault
 from rpud_sim.ros.pacing import NANOSECONDS
+from rpud_sim.ros.requests import StoppedError
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.faults import Fault, FaultError

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
-Transition = Callable[[LifecycleState], TransitionCallbackReturn]
+Node = TypeVar("Node", bound="ManagedNode")
+Transition = Callable[[Node, LifecycleState], TransitionCallbackReturn]
 
 
 class ManagedNode(LifecycleNode):
@@ -27,10 +29,10 @@ class ManagedNode(LifecycleNode):
             return TransitionCallbackReturn.FAILURE
 
 
-def told(transition: Callable[..., TransitionCallbackReturn]) -> Transition:
+def told(transition: Transition[Node]) -> Transition[Node]:
     """Make a transition log what is raised in it, which rclpy would pass over in silence."""
 
-    def tell(self: ManagedNode, state: LifecycleState) -> TransitionCallbackReturn:
+    def tell(self: Node, state: LifecycleState) -> TransitionCallbackReturn:
         try:
             return transition(self, state)
         except Exception as error:
@@ -38,4 +40,4 @@ def told(transition: Callable[..., TransitionCallbackReturn]) -> Transition:
             return TransitionCallbackReturn.ERROR
 
     tell.__name__, tell.__doc__ = transition.__name__, transition.__doc__
-    return tell  # type: ignore[return-value]
+    return tell

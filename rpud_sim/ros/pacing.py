@@ -68,12 +68,12 @@ class Pacer:
         self._schedule = schedule or clock
         self._in_steps = schedule is not None
         self._begun = 0
+        self._running = False
         self._blocks = 0
         self._missed = 0
         self._lateness = 0.0
         self._lateness_max = 0.0
-        self._time = 0
-        self.start(0)
+        self._start = self._start_time = self._time = 0
         self._taken_at = self._clock()
         self._taken_time = 0
 
@@ -85,9 +85,14 @@ class Pacer:
             at: time of the schedule.
             factor: a new one from here on.
         """
+        self._running = True
         self._factor = self._factor if factor is None else factor
         self._start = self._schedule() if at is None else at
         self._time = self._start_time = time
+
+    def stop(self) -> None:
+        """Hold the schedule: until the next start nothing is due, late or behind."""
+        self._running = False
 
     def remaining(self, time: int) -> float:
         """Time until a simulation time [ns] is due [s], zero or less if it is."""
@@ -100,7 +105,7 @@ class Pacer:
         """Note that the block up to a simulation time [ns] is finished."""
         self._blocks += 1
         self._time = time
-        if self._factor == 0.0:
+        if not (self._running and self._factor):
             return
         due = max(self._due(time), self._begun) if self._in_steps else self._due(time)
         lateness = (self._schedule() - due) / NANOSECONDS
@@ -114,7 +119,7 @@ class Pacer:
         now = self._clock()
         elapsed = now - self._taken_at
         behind = 0.0
-        if self._factor:
+        if self._running and self._factor:
             scheduled = (self._schedule() - self._start) * self._factor
             behind = max(0.0, scheduled - (self._time - self._start_time)) / NANOSECONDS
         timing = Timing(

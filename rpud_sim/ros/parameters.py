@@ -139,12 +139,14 @@ class Settings:
         return check_settings({**{name: self.value(name) for name in ALL_NAMES}, **changes})
 
     def read_scenario(self, seed: int | None = None) -> Scenario | None:
-        """Read the scenario, if there is one.
+        """Read the scenario, if there is one; a seed of zero leaves it its own.
 
         Raises:
             ParameterError: if its file cannot be used.
         """
-        return read_scenario(self.scenario, seed or self.seed or None) if self.scenario else None
+        if not self.scenario:
+            return None
+        return read_scenario(self.scenario, seed or self.seed or None)
 
 
 def check_settings(values: Mapping[str, Any]) -> Settings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -63,17 +64,26 @@ TOPICS: dict[str, tuple[type, QoSProfile]] = {
     "faults": (Faults, LATCHED_QOS),
     "/diagnostics": (DiagnosticArray, DIAGNOSTICS_QOS),
 }
+# Of the others the last message is what counts.
+_COMPLETE = [name for name, (_, qos) in TOPICS.items() if qos.depth >= STREAM_QOS.depth]
 _TELEMETRY = (
     ("nodal_plane", fields.nodal_plane_fields),
     ("drill_tool", fields.drill_tool_fields),
     ("reacting_force", fields.reacting_force_fields),
     ("wrench", fields.wrench_fields),
 )
-_LONGEST_WAIT = 1.0  # for listeners that hold up a simulation that nothing paces [s]
+
+# A simulation that nothing paces waits for its listeners when this share of a depth is used up, but
+# not longer than this for one that does not answer [s].
+_SHARE = 0.75
+_LONGEST_WAIT = 1.0
 
 
 class DrillPublishers:
     """All publishers of the drill node, and the streams that run through them.
+
+    Attributes:
+        patient: whether to wait for reliable listeners rather than to overwrite what they lack.
 
     Args:
         node: that owns them.
@@ -91,6 +101,8 @@ class DrillPublishers:
         self._dropped = 0
         self._signals = SignalFaults()
         self._faults: object = None
+        self._unacknowledged = Counter[str]()
+        self.patient = False
         self._topics = {
             name: node.create_publisher(kind, name, qos) for name, (kind, qos) in TOPICS.items()
         }
@@ -218,5 +230,14 @@ class DrillPublishers:
     def _publish(self, name: str, message: Any) -> None:
         try:
             self._topics[name].publish(message)
+            if self.patient and name in _COMPLETE:
+                self._await(name)
         except RuntimeError:  # RCLError: the middleware did not take it
             self._dropped += 1
+
+    def _await(self, name: str) -> None:
+        """Let reliable listeners catch up before the oldest messages would be overwritten."""
+        self._unacknowledged[name] += 1
+        if self._unacknowledged[name] > _SHARE * TOPICS[name][1].depth:
+            self._topics[name].wait_for_all_acked(Duration(seconds=_LONGEST_WAIT))
+            self._unacknowledged[name] = 0

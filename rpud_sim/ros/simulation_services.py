@@ -16,9 +16,10 @@ from rpud_msgs.srv import (
     StepSimulation,
 )
 
-from rpud_sim.ros.drilling import Drilling, InterruptedStepError, StoppedError
+from rpud_sim.ros.drilling import Drilling, InterruptedStepError
 from rpud_sim.ros.messages import nanoseconds_to_time
 from rpud_sim.ros.pacing import NANOSECONDS
+from rpud_sim.ros.requests import StoppedError
 
 STOPPED = SimulationState.STATE_STOPPED
 PLAYING = SimulationState.STATE_PLAYING
@@ -135,10 +136,10 @@ class SimulationServices:
             return drilling.step(until)
 
         try:
-            drilling.result(drilling.request(begin))
+            reached = drilling.wait(drilling.request(begin))
         except InterruptedStepError as error:
             raise RefusedError(Result.RESULT_OPERATION_FAILED, f"interrupted: {error}") from None
-        return self._origin() + drilling.simulation.time
+        return self._origin() + reached
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
         """Fill the response with what comes of an action, and return it."""

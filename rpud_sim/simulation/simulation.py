@@ -6,6 +6,7 @@ import dataclasses
 import heapq
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +17,10 @@ from rpud_sim.model.records import join
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
 from rpud_sim.simulation.conditions import conditions
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError, check_honoured
+from rpud_sim.simulation.faults import Fault, FaultError, check_honoured, honoured_kinds
 from rpud_sim.simulation.ledger import FaultRecord, Faults
 from rpud_sim.simulation.rock import Progress
 from rpud_sim.simulation.sampling import NANOSECONDS
@@ -69,7 +69,7 @@ class Simulation:
         self._progress = Progress(configuration.rock)
         self._faults = Faults()
         self._refusals: deque[str] = deque(maxlen=_MOST_REFUSALS)
-        self._schedule: list[tuple[int, int, Callable[[], None]]] = []
+        self._schedule: list[tuple[int, bool, int, Callable[[], None]]] = []
         self._scheduled = 0
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
@@ -78,7 +78,7 @@ class Simulation:
         self._drill = derive(parameters)
         self._in_force = (self._drill, self._commands())
         for scheduled in scenario.faults if scenario else ():
-            self._check_honoured(scheduled.fault)
+            check_honoured(scheduled.fault, **self._abilities())
             self._plan(scheduled)
 
     @property
@@ -144,7 +144,7 @@ class Simulation:
         while (stop := self._next_stop()) <= time:
             self._go_on_to(stop)
             while self._schedule and self._schedule[0][0] <= stop:
-                heapq.heappop(self._schedule)[2]()
+                heapq.heappop(self._schedule)[-1]()
             self._update()
         self._go_on_to(time)
         covering, impacts = self._engine.take_covering()
@@ -205,10 +205,10 @@ class Simulation:
         Raises:
             FaultError: if it cannot be honoured, or is already there.
         """
-        self._check_honoured(fault)
+        check_honoured(fault, **self._abilities())
         number = self._faults.inject(self._time, fault)
         if duration:
-            self._at(self._time + duration, lambda: self._end(number))
+            self._at(self._time + duration, False, lambda: self._end(number))
         self._change_conditions()
         return number
 
@@ -229,19 +229,11 @@ class Simulation:
 
     def honoured_kinds(self) -> tuple[str, ...]:
         """Return the kinds of faults that this drill, as it is configured, can honour."""
-        return tuple(kind for kind in KINDS if self._honours(kind))
+        return honoured_kinds(**self._abilities())
 
-    def _honours(self, kind: str) -> bool:
-        channel = "" if KINDS[kind].physical else next(iter(CHANNELS))
-        try:
-            self._check_honoured(Fault(kind, channel))
-        except FaultError:
-            return False
-        return True
-
-    def _at(self, time: int, action: Callable[[], None]) -> None:
-        # The number keeps what is due at one instant in the order in which it was planned.
-        heapq.heappush(self._schedule, (time, self._scheduled, action))
+    def _at(self, time: int, begins: bool, action: Callable[[], None]) -> None:
+        # At one instant ends come before beginnings, each in the order in which it was planned.
+        heapq.heappush(self._schedule, (time, begins, self._scheduled, action))
         self._scheduled += 1
 
     def _plan(self, scheduled: ScheduledFault) -> None:
@@ -252,21 +244,20 @@ class Simulation:
             except FaultError as error:
                 self._refusals.append(f"scheduled fault refused: {error}")
 
-        self._at(scheduled.onset, begin)
+        self._at(scheduled.onset, True, begin)
 
     def _end(self, number: int) -> None:
         if any(record.number == number for record in self._faults.active):
             self.clear(number)
 
-    def _check_honoured(self, fault: Fault) -> None:
+    def _abilities(self) -> dict[str, Any]:
         configuration = self._configuration
-        check_honoured(
-            fault,
-            regime=configuration.parameters.regime,
-            actuator_model=configuration.actuator.actuator_model,
-            resonance_frequency=configuration.actuator.resonance_frequency,
-            rock_model=configuration.rock.rock_model,
-        )
+        return {
+            "regime": configuration.parameters.regime,
+            "actuator_model": configuration.actuator.actuator_model,
+            "resonance_frequency": configuration.actuator.resonance_frequency,
+            "rock_model": configuration.rock.rock_model,
+        }
 
     def _next_stop(self) -> int:
         step = self._actuator.next_step
@@ -295,7 +286,7 @@ class Simulation:
         self._collect()
         active = [record.fault for record in self._faults.active]
         self._conditions = conditions(self._configuration.parameters, active)
-        self._drill = derive(self._conditions.parameters)
+        self._drill = derive(self._conditions.parameters, self._conditions.jammed)
         if self._conditions.resonance_offset or self._configuration.actuator.actuator_model == (
             "resonance"
         ):
