@@ -64,6 +64,7 @@ class Listener:
         self.tallies = {name: Tally() for name in (*TELEMETRY, *STREAMS, "contact_force")}
         self.status: Status | None = None
         self.arrivals: list[tuple[int, int]] = []  # stamp and arrival of each second's soonest [ns]
+        self._heard = 0
         self._second = -1
         self._start: int | None = None
         for name, kind in TELEMETRY.items():
@@ -79,6 +80,11 @@ class Listener:
         """Whether the drill has said that it ended."""
         return self.status is not None and self.status.state == Status.STATE_STOPPED
 
+    def changed(self) -> bool:
+        """Whether anything was heard since the last call."""
+        before, self._heard = self._heard, sum(t.messages for t in self.tallies.values())
+        return self._heard != before
+
     def number(self, stamp: int) -> int:
         """Return the number of the sample at a stamp [ns], counted from the first one heard."""
         if self._start is None:
@@ -89,8 +95,10 @@ class Listener:
         tally = self.tallies[name]
         return lambda message: tally.add(self.number(_stamp(message)))
 
-    def _on_nodal_plane(self, message: NodalPlane) -> None:
-        now, stamp = time.monotonic_ns(), _stamp(message)
+    def _on_nodal_plane(self, message: NodalPlane, info: Any) -> None:
+        # When it came to this process, however much later it is heard.
+        waited = time.time_ns() - info["received_timestamp"]
+        now, stamp = time.monotonic_ns() - waited, _stamp(message)
         if now // NANOSECONDS != self._second:
             self._second = now // NANOSECONDS
             self.arrivals.append((stamp, now))
@@ -206,7 +214,8 @@ def soak(duration: float, bag: str | None = None) -> Result:
         _watch(executor, duration, processes, loads)
         drill.interrupt()
         _spin_until(executor, lambda: listener.stopped, STOPPING)
-        _spin_until(executor, lambda: False, 1.0)  # what is still on its way
+        while listener.changed():  # what is still on its way, if the listener fell behind
+            _spin_until(executor, lambda: False, 1.0)
         ends = []
         for process in reversed(processes):
             if process is not drill:
