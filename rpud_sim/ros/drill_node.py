@@ -250,11 +250,14 @@ def spin(
     """
     executor = MultiThreadedExecutor(_THREADS)
     executor.add_node(node)
-    node.start()
     try:
+        node.start()
         while not (stop.requested or node.finished):
             executor.spin_once(timeout_sec=0.1)
             show(node.report)
+    except RuntimeError as error:
+        print(f"drill_node: {error}", file=sys.stderr)
+        return 1
     finally:
         node.stop()
         executor.shutdown(timeout_sec=1.0)
