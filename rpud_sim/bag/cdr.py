@@ -26,7 +26,10 @@ class Codec:
         return str(self._store.hash_rihs01(self._type))
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:
-        """Serialize the values of all fields: messages are mappings, sequences `array.array`."""
+        """Serialize the values of all fields.
+
+        Messages are mappings, sequences `array.array`, those of messages or texts lists.
+        """
         return bytes(self._store.serialize_cdr(_to_object(fields), self._type))
 
     def decode(self, data: bytes) -> Any:
@@ -37,6 +40,8 @@ class Codec:
 def _to_object(value: Any) -> Any:
     if isinstance(value, Mapping):
         return SimpleNamespace(**{name: _to_object(item) for name, item in value.items()})
+    if isinstance(value, list):
+        return [_to_object(item) for item in value]
     if isinstance(value, array):
         return np.asarray(value)
     return value
