@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -25,6 +26,7 @@ from rpud_sim.ros.pacing import NANOSECONDS
 from rpud_sim.ros.parameters import Settings
 from rpud_sim.ros.publishers import DrillPublishers
 from rpud_sim.ros.report import Report
+from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.simulation_services import SimulationServices
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
@@ -173,6 +175,11 @@ class DrillNode(ManagedNode):
         return TransitionCallbackReturn.SUCCESS
 
     @told
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take back what a transition that failed has left; it can be configured again."""
+        return self.on_cleanup(state)
+
+    @told
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the drilling and the node."""
         self._gate.open(False)
@@ -192,6 +199,9 @@ class DrillNode(ManagedNode):
         return int(self.get_clock().now().nanoseconds)
 
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+        if self._drilling is not None and any(change.name == "use_sim_time" for change in changes):
+            reason = "use_sim_time is read-only until the drill is cleaned up"
+            return SetParametersResult(successful=False, reason=reason)
         return check_changes(self._settings, changes)
 
     def _take_parameters(self, changes: list[Parameter]) -> None:
@@ -200,8 +210,9 @@ class DrillNode(ManagedNode):
             return
         settings = self._settings = self._gate.settings = self._settings.replace(values)
         drilling = self.drilling
-        if drilling is not None and not drilling.finished:
-            drilling.request(lambda: drilling.configure(settings))
+        if drilling is not None:
+            with contextlib.suppress(StoppedError):  # there is nothing left to change
+                drilling.request(lambda: drilling.configure(settings))
 
 
 def main() -> None:

@@ -122,9 +122,13 @@ class SimulationServices:
             )
 
         def begin() -> Any:
-            if drilling.playing or drilling.at_start:
-                state = "playing" if drilling.playing else "stopped"
-                raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
+            for holds, state in (
+                (drilling.playing, "playing"),
+                (drilling.at_start, "stopped"),
+                (drilling.stepping, "stepping already"),
+            ):
+                if holds:
+                    raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
             until = until_of(drilling)
             now = drilling.simulation.time
             if not now < until <= now + LONGEST_STEP * NANOSECONDS:
@@ -176,7 +180,7 @@ class SimulationServices:
             )
 
         def act() -> None:
-            if _state_of(drilling) == state:
+            if _state_of(drilling) == state and not drilling.stepping:
                 already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
                 raise RefusedError(already, "it is in that state already")
             {STOPPED: drilling.halt, PLAYING: drilling.play, PAUSED: drilling.pause}[state]()

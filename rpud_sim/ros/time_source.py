@@ -49,12 +49,17 @@ class TimeSource:
         """The time that a schedule follows [ns]; None for the monotonic clock."""
         return self._now if self._follows else None
 
-    def wait(self, stop: threading.Event) -> int:
-        """Wait until there is a time, and return the stamp of simulation time zero, now [ns]."""
+    def wait(self, stop: threading.Event, serve: Callable[[], None]) -> int:
+        """Wait until there is a time, and return the stamp of simulation time zero, now [ns].
+
+        Args:
+            stop: ends the wait.
+            serve: called again and again meanwhile.
+        """
         if self._follows and self._now() == 0:
             self._logger.info("waiting for /clock, as use_sim_time is set")
             while self._now() == 0 and not stop.wait(0.01):
-                pass
+                serve()
         return self.begin()
 
     def begin(self) -> int:
