@@ -159,11 +159,9 @@ def read_document(path: Path) -> BagMetadata:
 
     Raises BagFormatError where it is not one, and OSError.
     """
-    with path.open(encoding="utf-8") as stream:
-        text = stream.read(SIZE_LIMIT + 1)
-    if len(text) > SIZE_LIMIT:
-        raise BagFormatError(f"it has more than {SIZE_LIMIT} characters")
-    return metadata_from_document(text)
+    if path.stat().st_size > SIZE_LIMIT:
+        raise BagFormatError(f"it has more than {SIZE_LIMIT} bytes")
+    return metadata_from_document(path.read_text(encoding="utf-8"))
 
 
 def _from_mapping(value: Any) -> BagMetadata:
@@ -236,7 +234,7 @@ def _check_size(text: str) -> None:
     for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.AliasEvent):
             # What is inside itself is not complete, and has no end.
-            size += sizes.get(event.anchor, SIZE_LIMIT)
+            size += sizes.get(event.anchor or "", SIZE_LIMIT + 1)
         elif isinstance(event, yaml.CollectionStartEvent):
             inside.append((event.anchor, size))
             size += _NODE_SIZE

@@ -102,6 +102,11 @@ class StorageFile:
         return self._index.channels
 
     @property
+    def schemas(self) -> dict[int, Schema]:
+        """The schemas by their numbers."""
+        return self._index.schemas
+
+    @property
     def chunk_indexes(self) -> list[ChunkIndex]:
         """Where the chunks are; empty in a file without chunks."""
         return self._index.chunk_indexes

@@ -48,7 +48,7 @@ def test_an_empty_queue_says_so_in_time():
 def test_the_thread_writes_all_that_was_queued(tmp_path):
     messages = MessageQueue()
     with BagWriter(tmp_path / "run") as bag:
-        thread = WritingThread(messages, bag, on_error=pytest.fail)
+        thread = WritingThread(messages, bag, 1.0, on_error=pytest.fail)
         thread.start()
         messages.declare(Declaration(TALK, STRING_DEFINITION))
         for number in range(1000):
@@ -64,7 +64,7 @@ def test_a_failure_to_write_is_told_at_once(tmp_path):
     messages = MessageQueue()
     failed = threading.Event()
     with BagWriter(tmp_path / "run") as bag:
-        thread = WritingThread(messages, bag, on_error=failed.set)
+        thread = WritingThread(messages, bag, 1.0, on_error=failed.set)
         thread.start()
         messages.put(message(topic="/never/declared"))
         assert failed.wait(10.0)
