@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rpud_sim.bag.recovery import Recovery
 
 HELP = "make a whole bag of one that was cut off or damaged"
-EXAMPLE = "rpud recover bags/torn --out bags/whole (exit 0: nothing was lost; 3: something was)"
+EXAMPLE = "rpud recover bags/torn --out bags/whole"
 
 LOST = 3
 """Exit code where the new bag is whole, but not all that the old one held or should hold."""
@@ -19,6 +19,10 @@ LOST = 3
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `rpud recover`."""
+    parser.description = (
+        f"{HELP[0].upper()}{HELP[1:]}. Exit codes: 0 nothing is lost, "
+        f"{LOST} recovered, and something is lost, 1 failed, 2 wrong call."
+    )
     parser.add_argument(
         "torn", metavar="TORN", help="a bag's folder or one MCAP file; it is not changed"
     )
