@@ -71,7 +71,7 @@ def kill_writer(folder: Path, max_loss: float) -> float:
             record_for_ever(path, shared, max_loss, chunk_size)
         finally:
             os._exit(1)
-    time.sleep(random.uniform(0.0, 3.0 * max_loss))
+    time.sleep(random.uniform(0.0, 1.5 * max_loss))
     killed = time.time_ns()
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
@@ -116,7 +116,7 @@ def kill_recorder(folder: Path, max_loss: float) -> float:
         if "topics to" in line:
             break
     threading.Thread(target=recorder.stderr.read, daemon=True).start()
-    time.sleep(random.uniform(0.0, 3.0 * max_loss))
+    time.sleep(random.uniform(0.0, 1.5 * max_loss))
     killed = time.time_ns()
     recorder.kill()
     recorder.wait()
@@ -134,7 +134,7 @@ def main() -> None:
     """Kill as often as asked, and print what it cost."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--max-loss", type=float, default=0.2)
+    parser.add_argument("--max-loss", type=float, default=0.5)
     parser.add_argument("--live", action="store_true", help="whole recorders over DDS")
     parser.add_argument("--any-loss", action="store_true", help="do not hold the time to the bound")
     parser.add_argument("--seed", type=int, default=random.randrange(10**6))

@@ -132,7 +132,7 @@ def message_index_times(record: Record) -> tuple[int, Iterator[int]]:
 def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
     """Yield kind, start and end of the content of each record in a chunk's data.
 
-    Raises BagFormatError where one reaches beyond the end.
+    Raises BagFormatError where one is none or reaches beyond the end.
     """
     offset = 0
     while offset < len(data):
@@ -141,8 +141,9 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
         opcode, length = RECORD.unpack_from(data, offset)
         start = offset + RECORD.size
         offset = start + length
-        if offset > len(data) or (opcode == Opcode.MESSAGE and length < MESSAGE.size):
-            raise BagFormatError("a record reaches beyond its chunk")
+        short = opcode == Opcode.MESSAGE and length < MESSAGE.size
+        if offset > len(data) or opcode == 0 or short:
+            raise BagFormatError("a chunk holds what is no record")
         yield opcode, start, offset
 
 

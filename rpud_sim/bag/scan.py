@@ -166,7 +166,8 @@ class Scan:
             data = self._chunk_data(chunk, start, candidate)
             if data is not None:
                 self._index_lost = False
-                yield from _found(data, chunk.uncompressed_crc != 0)
+                if not (yield from _found(data, chunk.uncompressed_crc != 0)):
+                    yield Damage(offset, candidate - offset, "is a chunk with what is no record")
                 return candidate
         if end != inner_end:
             return None
@@ -235,8 +236,6 @@ class Scan:
         try:
             content = self._bytes(start, end - start)
             data = uncompressed(replace(chunk, data=content))
-            for _ in records_in(data):
-                pass
         except DAMAGED:
             return None
         return data if chunk.uncompressed_crc or self._follows(end) else None
@@ -307,8 +306,8 @@ class Scan:
         return self._stream.read(max(0, min(length, self._size - offset)))
 
 
-def _found(data: bytes, checked: bool) -> Iterator[Found]:
-    """Yield declarations and messages out of a chunk's data, as far as it can be followed."""
+def _found(data: bytes, checked: bool) -> Generator[Found, None, bool]:
+    """Yield declarations and messages out of a chunk's data; return whether it ends with one."""
     try:
         for opcode, start, end in records_in(data):
             if opcode == Opcode.MESSAGE:
@@ -318,7 +317,8 @@ def _found(data: bytes, checked: bool) -> Iterator[Found]:
                 assert record is not None
                 yield Found(record, checked)
     except DAMAGED:
-        return
+        return False
+    return True
 
 
 def _message(data: bytes, start: int, end: int) -> Message:

@@ -63,6 +63,8 @@ class TopicSummary:
         """Mean rate from the first to the last message [Hz]; 0 where there are fewer than two."""
         if self.first_time is None or self.last_time is None or self.last_time <= self.first_time:
             return 0.0
+        if self.message_count < 2:  # the statistics may contradict the message indexes
+            return 0.0
         return (self.message_count - 1) * 1e9 / (self.last_time - self.first_time)
 
 

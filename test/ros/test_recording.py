@@ -2,6 +2,7 @@
 
 import queue
 import threading
+import time
 
 import pytest
 from hypothesis import given
@@ -10,11 +11,17 @@ from sample_bags import START, STRING_DEFINITION, TALK
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message
-from rpud_sim.ros.recording import Declaration, MessageQueue, SequenceGaps, WritingThread
+from rpud_sim.ros.recording import (
+    Declaration,
+    MessageQueue,
+    NamedRecord,
+    SequenceGaps,
+    WritingThread,
+)
 
 
-def message(data=b"12345678", topic=TALK.name, time=START):
-    return Message(topic, time, time, data)
+def message(data=b"12345678", topic=TALK.name, log_time=START):
+    return Message(topic, log_time, log_time, data)
 
 
 def test_the_queue_keeps_the_order():
@@ -52,7 +59,7 @@ def test_the_thread_writes_all_that_was_queued(tmp_path):
         thread.start()
         messages.declare(Declaration(TALK, STRING_DEFINITION))
         for number in range(1000):
-            assert messages.put(message(str(number).encode(), time=START + number))
+            assert messages.put(message(str(number).encode(), log_time=START + number))
         messages.close()
         thread.join(10.0)
         assert thread.error is None
@@ -70,6 +77,57 @@ def test_a_failure_to_write_is_told_at_once(tmp_path):
         assert failed.wait(10.0)
         thread.join(10.0)
     assert "/never/declared" in str(thread.error)
+
+
+def test_what_was_written_is_flushed_within_the_bound_without_more(tmp_path):
+    messages = MessageQueue()
+    flushed = threading.Event()
+
+    class Bag(BagWriter):
+        def flush(self):
+            super().flush()
+            flushed.set()
+
+    with Bag(tmp_path / "run") as bag:
+        flushed.clear()
+        thread = WritingThread(messages, bag, 0.02, on_error=pytest.fail)
+        thread.start()
+        messages.declare(Declaration(TALK, STRING_DEFINITION))
+        messages.keep(NamedRecord("notes", {"weather": "fine"}))
+        messages.put(message(b"safe", log_time=time.time_ns()))
+        size = bag.size
+        assert flushed.wait(10.0)
+        while bag.size == size:  # it may have been the flush before that message
+            flushed.clear()
+            assert flushed.wait(10.0)
+        messages.close()
+        thread.join(10.0)
+    with rpud_sim.bag.open(tmp_path / "run") as whole:
+        assert whole.records("notes") == [{"weather": "fine"}]
+        assert whole.message_count == 1
+
+
+def test_a_disk_too_slow_for_the_bound_is_known(tmp_path):
+    messages = MessageQueue()
+    slow = threading.Event()
+
+    class SlowBag(BagWriter):
+        def flush(self):
+            super().flush()
+            if self.message_count:
+                slow.wait(0.3)
+
+    with SlowBag(tmp_path / "run") as bag:
+        thread = WritingThread(messages, bag, 0.1, on_error=pytest.fail)
+        thread.start()
+        messages.declare(Declaration(TALK, STRING_DEFINITION))
+        messages.put(message(log_time=time.time_ns()))
+        while not thread.exposure:
+            assert thread.is_alive()
+            time.sleep(0.01)
+        messages.close()
+        thread.join(10.0)
+    assert thread.exposure >= 0.3
 
 
 @given(st.integers(1, 10**12), st.sets(st.integers(1, 200)))
