@@ -19,6 +19,8 @@ import threading
 import time
 from pathlib import Path
 
+from support import claim_ros_domain
+
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.bag.recovery import recover
@@ -143,6 +145,8 @@ def main() -> None:
     kill = kill_recorder if arguments.live else kill_writer
     talker = None
     if arguments.live:
+        domain, _lock = claim_ros_domain()  # held until this ends: nobody else shall talk here
+        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
         program = str(HERE / "integration" / "talker.py")
         talker = subprocess.Popen(
             [sys.executable, program, "--count", str(10**9), "--rate", "1000"],

@@ -24,7 +24,7 @@ RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
 VERSION = 9
 
-SIZE_LIMIT = 16 * 2**20
+SIZE_LIMIT = 8 * 2**20
 """Greatest metadata: its characters, and _NODE_SIZE for each value, where aliases count in full."""
 
 _NODE_SIZE = 32

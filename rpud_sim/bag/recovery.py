@@ -232,7 +232,10 @@ class _Outputs:
             serialization_format=channel.message_encoding,
         )
         output = self._bag.add_channel(topic, schema, channel.metadata)
-        self._counters[output] = channel.topic, SequenceCounter(_definition(schema))
+        self._counters[output] = (
+            channel.topic,
+            SequenceCounter(_definition(schema), max(1, len(offers))),
+        )
         found = self._recovery.topics.setdefault(
             channel.topic, TopicRecovery(channel.topic, type_name)
         )

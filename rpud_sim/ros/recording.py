@@ -1,4 +1,4 @@
-"""The recorder's parts that need no ROS: queue, writing thread, and the count of losses."""
+"""The recorder's parts that need no ROS: its queue and its writing thread."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from rpud_sim.bag import BagError, BagWriter, Message, Topic
 
 QUEUE_CAPACITY = 256 * 2**20
 """Bytes that may wait to be written."""
-
-_SEQUENCES = 64  # of one topic; those of publishers that left are forgotten at last
 
 
 @dataclass(frozen=True)
@@ -142,32 +140,3 @@ class WritingThread(threading.Thread):
         if self._oldest is not None:
             self.exposure = max(self.exposure, 1e-9 * (time.time_ns() - self._oldest))
             self._oldest = None
-
-
-class SequenceGaps:
-    """Counts messages that never arrived, by the numbers that publishers give their messages.
-
-    Messages do not say who sent them. With one publisher the count is exact. With several, a
-    number that continues none of the sequences heard so far is a gap in the one just below it,
-    unless there are more publishers than sequences: then it begins a new one.
-    """
-
-    def __init__(self, publisher_count: Callable[[], int]) -> None:
-        """`publisher_count` gives the number of publishers now; it is asked at gaps only."""
-        self.missing = 0
-        self._publisher_count = publisher_count
-        self._last: list[int] = []  # of each sequence; the one heard last is at the end
-
-    def note(self, number: int) -> None:
-        """Note the number of a message that arrived."""
-        last = self._last
-        if number - 1 in last:
-            last.remove(number - 1)
-        else:
-            below = max((before for before in last if before < number), default=None)
-            if below is not None and len(last) >= self._publisher_count():
-                self.missing += number - below - 1
-                last.remove(below)
-        last.append(number)
-        if len(last) > _SEQUENCES:
-            del last[0]

@@ -149,7 +149,7 @@ def bombs():
         "string of gigabytes": mcap(string, summary=[metadata_index]),
         "one chunk without an end": mcap(chunk("", b"", 0), summary=[chunk_index] * 2_000),
         "chunks that all overlap in time": mcap(
-            *[full] * 8, summary=[Channel(1, "/a", "cdr", {}, 0)]
+            *[full] * 5, summary=[Channel(1, "/a", "cdr", {}, 0)]
         ),
         "one record thousands of times": mcap(notes, summary=[metadata_index] * 2_000),
     }
@@ -169,7 +169,7 @@ def test_a_bomb_is_one_line_in_bounded_memory(name, said_of_bombs):
     assert COMPLAINTS[name] in read
     assert "\n" not in read
     assert len(read) < 500
-    assert recovered == ("8" if "overlap" in name else "0")
+    assert recovered == ("5" if "overlap" in name else "0")
 
 
 def test_the_bombs_are_files_that_another_reader_takes_for_bags():
@@ -202,7 +202,7 @@ LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         "{a: " * 100_000,
         "a: " + "1:" * 100_000 + "1\n",
         "a: " + "9" * 100_000 + "\n",
-        "- x\n" * 600_000,
+        "- x\n" * 300_000,
         "rosbag2_bagfile_information: !!python/object/apply:os.system [echo]\n",
         "a: 2001-99-99\n",
         "? [a]\n: b\n",

@@ -279,7 +279,15 @@ def test_what_the_recorder_knew_is_kept_and_told(tmp_path):
         assert len(bag.records("rosbag2")) == len(bag.records("rpud_recovery")) == 1
 
 
-def test_gaps_in_the_numbers_of_impacts_are_counted(tmp_path):
+@pytest.mark.parametrize(
+    ("publishers", "numbers", "gaps"),
+    [
+        (1, [5, 6, 9, 10, 2**40, 0, 1], 2 + 2**40 - 11),  # at last the drill begins anew
+        (1, [5, 6, 7], 0),
+        (2, [5, 900, 6, 901, 8, 902], 1),
+    ],
+)
+def test_gaps_in_the_numbers_of_impacts_are_counted(tmp_path, publishers, numbers, gaps):
     name = "rpud_msgs/msg/ContactForce"
     definition = find_definition(name)
     codec = Codec(name, definition)
@@ -287,13 +295,16 @@ def test_gaps_in_the_numbers_of_impacts_are_counted(tmp_path):
     others = dict.fromkeys(
         ("peak_force", "contact_duration", "impact_velocity", "impulse", "energy"), 0.0
     )
+    topic = rpud_sim.bag.Topic(
+        "/rpud/contact_force", name, offered_qos=(rpud_sim.bag.QosProfile(),) * publishers
+    )
     with BagWriter(tmp_path / "run") as bag:
-        bag.add_topic(rpud_sim.bag.Topic("/rpud/contact_force", name), definition)
-        for number in (5, 6, 9, 10, 2**40, 0, 1):  # then the drill began anew
+        bag.add_topic(topic, definition)
+        for number in numbers:
             data = codec.encode({"header": header, "sequence": number, **others})
-            bag.write("/rpud/contact_force", data, START, START)
+            bag.write(topic.name, data, START, START)
     recovery = recover(tmp_path / "run", tmp_path / "out")
-    assert recovery.topics["/rpud/contact_force"].gaps == 2 + 2**40 - 11
+    assert recovery.topics[topic.name].gaps == gaps
 
 
 def test_blocks_of_a_waveform_have_no_count_of_gaps(tmp_path):
