@@ -50,7 +50,13 @@ bench: install/.package ## Run the benchmarks
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each
-	@$(WITH_ENV) python test/kills.py --count $(KILLS) && python test/kills.py --count $(KILLS) --max-loss 1 --live
+	@$(WITH_ENV) python test/kills.py --count $(KILLS) && \
+	  python test/kills.py --count $(KILLS) --max-loss 1 --live
+
+.PHONY: soak
+soak: DURATION = 1800
+soak: install/.package ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
+	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
 
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)
@@ -89,6 +95,6 @@ install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* ms
 	@$(COLCON_BUILD) rpud_msgs
 	@touch $@
 
-install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/*)
+install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@$(COLCON_BUILD) rpud_sim
 	@touch $@
