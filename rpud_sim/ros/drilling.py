@@ -230,7 +230,7 @@ class Drilling:
         if state:
             active = self._control.active
             self._begin(active)
-            self._outputs.begin(self._source.begin() if time else self._outputs.origin + now)
+            self._outputs.begin(self._source.begin(None if time else self._outputs.origin + now))
             self._account.begin()
         elif time:
             self._outputs.move(self._source.begin() - now)
