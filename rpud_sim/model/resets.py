@@ -106,9 +106,7 @@ def exchange_momentum(drill, state, closed):
             approaching = True
             actuator_struck = True
             restitution = drill.actuator_restitution if count < MOST_COLLISIONS - 1 else 0.0
-            v_ut, state.v_fm = collide(
-                drill.rpud_mass, v_ut, struck_mass, state.v_fm, restitution
-            )
+            v_ut, state.v_fm = collide(drill.rpud_mass, v_ut, struck_mass, state.v_fm, restitution)
             if wedged:
                 state.v_dt = state.v_fm
         if closed & CONTACT_DRILL_TOOL and state.v_fm - state.v_dt > SAME_VELOCITY:
