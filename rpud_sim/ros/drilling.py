@@ -330,10 +330,12 @@ class Drilling:
             self._logger.warning(refusal)
         commanded = self._take_commands()
         self._pacer.finish(until)
-        if commanded or self._account.due():
-            self._report()
-        if self._goal is not None and until >= self._goal:
+        reached = self._goal is not None and until >= self._goal
+        if reached:
             self._goal = None
+        if commanded or reached or self._account.due():
+            self._report()
+        if reached:
             self._step.set_result(until)
 
     def _take_commands(self) -> bool:
