@@ -84,6 +84,6 @@ install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* ms
 	@$(COLCON_BUILD) rpud_msgs
 	@touch $@
 
-install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/*)
+install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@$(COLCON_BUILD) rpud_sim
 	@touch $@

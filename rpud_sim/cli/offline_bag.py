@@ -25,6 +25,7 @@ BLOCK_RATE = 20  # blocks of waveform and trajectory a second [Hz]
 TYPES = {
     "contact_force": "rpud_msgs/msg/ContactForce",
     "drill_tool": "rpud_msgs/msg/DrillTool",
+    "joint_states": "sensor_msgs/msg/JointState",
     "nodal_plane": "rpud_msgs/msg/NodalPlane",
     "reacting_force": "rpud_msgs/msg/ReactingForce",
     "status": "rpud_msgs/msg/Status",
@@ -92,10 +93,9 @@ def _messages(parameters: Parameters, duration: float, phase: float) -> Iterator
             number = simulation.time * BLOCK_RATE // NANOSECONDS + 1
             block = simulation.advance_to(min(number * NANOSECONDS // BLOCK_RATE, end))
             entries = [*_telemetry(block), *_impacts(block), *_waveform(block)]
-            if len(block.segments):
-                values = fields.trajectory_fields(block, segments, 0)
+            for values in fields.trajectory_fields(block, segments, 0):
                 entries.append((fields.stamp_of(values), "trajectory", values))
-                segments += len(block.segments)
+            segments += len(block.segments)
             if block.end % NANOSECONDS == 0:
                 entries.append(_status(simulation, "running"))
             yield from sorted(entries, key=lambda entry: entry[0])
@@ -116,6 +116,7 @@ def _telemetry(block: Block) -> Iterator[_Entry]:
         yield stamp, "drill_tool", fields.drill_tool_fields(samples, index, stamp)
         yield stamp, "reacting_force", fields.reacting_force_fields(samples, index, stamp)
         yield stamp, "wrench", fields.wrench_fields(samples, index, stamp)
+        yield stamp, "joint_states", fields.joint_state_fields(samples, index, stamp)
 
 
 def _impacts(block: Block) -> Iterator[_Entry]:

@@ -1,10 +1,10 @@
-"""The engine: advances the drill event by event, takes commands, hands out what has happened."""
+"""The engine: advances the drill event by event, takes changes, hands out what has happened."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from rpud_sim.model.drill import STATE, derive
+from rpud_sim.model.drill import STATE, Drill, derive
 from rpud_sim.model.events import FULL, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.records import join
@@ -48,11 +48,6 @@ class Engine:
         self._impacts.append(impacts[:count])
 
     @property
-    def open_segment(self) -> np.ndarray:
-        """The segment in progress, one ``SEGMENT``: valid unless a command ends it early."""
-        return self._open_segment.copy()
-
-    @property
     def impact_count(self) -> int:
         """Impacts on the drill tool that have begun."""
         return int(self._state["impacts"][0])
@@ -83,18 +78,22 @@ class Engine:
             values = dict(zip(STATE.names or (), self._state[0].tolist(), strict=True))
             raise EngineError(f"more than {LONGEST_STANDSTILL} events at one instant: {values}")
 
-    def command(self, seconds: int, fraction: float, new: tuple[float, float, float]) -> None:
-        """Advance to a time and go on with other commands from there.
+    def change(
+        self, seconds: int, fraction: float, drill: Drill, commands: tuple[float, float, float]
+    ) -> None:
+        """Advance to a time and go on from there with other commands, and with another drill.
 
-        Position and velocity of the nodal plane and the phase of the vibration stay continuous;
-        the amplitude changes when the vibration next passes through zero.
+        Positions and velocities and the phase of the vibration stay continuous; the amplitude
+        changes when the vibration next passes through zero.
 
         Args:
             seconds: whole seconds of the time, not before the last one.
             fraction: the rest of it [s].
-            new: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz].
+            drill: the constants from there on.
+            commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz].
         """
         self.advance(seconds, fraction)
+        self._drill = drill
         state = self._state[0]
         time = float(seconds - state["seconds"]) + (fraction - state["fraction"])
         segments = np.empty(1, SEGMENT)
@@ -107,15 +106,20 @@ class Engine:
             time,
             segments,
             impacts,
-            new,
+            commands,
         )
         self._segments.append(segments)
         self._impacts.append(impacts[:count])
 
     def take(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the segments and the impacts finished since the last call, in order."""
-        segments = join(self._segments, SEGMENT)
+        covering, impacts = self.take_covering()
+        return covering[:-1], impacts
+
+    def take_covering(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what ``take`` does, the open segment after the finished ones."""
+        covering = join([*self._segments, self._open_segment], SEGMENT)
         impacts = join(self._impacts, IMPACT)
         self._segments.clear()
         self._impacts.clear()
-        return segments, impacts
+        return covering, impacts

@@ -5,6 +5,7 @@ Stamps and origins, the stamp of simulation time zero, are integer nanoseconds.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TypeVar
 
 import numpy as np
@@ -18,6 +19,7 @@ from rpud_msgs.msg import (
     Trajectory,
     Waveform,
 )
+from sensor_msgs.msg import JointState
 
 from rpud_sim.simulation import fields
 from rpud_sim.simulation.sampling import Samples
@@ -61,6 +63,11 @@ def samples_to_wrench(samples: Samples, index: int, stamp: int) -> WrenchStamped
     return filled(WrenchStamped(), fields.wrench_fields(samples, index, stamp))
 
 
+def samples_to_joint_state(samples: Samples, index: int, stamp: int) -> JointState:
+    """Convert one sample to the state of the joints of the URDF."""
+    return filled(JointState(), fields.joint_state_fields(samples, index, stamp))
+
+
 def impact_to_contact_force(impact: np.void, origin: int) -> ContactForce:
     """Convert one ``IMPACT`` record."""
     return filled(ContactForce(), fields.contact_force_fields(impact, origin))
@@ -71,6 +78,7 @@ def samples_to_waveform(samples: Samples, stamp: int, sequence: int, sample_rate
     return filled(Waveform(), fields.waveform_fields(samples, stamp, sequence, sample_rate))
 
 
-def segments_to_trajectory(block: Block, sequence: int, origin: int) -> Trajectory:
-    """Convert a block's ``SEGMENT`` records, at least one; the number is the first one's."""
-    return filled(Trajectory(), fields.trajectory_fields(block, sequence, origin))
+def segments_to_trajectories(block: Block, sequence: int, origin: int) -> Iterator[Trajectory]:
+    """Convert a block's ``SEGMENT`` records, whose first has this number, by sets of constants."""
+    for values in fields.trajectory_fields(block, sequence, origin):
+        yield filled(Trajectory(), values)

@@ -21,6 +21,7 @@ from rpud_msgs.msg import (
     Trajectory,
     Waveform,
 )
+from sensor_msgs.msg import JointState
 
 from rpud_sim.ros import messages
 from rpud_sim.ros.parameters import Settings
@@ -63,6 +64,7 @@ class DrillPublishers:
         self._drill_tool = node.create_publisher(DrillTool, "drill_tool", TELEMETRY_QOS)
         self._reacting_force = node.create_publisher(ReactingForce, "reacting_force", TELEMETRY_QOS)
         self._wrench = node.create_publisher(WrenchStamped, "wrench", TELEMETRY_QOS)
+        self._joint_states = node.create_publisher(JointState, "joint_states", TELEMETRY_QOS)
         self._contact_force = node.create_publisher(
             ContactForce, "contact_force", CONTACT_FORCE_QOS
         )
@@ -98,6 +100,8 @@ class DrillPublishers:
         self._publish(self._drill_tool, messages.samples_to_drill_tool(samples, 0, stamp))
         self._publish(self._reacting_force, messages.samples_to_reacting_force(samples, 0, stamp))
         self._publish(self._wrench, messages.samples_to_wrench(samples, 0, stamp))
+        if self._joint_states.get_subscription_count():
+            self._publish(self._joint_states, messages.samples_to_joint_state(samples, 0, stamp))
         for impact in block.impacts:
             message = messages.impact_to_contact_force(impact, self._origin)
             self._publish(self._contact_force, message)
@@ -114,8 +118,8 @@ class DrillPublishers:
         self._publish_waveform(block)
         count = len(block.segments)
         if count and self._trajectory.get_subscription_count():
-            message = messages.segments_to_trajectory(block, self._segments, self._origin)
-            self._publish(self._trajectory, message)
+            for message in messages.segments_to_trajectories(block, self._segments, self._origin):
+                self._publish(self._trajectory, message)
         self._segments += count
 
     def publish_status(self, status: Status) -> None:
@@ -138,6 +142,7 @@ class DrillPublishers:
             self._drill_tool,
             self._reacting_force,
             self._wrench,
+            self._joint_states,
         ):
             # A listener that was killed never acknowledges.
             publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))

@@ -12,9 +12,10 @@ from rpud_sim.model.parameters import (
     check_choice,
     preset,
 )
-from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT, SEGMENT
+from rpud_sim.model.segment import CONSTANTS, EVENT_ACTUATOR_IMPACT, SEGMENT
 
 __all__ = [
+    "CONSTANTS",
     "CONTACT_MODELS",
     "EVENT_ACTUATOR_IMPACT",
     "NAMES",

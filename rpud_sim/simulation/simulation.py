@@ -36,14 +36,12 @@ class Block:
         covering: the ``SEGMENT`` records that cover the block, in order, without a gap. The last
             one is open: its duration is what it will be unless a command comes.
         impacts: the ``IMPACT`` records of the impacts on the drill tool that ended in it, in order.
-        drill: constants of the drill.
     """
 
     start: int
     end: int
     covering: np.ndarray
     impacts: np.ndarray
-    drill: Drill
 
     @property
     def segments(self) -> np.ndarray:
@@ -67,7 +65,7 @@ class Block:
 
     def sample(self, times: Times) -> Samples:
         """Sample all channels at ascending times from the block's start to its end."""
-        return sample(self.drill, self.covering, times)
+        return sample(self.covering, times)
 
 
 def join_blocks(blocks: Sequence[Block]) -> Block:
@@ -78,7 +76,6 @@ def join_blocks(blocks: Sequence[Block]) -> Block:
         last.end,
         join([*(block.segments for block in blocks), last.open_segment], SEGMENT),
         join([block.impacts for block in blocks], IMPACT),
-        last.drill,
     )
 
 
@@ -149,9 +146,8 @@ class Simulation:
             raise ValueError(f"time {time} ns is before the present {self._time} ns")
         seconds, rest = divmod(time, NANOSECONDS)
         self._engine.advance(seconds, rest / NANOSECONDS)
-        segments, impacts = self._engine.take()
-        covering = join([segments, self._engine.open_segment], SEGMENT)
-        block = Block(self._time, time, covering, impacts, self._drill)
+        covering, impacts = self._engine.take_covering()
+        block = Block(self._time, time, covering, impacts)
         self._time = time
         return block
 
@@ -183,8 +179,9 @@ class Simulation:
         unchanged = (before.weight_on_bit, before.drive) == (after.weight_on_bit, after.drive)
         if not unchanged:
             seconds, rest = divmod(self._time, NANOSECONDS)
-            self._engine.command(
+            self._engine.change(
                 seconds,
                 rest / NANOSECONDS,
+                self._drill,
                 (after.weight_on_bit.force, amplitude, after.drive.frequency),
             )
