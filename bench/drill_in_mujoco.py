@@ -78,7 +78,7 @@ class DrillInMujoco:
     def __init__(self, parameters: Parameters, step: float) -> None:
         self._drill = derive(parameters)
         self._weight_on_bit = parameters.weight_on_bit
-        self._step = step
+        self.step = step
         self._model = mujoco.MjModel.from_xml_string(_model(parameters, step))
         self._data = mujoco.MjData(self._model)
         omega = 2.0 * math.pi * parameters.vibration_frequency
@@ -97,7 +97,7 @@ class DrillInMujoco:
     def advance(self, duration: float) -> float:
         """Simulate further [s]; returns the processor time of MuJoCo alone [s]."""
         used = 0.0
-        left = round(duration / self._step)
+        left = round(duration / self.step)
         while left:
             steps = min(left, CHUNK)
             began = time.process_time()
@@ -120,15 +120,15 @@ class DrillInMujoco:
         self._speeds.extend(v_fm[begun] - v_dt[begun])
         if drill.in_rock:
             mass = drill.free_mass + drill.tool_mass
-            longest = round(2.0 * math.pi * math.sqrt(mass / drill.tool_spring_rate) / self._step)
+            longest = round(2.0 * math.pi * math.sqrt(mass / drill.tool_spring_rate) / self.step)
             weight = drill.free_mass * drill.gravity
             for first in begun:
                 elastic = drill.tool_spring_rate * u_dt[first : first + longest + 1].max()
                 # Eqs. (30) and (31).
                 self._forces.append(weight + drill.free_mass / mass * (elastic - weight))
         force = self._weight_on_bit - drill.load_spring_rate * u_np - drill.rpud_damping * v_np
-        self._reacting_impulse += float(force.sum()) * self._step
-        self._duration += len(u_np) * self._step
+        self._reacting_impulse += float(force.sum()) * self.step
+        self._duration += len(u_np) * self.step
 
     def figures(self) -> dict[str, float]:
         """Return the figures so far by the names of `rpud simulate`."""

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 DURATION = 100  # of the runs of the engine and of C [s]
 SCIPY_DURATION = 0.02  # [s]
-MUJOCO_DURATION = 2.0  # of each turn; its figures are those of all turns together [s]
+MUJOCO_STEPS = 2_500_000  # of each turn; its figures are those of all turns together
 PHASES = (0.0, 0.02, 0.04, 0.06, 0.08)  # of the turns [cycles]
 STRIDE = 10  # simulated seconds between two collections of the results
 
@@ -71,12 +71,14 @@ def _beside(regime: str, parameters: Parameters) -> Iterator[Row]:
             took("SciPy", SCIPY_DURATION, used)
             shared.append(same)
             if mujoco is not None:
-                took("MuJoCo", MUJOCO_DURATION, mujoco.advance(MUJOCO_DURATION))
+                simulated = MUJOCO_STEPS * mujoco.step
+                took("MuJoCo", simulated, mujoco.advance(simulated))
     for name, values in speeds.items():
         yield row(f"engine, {regime}: simulated seconds per second, {name}", values)
     for name, values in speeds.items():
         if name != "rpud_sim":
-            ratios = [ours / theirs for ours, theirs in zip(speeds["rpud_sim"], values, strict=True)]
+            pairs = zip(speeds["rpud_sim"], values, strict=True)
+            ratios = [our / theirs for our, theirs in pairs]
             yield row(f"engine, {regime}: speed over that of {name}", ratios)
     for figure in SAME[regime]:
         for name, runs in in_c.items():

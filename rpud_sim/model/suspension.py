@@ -33,7 +33,6 @@ class Oscillation(NamedTuple):
     vibration_cosine: float  # [m]
 
 
-@compiled
 def damping_coefficient(damping_ratio, mass, spring_rate):
     """c = 2 xi omega_n m [N s/m], from the text after eqs. (2) and (14)."""
     return 2.0 * damping_ratio * math.sqrt(spring_rate / mass) * mass
