@@ -178,6 +178,35 @@ def test_ctrl_c_ends_drill_and_recorder_and_the_bag_is_whole(process, tmp_path):
     assert heard["/rpud/status"][-1].state == Status.STATE_STOPPED
 
 
+def recorder_of(running):
+    """Give the process of a drill's recorder."""
+    children = subprocess.run(
+        ["ps", "-o", "pid=,args=", "--ppid", str(running.pid)],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    [recorder] = [line.split()[0] for line in children.splitlines() if " record " in line]
+    return recorder
+
+
+def test_a_killed_drill_leaves_a_whole_bag_and_no_recorder(process, tmp_path):
+    path = tmp_path / "bag"
+    running = process("rpud", "run", "--record", path)
+    running.wait_for_line("reacting force", timeout=100.0)
+    recorder = recorder_of(running)
+    running.kill()
+    client = Client("/rpud")
+    try:
+        client.until(lambda: not Path("/proc", recorder).exists() or has_ended(recorder))
+    finally:
+        client.close()
+    _, heard = read(path)
+    impacts = heard["/rpud/contact_force"]
+    assert len(impacts) > 100
+    assert [message.sequence for message in impacts] == list(range(len(impacts)))
+
+
 def has_ended(pid: str) -> bool:
     """Whether a child of another process has ended, though nobody has asked for its exit code."""
     return Path("/proc", pid, "stat").read_text().rpartition(")")[2].split()[0] == "Z"
@@ -195,13 +224,7 @@ def test_a_recorder_that_ends_does_not_stop_the_drill_but_is_told_at_the_end(
 ):
     running = process("rpud", "run", "--record", tmp_path / "bag")
     running.wait_for_line("reacting force")
-    children = subprocess.run(
-        ["ps", "-o", "pid=,args=", "--ppid", str(running.pid)],
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout
-    [recorder] = [line.split()[0] for line in children.splitlines() if " record " in line]
+    recorder = recorder_of(running)
     os.kill(int(recorder), number)
     client = Client("/rpud")
     try:
