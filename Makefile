@@ -6,6 +6,7 @@ SHELL := /bin/bash
 DURATION ?= 10
 BAG ?= bags/$(shell date +%Y-%m-%d-%H%M%S)
 PYTEST_ARGS ?=
+KILLS ?= 1000
 
 # An installed ROS is used in place of the wheels. ROS_PREFIX= (empty) asks for the wheels all the same.
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
@@ -46,6 +47,16 @@ format: .venv/.lint ## Format the code and mend what ruff can
 .PHONY: bench
 bench: install/.package .venv/.bench ## Run the benchmarks; installs MuJoCo to compare with
 	@$(WITH_ENV) python -m bench
+
+.PHONY: kills
+kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each
+	@$(WITH_ENV) python test/kills.py --count $(KILLS) && \
+	  python test/kills.py --count $(KILLS) --max-loss 1 --live
+
+.PHONY: soak
+soak: DURATION = 1800
+soak: install/.package ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
+	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
 
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)

@@ -1,7 +1,8 @@
 """The impact in progress: from the blow on the drill tool to the end of that contact.
 
 An impact ends when the contact opens, when the free mass strikes the drill tool anew (the actuator
-drove it while it was still there), or when the contact has come to rest.
+drove it while it was still there), or when the contact has come to rest. It also ends when the
+actuator strikes a free mass that is jammed on the drill tool, and when the rock is left.
 """
 
 import math
@@ -56,10 +57,12 @@ def greatest_contact_force(segment, time):
     end, _ = force_on_drill_tool(segment, time)
     greatest = max(start, end)
     if segment.contact == CONTACT_DRILL_TOOL:
-        # Eq. (38): compression is greatest where the closed form's phase is zero.
+        # Eq. (38): the force is greatest where the acceleration is least; without damping that is
+        # where the closed form's phase is zero.
         w = segment.drill_tool_angular_frequency
         angle = math.atan2(segment.drill_tool_sine, segment.drill_tool_cosine)
-        if angle < 0.0:
+        angle += 1.5 * math.pi - 3.0 * math.atan2(w, -segment.drill_tool_decay_rate)
+        while angle < 0.0:
             angle += TWO_PI
         if angle < w * time:
             force, _ = force_on_drill_tool(segment, angle / w)
@@ -94,7 +97,7 @@ def open_impact(drill, state, impact, collisions):
     peak_force, duration, _ = half_sine_impulse(
         drill.free_mass,
         drill.tool_mass,
-        drill.drill_tool_restitution,
+        0.0 if drill.jammed else drill.drill_tool_restitution,
         collisions.impact_velocity,
         drill.tool_elasticity,
     )

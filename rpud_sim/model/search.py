@@ -167,9 +167,13 @@ def next_event(drill, state, segment):
             event = END_AMPLITUDE
     contact = state.contact
     if contact == CONTACT_BOTH:
-        duration, event = sooner_release(segment, duration, event)
+        if drill.jammed:
+            duration, event = sooner(segment, END_ACTUATOR_RELEASE, duration, event)
+        else:
+            duration, event = sooner_release(segment, duration, event)
         return event, duration
-    if contact == CONTACT_DRILL_TOOL and segment.drill_tool_decay_rate == 0.0:
+    wedged = drill.jammed and contact & CONTACT_DRILL_TOOL
+    if contact == CONTACT_DRILL_TOOL and not wedged and segment.drill_tool_decay_rate == 0.0:
         root = release_time(
             segment.drill_tool_cosine,
             segment.drill_tool_sine,
@@ -184,7 +188,7 @@ def next_event(drill, state, segment):
         if root < duration:
             duration = root
             event = END_DRILL_TOOL_IMPACT
-    else:
+    elif not wedged:
         end = END_DRILL_TOOL_IMPACT
         if contact & CONTACT_DRILL_TOOL:
             end = END_DRILL_TOOL_RELEASE

@@ -18,7 +18,7 @@ class Conditions:
 
     Args:
         parameters: in force, always inside their ranges.
-        jammed: whether the free mass is stuck.
+        jammed: whether the free mass is wedged to the drill tool.
         specific_energy_factor: on the specific energy of the rock.
         progress_factor: on the progress into the rock, 0 to 1.
         resonance_offset: of the actuator [Hz].

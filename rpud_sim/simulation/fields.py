@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied
+from rpud_sim.simulation.ledger import FaultRecord, Faults
 from rpud_sim.simulation.sampling import NANOSECONDS, Samples
-from rpud_sim.simulation.simulation import Block
+from rpud_sim.simulation.simulation import Simulation
 
 Fields = dict[str, Any]
 
@@ -39,7 +41,7 @@ def time_fields(nanoseconds: int) -> Fields:
     return {"sec": seconds, "nanosec": rest}
 
 
-def header_fields(stamp: int, frame: str = "") -> Fields:
+def header_fields(stamp: int, frame: str) -> Fields:
     """Fields of ``std_msgs/Header``."""
     return {"stamp": time_fields(stamp), "frame_id": frame}
 
@@ -142,7 +144,7 @@ def contact_force_fields(impact: np.void, origin: int) -> Fields:
 def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Fields:
     """Fields of ``rpud_msgs/Waveform``; stamp and number are the first sample's, the rate in Hz."""
     return {
-        "header": header_fields(stamp),
+        "header": header_fields(stamp, MOUNT_FRAME),
         "sequence": sequence,
         "sample_period": 1.0 / sample_rate,
         "nodal_plane_position": to_array(samples.nodal_plane_position),
@@ -172,7 +174,7 @@ def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fiel
         start = int(part["start_seconds"][0]) * NANOSECONDS
         start += round(float(part["start_fraction"][0]) * NANOSECONDS)
         yield {
-            "header": header_fields(origin + start),
+            "header": header_fields(origin + start, MOUNT_FRAME),
             "sequence": sequence + first,
             "origin": time_fields(origin),
             **{name: float(part[name][0]) for name in CONSTANTS},
@@ -187,7 +189,7 @@ def status_fields(
 
     Args:
         stamp: simulation time of the report.
-        state: ``running`` or ``stopped``.
+        state: one of the STATE constants of ``rpud_msgs/Status``.
         regime: ``free`` or ``drilling``.
         applied: the commands in force.
         origin: stamp of simulation time zero.
@@ -204,4 +206,42 @@ def status_fields(
         "drive_frequency": applied.drive.frequency,
         "drive_applied": time_fields(origin + applied.drive_time),
         **counts,
+    }
+
+
+def drill_fields(simulation: Simulation) -> Fields:
+    """Those fields of ``rpud_msgs/Status`` that tell how the drill itself is."""
+    actuator = simulation.actuator
+    return {
+        "impacts": simulation.impact_count,
+        "vibration_amplitude": actuator.amplitude,
+        "resonance_frequency": actuator.resonance_frequency,
+        "actuator_temperature": actuator.temperature,
+        "electrical_power": actuator.electrical_power,
+        "depth": simulation.depth,
+        "penetration_rate": simulation.penetration_rate,
+        "active_faults": len(simulation.faults.active),
+    }
+
+
+def fault_fields(record: FaultRecord, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/Fault``; the origin is the stamp of simulation time zero."""
+    over = record.clear is not None
+    return {
+        "number": record.number,
+        "kind": record.fault.kind,
+        "channel": record.fault.channel,
+        "magnitude": record.fault.magnitude,
+        "active": not over,
+        "onset": time_fields(origin + record.onset),
+        "clear": time_fields(origin + record.clear if record.clear is not None else 0),
+    }
+
+
+def faults_fields(ledger: Faults, time: int, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/Faults`` at a simulation time."""
+    return {
+        "header": header_fields(origin + time, MOUNT_FRAME),
+        "faults": [fault_fields(record, origin) for record in ledger.records],
+        "forgotten": ledger.forgotten,
     }

@@ -14,8 +14,8 @@ from rpud_sim.model.segment import (
     motion_at,
     nodal_plane_integral,
 )
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.sampling import NANOSECONDS
-from rpud_sim.simulation.simulation import Block
 
 FIGURES = (
     "events",

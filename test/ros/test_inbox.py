@@ -42,7 +42,7 @@ def test_a_flood_is_counted_in_full_and_logged_in_part():
     # Ten lines and a note for each second, and the flood may span two.
     assert 11 <= len(log.lines) <= 22
     assert log.lines[0] == "command refused: 0"
-    assert "more commands refused in this second; they are counted" in log.lines
+    assert "more is refused in this second; commands are counted" in log.lines
 
 
 def test_nothing_is_lost_between_two_threads():

@@ -14,6 +14,7 @@ from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError, check_honoured, honoured_kinds
 
 MESSAGE = Path(__file__).parents[2] / "msg_defs" / "msg" / "Fault.msg"
+DOCUMENTATION = Path(__file__).parents[2] / "docs" / "faults.md"
 SIGNAL = [name for name, kind in KINDS.items() if not kind.physical]
 PLAIN = {
     "regime": "drilling",
@@ -50,6 +51,20 @@ def test_a_kind_without_magnitude_takes_what_nobody_filled_and_nothing_else(kind
     assert Fault(kind, channel, 0.0) == Fault(kind, channel, math.nan)
     with pytest.raises(FaultError, match=r"has no magnitude, given 3$"):
         Fault(kind, channel, 3)
+
+
+def test_zero_is_a_magnitude_of_its_own_for_those_that_it_does_something_to():
+    assert {name for name, kind in KINDS.items() if kind.takes_zero} == {
+        "restitution_loss",
+        "wrong",
+    }
+    for name, kind in KINDS.items():
+        channel = "" if kind.physical else "wrench"
+        if kind.takes_zero:
+            assert Fault(name, channel, 0.0).magnitude == 0.0
+        elif kind.magnitude is not None:
+            with pytest.raises(FaultError, match="NaN stands for the default"):
+                Fault(name, channel, 0.0)
 
 
 def test_noise_and_bias_are_in_the_unit_of_their_channel():
@@ -150,3 +165,25 @@ def test_the_kinds_that_a_drill_honours():
     assert honoured_kinds(**FULL) == tuple(KINDS)
     refused = {"resonance_drift", "hard_rock", "choking", "drill_tool_binding"}
     assert {*honoured_kinds(**PLAIN)} == {*KINDS} - refused
+
+
+def test_the_documentation_names_every_kind_with_its_default_and_every_channel():
+    rows = {
+        cells[1].strip(" `"): cells[2:]
+        for line in DOCUMENTATION.read_text().splitlines()
+        if len(cells := line.split("|")) > 3
+    }
+    assert {*KINDS, *CHANNELS} <= {*rows}
+    for name, kind in KINDS.items():
+        meaning = rows[name][0]
+        if kind.magnitude is None:
+            assert meaning.strip() == "-"
+        elif not kind.in_channel_unit:
+            assert f"({kind.default:g})" in meaning
+    for name, channel in CHANNELS.items():
+        main, default, others = rows[name][:3]
+        assert f"`{'.'.join(channel.numbers[0])}` [{channel.unit}]" in main
+        assert float(default.split()[0]) == channel.scale
+        assert name == "wrench" or all(
+            f"`{path[-1]}`" in others for path in (*channel.numbers[1:], *channel.flags)
+        )
