@@ -83,17 +83,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and print the figures; give the exit code."""
     _load_numba()
-    from rpud_sim.bag.errors import BagError
     from rpud_sim.model.engine import EngineError
     from rpud_sim.simulation import ParameterError
 
+    failures: tuple[type[Exception], ...] = (EngineError,)
+    if arguments.bag:  # only then, for it takes long to load
+        from rpud_sim.bag import BagError
+
+        failures = (BagError, EngineError)
     try:
         _check(arguments)
         _refuse_assignments_to_the_node(arguments)
         figures = _simulate(arguments)
     except ParameterError as error:
         return _fail(error, 2)
-    except (BagError, EngineError) as error:
+    except failures as error:
         return _fail(error, 1)
     print(json.dumps(figures, indent=2) if arguments.json else _table(figures))
     return 0
