@@ -45,7 +45,7 @@ format: .venv/.lint ## Format the code and mend what ruff can
 	@.venv/bin/ruff check --fix
 
 .PHONY: bench
-bench: install/.package ## Run the benchmarks
+bench: install/.package .venv/.bench ## Run the benchmarks; installs MuJoCo to compare with
 	@$(WITH_ENV) python -m bench
 
 .PHONY: kills
@@ -88,6 +88,10 @@ help: ## Show this help
 	@touch $@
 
 .venv/.lint: toolchain/requirements/lint.lock .venv/.installed
+	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@touch $@
+
+.venv/.bench: toolchain/requirements/bench.lock .venv/.installed
 	@$(PIP_INSTALL) --only-binary :all: -r $<
 	@touch $@
 
