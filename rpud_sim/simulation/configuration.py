@@ -25,6 +25,18 @@ NODE_NAMES = (
 class _Loader(yaml.SafeLoader):
     """YAML in which 1e-3 and 1.96e11 are numbers, as in YAML 1.2 and for ROS."""
 
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+        """Refuse a key that stands twice: the first value would be lost silently."""
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    raise yaml.MarkedYAMLError(
+                        None, None, f"{key.value} is given twice", key.start_mark
+                    )
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
 
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
@@ -33,18 +45,28 @@ _Loader.add_implicit_resolver(
 )
 
 
+def read_yaml(path: str | Path) -> Any:
+    """Return the content of a YAML file.
+
+    Raises:
+        ParameterError: if the file cannot be read or is not YAML.
+    """
+    try:
+        return yaml.load(Path(path).read_text(encoding="utf-8"), _Loader)
+    except OSError as error:
+        raise ParameterError(f"{path}: {error.strerror}") from None
+    # PyYAML gives values that look like a number or a date and are none to Python as they are.
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ParameterError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+
+
 def read_parameter_file(path: str | Path) -> dict[str, Any]:
     """Return the parameters of a ROS parameter file: those below ``/**``, then those of its nodes.
 
     Raises:
         ParameterError: if the file cannot be read or is no parameter file.
     """
-    try:
-        content = yaml.load(Path(path).read_text(encoding="utf-8"), _Loader)
-    except OSError as error:
-        raise ParameterError(f"{path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ParameterError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise ParameterError(f"{path} is not a ROS parameter file: it holds no mapping")
     found: dict[str, Any] = {}

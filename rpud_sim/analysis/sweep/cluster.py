@@ -1,0 +1,63 @@
+"""Chunks on an existing Dask cluster, which runs those of a lost worker again by itself."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator
+
+from rpud_sim.analysis.sweep.chunks import Chunk, Outcome, simulate
+from rpud_sim.analysis.sweep.specification import SweepError
+
+CONNECT_TIMEOUT = 10.0  # s
+# Chunks per thread of the cluster that are handed out: one to run and one to follow.
+_AHEAD = 2
+
+
+def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Iterator[tuple[Chunk, Outcome]]:
+    """Yield each chunk with its outcome, as they are finished.
+
+    Args:
+        chunks: to run; taken one by one, as they are needed.
+        address: of the scheduler, such as ``tcp://192.168.1.5:8786``.
+
+    Raises:
+        SweepError: if the cluster cannot be reached, or cannot run a chunk.
+    """
+    try:
+        from distributed import Client, KilledWorker, as_completed
+    except ModuleNotFoundError as error:
+        raise SweepError(
+            f"--scheduler needs the Python module {error.name}: pip install distributed"
+        ) from None
+    try:
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = " ".join(str(error).split())
+        raise SweepError(f"--scheduler {address}: cannot be reached: {reason}") from None
+    with client:
+        waiting = iter(chunks)
+        running = {}
+        finished = as_completed()
+
+        def fill() -> None:
+            wanted = _AHEAD * max(sum(client.nthreads().values()), 1)
+            for chunk in itertools.islice(waiting, max(wanted - len(running), 0)):
+                future = client.submit(simulate, chunk, pure=False)
+                running[future] = chunk
+                finished.add(future)
+
+        fill()
+        for future in finished:
+            try:
+                outcome = future.result()
+            except KilledWorker:
+                number = running[future].number
+                raise SweepError(f"chunk {number} ended its worker again and again") from None
+            except ModuleNotFoundError as error:
+                raise SweepError(
+                    f"a worker of {address} has no Python module {error.name}"
+                ) from None
+            chunk = running.pop(future)
+            future.release()
+            fill()
+            yield chunk, outcome

@@ -1,0 +1,136 @@
+"""Chunks on local processes: a process that is killed costs the chunk that it was at."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import signal
+from collections import deque
+from collections.abc import Iterable, Iterator
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+
+from rpud_sim.analysis.sweep.chunks import Chunk, Outcome, simulate
+from rpud_sim.analysis.sweep.specification import SweepError
+
+# A chunk that ends so many processes is at fault itself, by the memory that it takes, say.
+ATTEMPTS = 3
+
+# New interpreters: what the calling process holds (threads, locks, files) is not theirs.
+_SPAWN = multiprocessing.get_context("spawn")
+
+
+def run_on_processes(chunks: Iterable[Chunk], workers: int) -> Iterator[tuple[Chunk, Outcome]]:
+    """Yield each chunk with its outcome, as they are finished.
+
+    ``concurrent.futures`` would end all processes when one is killed. Here each has a pipe of its
+    own: its end tells this side that the process has gone, and the process that this side has.
+
+    Args:
+        chunks: to run; taken one by one, as they are needed.
+        workers: number of processes.
+
+    Raises:
+        SweepError: if a chunk ends its process again and again.
+    """
+    waiting = iter(chunks)
+    again: deque[tuple[Chunk, int]] = deque()
+
+    def next_job() -> tuple[Chunk, int] | None:
+        if again:
+            return again.popleft()
+        chunk = next(waiting, None)
+        return None if chunk is None else (chunk, 1)
+
+    busy: dict[Connection, tuple[_Worker, Chunk, int]] = {}
+    try:
+        for _ in range(workers):
+            if (job := next_job()) is None:
+                break
+            _give(_Worker(), job, busy)
+        while busy:
+            for connection in wait(list(busy)):
+                assert isinstance(connection, Connection)
+                worker, chunk, attempt = busy.pop(connection)
+                outcome = worker.take()
+                if outcome is None:
+                    worker.stop()
+                    if attempt == ATTEMPTS:
+                        raise SweepError(
+                            f"chunk {chunk.number} ended its worker {ATTEMPTS} times ({worker.end})"
+                        )
+                    again.append((chunk, attempt + 1))
+                    worker = _Worker()
+                elif isinstance(outcome, Exception):
+                    worker.stop()
+                    raise outcome
+                # The worker goes on before its outcome is written.
+                if (job := next_job()) is None:
+                    worker.stop()
+                else:
+                    _give(worker, job, busy)
+                if isinstance(outcome, Outcome):
+                    yield chunk, outcome
+    finally:
+        for worker, _, _ in busy.values():
+            worker.stop()
+
+
+class _Worker:
+    """A process that answers each chunk with its outcome until nobody asks any more."""
+
+    def __init__(self) -> None:
+        self.connection, theirs = _SPAWN.Pipe()
+        self._process: BaseProcess = _SPAWN.Process(target=_work, args=(theirs,), daemon=True)
+        # Ctrl-C goes to all processes of a terminal, and is for this one alone to answer: the
+        # worker begins with this mask.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        theirs.close()
+
+    @property
+    def end(self) -> str:
+        """How the process ended."""
+        code = self._process.exitcode
+        return f"exit code {code}" if code is None or code >= 0 else signal.Signals(-code).name
+
+    def give(self, chunk: Chunk) -> None:
+        """Hand over a chunk; a process that has gone shows when its outcome is taken."""
+        with contextlib.suppress(OSError):
+            self.connection.send(chunk)
+
+    def take(self) -> Outcome | Exception | None:
+        """Return the outcome, or None if the process has gone."""
+        try:
+            return self.connection.recv()
+        except (EOFError, OSError):
+            return None
+
+    def stop(self) -> None:
+        """End the process; whatever it is at is lost."""
+        self.connection.close()
+        self._process.kill()
+        self._process.join()
+
+
+def _give(
+    worker: _Worker, job: tuple[Chunk, int], busy: dict[Connection, tuple[_Worker, Chunk, int]]
+) -> None:
+    worker.give(job[0])
+    busy[worker.connection] = (worker, *job)
+
+
+def _work(connection: Connection) -> None:
+    """Run chunks until the other side has gone."""
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            chunk = connection.recv()
+            outcome: Outcome | Exception
+            try:
+                outcome = simulate(chunk)
+            except Exception as error:  # for the calling process to tell
+                outcome = error
+            connection.send(outcome)
