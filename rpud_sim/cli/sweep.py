@@ -41,7 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the sweep and print what was made; give the exit code."""
     from tqdm import tqdm
 
-    from rpud_sim.analysis.sweep.specification import SweepError, read_specification
+    from rpud_sim.analysis.sweep.errors import SweepError, WorkerError
+    from rpud_sim.analysis.sweep.specification import read_specification
 
     started = time.perf_counter()
     try:
@@ -70,8 +71,10 @@ def run(arguments: argparse.Namespace) -> int:
         return _fail("needs the Python module pyarrow: pip install pyarrow", 1)
     except SweepError as error:
         return _fail(str(error), 2)
-    except OSError as error:
-        return _fail(f"{error.filename}: {error.strerror}", 1)
+    except WorkerError as error:
+        return _fail(str(error), 1)
+    except OSError as error:  # Parquet's own name no file
+        return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
     wall = time.perf_counter() - started
     if arguments.json:
         print(

@@ -7,11 +7,12 @@ Simulations are numbered point by point. The ensemble at a point is that of ``rp
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 
 import numpy as np
 
-from rpud_sim.analysis.sweep.specification import Specification, SweepError
+from rpud_sim.analysis.sweep.errors import WorkerError
+from rpud_sim.analysis.sweep.specification import Specification
 from rpud_sim.analysis.sweep.versions import engine_versions
 from rpud_sim.simulation import EngineError, ParameterError, Parameters
 from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
@@ -68,6 +69,10 @@ class Outcome:
     failures: tuple[Failure, ...]
 
 
+# Chunks with their outcomes, as they are finished.
+Outcomes = Generator[tuple[Chunk, Outcome], None, None]
+
+
 def chunk_size(specification: Specification) -> int:
     """Return how many simulations a chunk has; the last one may have fewer."""
     whole = specification.simulations * specification.duration
@@ -108,7 +113,7 @@ def simulate(chunk: Chunk) -> Outcome:
     """Run the simulations of a chunk.
 
     Raises:
-        SweepError: if this worker would not give the bits that the sweep's own machine gives.
+        WorkerError: if this worker would not give the bits that the sweep's own machine gives.
     """
     _check_versions(chunk.versions)
     repeat = chunk.specification.repeat
@@ -168,4 +173,4 @@ def _check_versions(expected: Mapping[str, str]) -> None:
     own = engine_versions()
     for name, version in expected.items():
         if own[name] != version:
-            raise SweepError(f"a worker has {name} {own[name]}, this machine {version}")
+            raise WorkerError(f"a worker has {name} {own[name]}, this machine {version}")

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
-from rpud_sim.analysis.sweep.chunks import Chunk, Outcome, simulate
-from rpud_sim.analysis.sweep.specification import SweepError
+from rpud_sim.analysis.sweep.chunks import Chunk, Outcomes, simulate
+from rpud_sim.analysis.sweep.errors import WorkerError
 
 CONNECT_TIMEOUT = 10.0  # s
 # Chunks per thread of the cluster that are handed out: one to run and one to follow.
 _AHEAD = 2
 
 
-def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Iterator[tuple[Chunk, Outcome]]:
+def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Outcomes:
     """Yield each chunk with its outcome, as they are finished.
 
     Args:
@@ -21,22 +21,22 @@ def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Iterator[tuple[Chun
         address: of the scheduler, such as ``tcp://192.168.1.5:8786``.
 
     Raises:
-        SweepError: if the cluster cannot be reached, or cannot run a chunk.
+        WorkerError: if the cluster cannot be reached, or cannot run a chunk.
     """
     try:
-        from distributed import Client, KilledWorker, as_completed
+        from distributed import Client, Future, KilledWorker, as_completed
     except ModuleNotFoundError as error:
-        raise SweepError(
+        raise WorkerError(
             f"--scheduler needs the Python module {error.name}: pip install distributed"
         ) from None
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         reason = " ".join(str(error).split())
-        raise SweepError(f"--scheduler {address}: cannot be reached: {reason}") from None
+        raise WorkerError(f"--scheduler {address}: cannot be reached: {reason}") from None
     with client:
         waiting = iter(chunks)
-        running = {}
+        running: dict[Future, Chunk] = {}
         finished = as_completed()
 
         def fill() -> None:
@@ -52,9 +52,9 @@ def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Iterator[tuple[Chun
                 outcome = future.result()
             except KilledWorker:
                 number = running[future].number
-                raise SweepError(f"chunk {number} ended its worker again and again") from None
+                raise WorkerError(f"chunk {number} ended its worker again and again") from None
             except ModuleNotFoundError as error:
-                raise SweepError(
+                raise WorkerError(
                     f"a worker of {address} has no Python module {error.name}"
                 ) from None
             chunk = running.pop(future)

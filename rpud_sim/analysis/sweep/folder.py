@@ -20,7 +20,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rpud_sim.analysis.sweep.chunks import Chunk, Outcome, chunk_count, chunk_size
-from rpud_sim.analysis.sweep.specification import Specification, SweepError
+from rpud_sim.analysis.sweep.errors import SweepError
+from rpud_sim.analysis.sweep.specification import Specification
 from rpud_sim.analysis.sweep.tables import PointTables, simulation_table
 from rpud_sim.analysis.sweep.versions import all_versions
 

@@ -6,21 +6,23 @@ import contextlib
 import multiprocessing
 import signal
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from rpud_sim.analysis.sweep.chunks import Chunk, Outcome, simulate
-from rpud_sim.analysis.sweep.specification import SweepError
+from rpud_sim.analysis.sweep.chunks import Chunk, Outcome, Outcomes, simulate
+from rpud_sim.analysis.sweep.errors import WorkerError
 
 # A chunk that ends so many processes is at fault itself, by the memory that it takes, say.
 ATTEMPTS = 3
 
-# New interpreters: what the calling process holds (threads, locks, files) is not theirs.
-_SPAWN = multiprocessing.get_context("spawn")
+# Forked from a server that has imported all there is to import, once, and holds nothing of the
+# calling process: no threads, locks or files.
+_SERVER = multiprocessing.get_context("forkserver")
+_SERVER.set_forkserver_preload(["rpud_sim.analysis.sweep.chunks"])
 
 
-def run_on_processes(chunks: Iterable[Chunk], workers: int) -> Iterator[tuple[Chunk, Outcome]]:
+def run_on_processes(chunks: Iterable[Chunk], workers: int) -> Outcomes:
     """Yield each chunk with its outcome, as they are finished.
 
     ``concurrent.futures`` would end all processes when one is killed. Here each has a pipe of its
@@ -31,7 +33,7 @@ def run_on_processes(chunks: Iterable[Chunk], workers: int) -> Iterator[tuple[Ch
         workers: number of processes.
 
     Raises:
-        SweepError: if a chunk ends its process again and again.
+        WorkerError: if a chunk ends its process again and again.
     """
     waiting = iter(chunks)
     again: deque[tuple[Chunk, int]] = deque()
@@ -49,14 +51,14 @@ def run_on_processes(chunks: Iterable[Chunk], workers: int) -> Iterator[tuple[Ch
                 break
             _give(_Worker(), job, busy)
         while busy:
-            for connection in wait(list(busy)):
-                assert isinstance(connection, Connection)
+            ready = wait(busy)
+            for connection in [item for item in busy if item in ready]:
                 worker, chunk, attempt = busy.pop(connection)
                 outcome = worker.take()
                 if outcome is None:
                     worker.stop()
                     if attempt == ATTEMPTS:
-                        raise SweepError(
+                        raise WorkerError(
                             f"chunk {chunk.number} ended its worker {ATTEMPTS} times ({worker.end})"
                         )
                     again.append((chunk, attempt + 1))
@@ -80,8 +82,8 @@ class _Worker:
     """A process that answers each chunk with its outcome until nobody asks any more."""
 
     def __init__(self) -> None:
-        self.connection, theirs = _SPAWN.Pipe()
-        self._process: BaseProcess = _SPAWN.Process(target=_work, args=(theirs,), daemon=True)
+        self.connection, theirs = _SERVER.Pipe()
+        self._process: BaseProcess = _SERVER.Process(target=_work, args=(theirs,), daemon=True)
         # Ctrl-C goes to all processes of a terminal, and is for this one alone to answer: the
         # worker begins with this mask.
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.analysis.sweep.errors import SweepError
 from rpud_sim.simulation import NAMES, QUANTITIES, ParameterError, Parameters, Quantity, preset
 from rpud_sim.simulation.configuration import read_yaml
 
@@ -17,11 +18,8 @@ DESIGNS = ("grid", "latin_hypercube", "sobol")
 SCALES = ("linear", "log")
 MOST_SIMULATIONS = 10_000_000
 _MOST_SEED = 2**32
+_MOST_VALUES = 10_000  # in a list
 _DURATION = Quantity("s", "", 1e-9, 1e6)
-
-
-class SweepError(ValueError):
-    """A sweep that cannot be run as it was asked for; its text is one line."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -231,6 +229,8 @@ def _spread(name: str, content: Any, design: str) -> Range | Values:
 def _values(entry: str, name: str, content: list[Any]) -> Values:
     if not content:
         raise SweepError(f"{entry}: holds no value")
+    if len(content) > _MOST_VALUES:
+        raise SweepError(f"{entry}: holds {len(content)} values, more than {_MOST_VALUES}")
     values = tuple(
         getattr(_checked(f"{entry}[{number}]", {name: value}), name)
         for number, value in enumerate(content)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
@@ -55,7 +56,8 @@ def run_sweep(
         report: called with the number of simulations that have been finished since the last call.
 
     Raises:
-        SweepError: if the folder holds anything else, or the workers cannot do it.
+        SweepError: if the folder holds anything else.
+        WorkerError: if the workers cannot do it.
         OSError: if a file cannot be written.
     """
     folder = SweepFolder(out, specification)
@@ -73,9 +75,10 @@ def run_sweep(
                 outcomes = run_on_processes(chunks, workers)
             else:
                 outcomes = run_on_cluster(chunks, scheduler)
-            for chunk, outcome in outcomes:
-                folder.add(chunk, outcome)
-                report(chunk.count)
+            with contextlib.closing(outcomes):
+                for chunk, outcome in outcomes:
+                    folder.add(chunk, outcome)
+                    report(chunk.count)
         folder.complete_tables()
         pictures = []
         for name, figure in plot_points(specification, folder.points()).items():
