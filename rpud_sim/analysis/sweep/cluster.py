@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import socket
 from collections.abc import Iterable
+from urllib.parse import urlsplit
 
 from rpud_sim.analysis.sweep.chunks import Chunk, Outcomes, simulate
 from rpud_sim.analysis.sweep.errors import WorkerError
@@ -29,15 +31,11 @@ def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Outcomes:
         raise WorkerError(
             f"--scheduler needs the Python module {error.name}: pip install distributed"
         ) from None
-    try:
-        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        reason = " ".join(str(error).split())
-        raise WorkerError(f"--scheduler {address}: cannot be reached: {reason}") from None
-    with client:
+    _check_reachable(address)
+    with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
         waiting = iter(chunks)
         running: dict[Future, Chunk] = {}
-        finished = as_completed()
+        finished = as_completed(loop=client.loop)
 
         def fill() -> None:
             wanted = _AHEAD * max(sum(client.nthreads().values()), 1)
@@ -61,3 +59,14 @@ def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Outcomes:
             future.release()
             fill()
             yield chunk, outcome
+
+
+def _check_reachable(address: str) -> None:
+    """Refuse an address where nobody listens, on which a client would go on trying."""
+    try:
+        parts = urlsplit(address)
+        if parts.scheme != "tcp" or not parts.hostname or parts.port is None:
+            raise ValueError("it must be tcp://HOST:PORT")
+        socket.create_connection((parts.hostname, parts.port), CONNECT_TIMEOUT).close()
+    except (OSError, ValueError) as error:
+        raise WorkerError(f"--scheduler {address}: cannot be reached: {error}") from None

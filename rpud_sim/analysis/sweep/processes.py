@@ -7,6 +7,7 @@ import multiprocessing
 import signal
 from collections import deque
 from collections.abc import Iterable
+from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
@@ -45,6 +46,7 @@ def run_on_processes(chunks: Iterable[Chunk], workers: int) -> Outcomes:
         return None if chunk is None else (chunk, 1)
 
     busy: dict[Connection, tuple[_Worker, Chunk, int]] = {}
+    _start_server()
     try:
         for _ in range(workers):
             if (job := next_job()) is None:
@@ -84,13 +86,7 @@ class _Worker:
     def __init__(self) -> None:
         self.connection, theirs = _SERVER.Pipe()
         self._process: BaseProcess = _SERVER.Process(target=_work, args=(theirs,), daemon=True)
-        # Ctrl-C goes to all processes of a terminal, and is for this one alone to answer: the
-        # worker begins with this mask.
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        self._process.start()
         theirs.close()
 
     @property
@@ -116,6 +112,19 @@ class _Worker:
         self.connection.close()
         self._process.kill()
         self._process.join()
+
+
+def _start_server() -> None:
+    """Start what forks the workers, if it does not run yet.
+
+    Ctrl-C goes to all processes of a terminal, and is for the calling one alone to answer: the
+    server begins deaf to it, and so do all that it forks.
+    """
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.signal(signal.SIGINT, handler)
 
 
 def _give(
