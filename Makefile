@@ -47,6 +47,11 @@ format: .venv/.lint ## Format the code and mend what ruff can
 bench: install/.package ## Run the benchmarks
 	@$(WITH_ENV) python -m bench
 
+.PHONY: soak
+soak: DURATION = 1800
+soak: install/.package ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
+	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
+
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)
 	toolchain/lock.sh
@@ -84,6 +89,6 @@ install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* ms
 	@$(COLCON_BUILD) rpud_msgs
 	@touch $@
 
-install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/*)
+install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@$(COLCON_BUILD) rpud_sim
 	@touch $@

@@ -42,6 +42,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.py"))),
         (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
+        (f"share/{PACKAGE}/urdf", sorted(glob("urdf/*"))),
     ],
     entry_points={
         "console_scripts": [

@@ -20,6 +20,7 @@ from rpud_msgs.msg import (
     Waveform,
     WeightOnBit,
 )
+from sensor_msgs.msg import JointState
 
 SECOND = 1_000_000_000
 TYPES = {
@@ -28,13 +29,14 @@ TYPES = {
     "reacting_force": ReactingForce,
     "contact_force": ContactForce,
     "wrench": WrenchStamped,
+    "joint_states": JointState,
     "waveform": Waveform,
     "trajectory": Trajectory,
     "status": Status,
     "/diagnostics": DiagnosticArray,
     "/clock": Clock,
 }
-TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench")
+TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 PLENTY = QoSProfile(depth=5000)  # reliable, and longer than anything that a test waits for
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

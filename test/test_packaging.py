@@ -40,7 +40,7 @@ def test_every_message_is_built():
     assert set(re.findall(r"msg/\w+\.msg", text)) == files
 
 
-@pytest.mark.parametrize("pattern", ["launch/*.launch.py", "config/*", "package.xml"])
+@pytest.mark.parametrize("pattern", ["launch/*.launch.py", "config/*", "urdf/*", "package.xml"])
 def test_data_files_are_installed(pattern):
     share = Path(get_package_share_directory("rpud_sim"))
     files = [path.relative_to(ROOT) for path in ROOT.glob(pattern)]
@@ -55,7 +55,7 @@ def plain_install(tmp_path_factory) -> Path:
     source = tmp_path_factory.mktemp("source")
     for name in ("package.xml", "setup.py", "setup.cfg", "pyproject.toml"):
         shutil.copy(ROOT / name, source)
-    for name in ("rpud_sim", "resource", "launch", "config"):
+    for name in ("rpud_sim", "resource", "launch", "config", "urdf"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
     prefix = tmp_path_factory.mktemp("prefix")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps"]
@@ -70,6 +70,7 @@ def test_pip_installs_the_commands_and_the_configuration(plain_install):
     assert {path.name for path in (plain_install / "share/rpud_sim/config").iterdir()} == {
         path.name for path in (ROOT / "config").iterdir()
     }
+    assert (plain_install / "share/rpud_sim/urdf/rpud.urdf").is_file()
 
 
 def test_pip_installs_nothing_but_the_package(plain_install):

@@ -5,6 +5,16 @@ This follows the comment in Trajectory.msg and shares no code with the package.
 
 import numpy as np
 
+CONSTANTS = (
+    "load_spring_rate",
+    "load_spring_damping",
+    "free_mass",
+    "drill_tool_mass",
+    "drill_tool_spring_rate",
+    "drill_tool_damping",
+    "gravity",
+)
+
 NONE, ACTUATOR, DRILL_TOOL, BOTH = range(4)
 
 
@@ -28,17 +38,19 @@ def locate(arrays, seconds, fraction):
     return index, (seconds - starts[0][index]) + (fraction - starts[1][index])
 
 
-def rebuild(arrays, seconds, fraction, **constants):
+def rebuild(arrays, seconds, fraction):
     """Give all channels of a trajectory at the given times, by name."""
-    return evaluate(arrays, *locate(arrays, seconds, fraction), **constants)
+    return evaluate(arrays, *locate(arrays, seconds, fraction))
 
 
-def evaluate(arrays, index, s, *, spring_rate, damping, free_mass, tool, gravity):
+def evaluate(arrays, index, s):
     """Give all channels at times `s` after the start of the segments numbered `index`, by name.
 
-    `tool` is mass, damping and spring rate of the drill tool; `arrays` gives the segments' values
-    by the names of rpud_msgs/Trajectory.
+    `arrays` gives the segments' values, also their constants, by the names of rpud_msgs/Trajectory.
     """
+    spring_rate, damping, free_mass, mass, tool_spring_rate, tool_damping, gravity = (
+        np.asarray(arrays[name])[index] for name in CONSTANTS
+    )
     contact = np.asarray(arrays["contact"])[index]
     frequency, amplitude, weight_on_bit, in_phase, in_quadrature = (
         np.asarray(arrays[name])[index]
@@ -78,7 +90,6 @@ def evaluate(arrays, index, s, *, spring_rate, damping, free_mass, tool, gravity
     v_fm = np.select([on_tip, on_tool], [v_ut, v_dt], speed + fall * s)
 
     # The free mass, or the drill tool, obeys Newton's law: that is the force between them.
-    mass, tool_damping, tool_spring_rate = tool
     force = np.select(
         [both, on_tool],
         [
@@ -101,27 +112,15 @@ def evaluate(arrays, index, s, *, spring_rate, damping, free_mass, tool, gravity
     }
 
 
-def of_drill(drill):
-    """Give the constants of a drill as `evaluate` takes them."""
-    return {
-        "spring_rate": drill.load_spring_rate,
-        "damping": drill.rpud_damping,
-        "free_mass": drill.free_mass,
-        "tool": (drill.tool_mass, drill.tool_damping, drill.tool_spring_rate),
-        "gravity": drill.gravity,
+def arrays_of(messages):
+    """Give the arrays of rpud_msgs/Trajectory messages that follow each other, for `evaluate`."""
+    fields = messages[0].get_fields_and_field_types().items()
+    names = [name for name, kind in fields if kind.startswith("sequence")]
+    arrays = {
+        name: np.concatenate([np.array(getattr(message, name)) for message in messages])
+        for name in names
     }
-
-
-def of_message(message):
-    """Give the constants of a rpud_msgs/Trajectory as `evaluate` takes them."""
-    return {
-        "spring_rate": message.load_spring_rate,
-        "damping": message.load_spring_damping,
-        "free_mass": message.free_mass,
-        "tool": (
-            message.drill_tool_mass,
-            message.drill_tool_damping,
-            message.drill_tool_spring_rate,
-        ),
-        "gravity": message.gravity,
-    }
+    lengths = [len(message.duration) for message in messages]
+    for name in CONSTANTS:
+        arrays[name] = np.repeat([getattr(message, name) for message in messages], lengths)
+    return arrays

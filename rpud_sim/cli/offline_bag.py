@@ -14,8 +14,9 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.simulation import Parameters, fields
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
-from rpud_sim.simulation.simulation import Block, Simulation
+from rpud_sim.simulation.simulation import Simulation
 
 NAMESPACE = "/rpud"
 TELEMETRY_RATE = 100  # Hz
@@ -25,6 +26,7 @@ BLOCK_RATE = 20  # blocks of waveform and trajectory a second [Hz]
 TYPES = {
     "contact_force": "rpud_msgs/msg/ContactForce",
     "drill_tool": "rpud_msgs/msg/DrillTool",
+    "joint_states": "sensor_msgs/msg/JointState",
     "nodal_plane": "rpud_msgs/msg/NodalPlane",
     "reacting_force": "rpud_msgs/msg/ReactingForce",
     "status": "rpud_msgs/msg/Status",
@@ -40,6 +42,8 @@ _LATCHED_OFFER = QosProfile(durability="transient_local")
 _ACCOUNT = {
     "commands_accepted": 0,
     "commands_rejected": 0,
+    "commands_lost": False,
+    "commanders": 0,
     "deadlines_missed": 0,
     "messages_dropped": 0,
     "real_time_factor": 1.0,
@@ -92,10 +96,9 @@ def _messages(parameters: Parameters, duration: float, phase: float) -> Iterator
             number = simulation.time * BLOCK_RATE // NANOSECONDS + 1
             block = simulation.advance_to(min(number * NANOSECONDS // BLOCK_RATE, end))
             entries = [*_telemetry(block), *_impacts(block), *_waveform(block)]
-            if len(block.segments):
-                values = fields.trajectory_fields(block, segments, 0)
+            for values in fields.trajectory_fields(block, segments, 0):
                 entries.append((fields.stamp_of(values), "trajectory", values))
-                segments += len(block.segments)
+            segments += len(block.segments)
             if block.end % NANOSECONDS == 0:
                 entries.append(_status(simulation, "running"))
             yield from sorted(entries, key=lambda entry: entry[0])
@@ -116,6 +119,7 @@ def _telemetry(block: Block) -> Iterator[_Entry]:
         yield stamp, "drill_tool", fields.drill_tool_fields(samples, index, stamp)
         yield stamp, "reacting_force", fields.reacting_force_fields(samples, index, stamp)
         yield stamp, "wrench", fields.wrench_fields(samples, index, stamp)
+        yield stamp, "joint_states", fields.joint_state_fields(samples, index, stamp)
 
 
 def _impacts(block: Block) -> Iterator[_Entry]:
@@ -141,7 +145,7 @@ def _status(simulation: Simulation, state: str) -> _Entry:
         simulation.parameters.regime,
         simulation.applied,
         0,
-        impacts=simulation.impact_count,
+        **fields.drill_fields(simulation),
         **_ACCOUNT,
     )
     return simulation.time, "status", values

@@ -23,7 +23,7 @@ from rpud_sim.model.guards import (
     END_LIMIT,
 )
 from rpud_sim.model.impact import follow_impact, open_impact
-from rpud_sim.model.motion import begin_segment
+from rpud_sim.model.motion import begin_segment, set_constants
 from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodies, lasting_contact
 from rpud_sim.model.search import next_event
 from rpud_sim.model.segment import (
@@ -100,7 +100,9 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
         event |= EVENT_ACTUATOR_IMPACT
     if collisions.drill_tool_struck:
         event |= EVENT_DRILL_TOOL_IMPACT
-    if state.impact_open and (collisions.drill_tool_struck or not in_contact):
+    over = collisions.drill_tool_struck or not in_contact or not drill.in_rock
+    over = over or (drill.jammed and collisions.actuator_struck)
+    if state.impact_open and over:
         impacts[count] = impact
         count += 1
         state.impact_open = 0
@@ -133,7 +135,7 @@ def pass_event(drill, state, segment, impact, impacts, count):
     """Go through the event that ends the open segment; returns the number of finished impacts."""
     end = state.next_event
     if state.impact_open:
-        follow_impact(drill, segment, impact, segment.duration)
+        follow_impact(segment, impact, segment.duration)
     move_state(state, segment, segment.duration)
     if end == END_LIMIT:
         state.event = EVENT_LIMIT
@@ -207,10 +209,10 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
 
 @compiled
 def interrupt(drill, states, open_segments, open_impacts, time, segments, impacts, new):
-    """End the open segment early, at a time after its start, and go on with new commands.
+    """End the open segment early, at a time after its start, and go on with what is new.
 
     Args:
-        drill: the constants.
+        drill: the constants from here on.
         states: one ``STATE``.
         open_segments: the one ``SEGMENT`` in progress.
         open_impacts: the one ``IMPACT`` in progress.
@@ -226,7 +228,7 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     segment = open_segments[0]
     impact = open_impacts[0]
     if state.impact_open:
-        follow_impact(drill, segment, impact, time)
+        follow_impact(segment, impact, time)
     move_state(state, segment, time)
     segments[0] = segment
     segments[0].duration = time
@@ -234,6 +236,9 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     state.weight_on_bit = weight_on_bit
     state.target_amplitude = amplitude
     state.frequency = frequency
+    set_constants(drill, segment)
+    if not drill.in_rock:
+        state.tool_at_rest = 0
     count = settle(drill, state, impact, impacts, 0, 0, 0, EVENT_COMMAND)
     open_segment(drill, state, segment)
     return count
@@ -244,6 +249,7 @@ def start(drill, states, open_segments, open_impacts, impacts):
     """Begin with every gap closed and every body at rest; returns the finished impacts' number."""
     state = states[0]
     state.u_np = -state.amplitude * math.sin(TWO_PI * state.phase)
+    set_constants(drill, open_segments[0])
     count = settle(drill, state, open_impacts[0], impacts, 0, 0, 0, 0)
     open_segment(drill, state, open_segments[0])
     return count

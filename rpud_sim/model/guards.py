@@ -153,19 +153,19 @@ def gap_to_drill_tool(segment, time):
 
 
 @compiled
-def load_of(drill, contact, end):
+def load_of(segment, end):
     """The ``Load`` behind the contact that opens with the given end, all the way from the tip."""
     mass = 0.0
     force = 0.0
     damping = 0.0
     spring_rate = 0.0
     if end == END_ACTUATOR_RELEASE:
-        mass += drill.free_mass
-        force = drill.free_mass * drill.gravity
-    if contact == CONTACT_BOTH:
-        mass += drill.tool_mass
-        damping = drill.tool_damping
-        spring_rate = drill.tool_spring_rate
+        mass += segment.free_mass
+        force = segment.free_mass * segment.gravity
+    if segment.contact == CONTACT_BOTH:
+        mass += segment.drill_tool_mass
+        damping = segment.drill_tool_damping
+        spring_rate = segment.drill_tool_spring_rate
     return Load(mass, damping, spring_rate, force)
 
 
@@ -198,29 +198,29 @@ def force_from_tip(load, segment, time):
 
 
 @compiled
-def force_on_actuator(drill, segment, time):
+def force_on_actuator(segment, time):
     """Force of the contact of actuator and free mass: value [N] and slope [N/s]."""
-    load = load_of(drill, segment.contact, END_ACTUATOR_RELEASE)
+    load = load_of(segment, END_ACTUATOR_RELEASE)
     force = force_from_tip(load, segment, time)
     return force.value, force.slope
 
 
 @compiled
-def force_on_drill_tool(drill, segment, time):
+def force_on_drill_tool(segment, time):
     """Force of the contact of free mass and drill tool: value [N] and slope [N/s]."""
     if segment.contact == CONTACT_BOTH:
-        load = load_of(drill, segment.contact, END_DRILL_TOOL_RELEASE)
+        load = load_of(segment, END_DRILL_TOOL_RELEASE)
         force = force_from_tip(load, segment, time)
         return force.value, force.slope
     motion = drill_tool_motion(segment)
     displacement, velocity = decaying_part(motion, time)
     acceleration, jerk = decaying_derivatives(motion, displacement, velocity)
     # Eq. (30): the contact holds the free mass back from falling freely.
-    return drill.free_mass * (drill.gravity - acceleration), -drill.free_mass * jerk
+    return segment.free_mass * (segment.gravity - acceleration), -segment.free_mass * jerk
 
 
 @compiled
-def guard_at(drill, segment, end, time):
+def guard_at(segment, end, time):
     """The guard that ends a segment in the given way, at a time after its start."""
     if end == END_ACTUATOR_IMPACT:
         return gap_to_actuator(segment, time)
@@ -230,13 +230,13 @@ def guard_at(drill, segment, end, time):
         value, slope = decaying_part(drill_tool_motion(segment), time)
         return Guard(value, slope, 0.0, NO_ENVELOPE, 0.0)
     if segment.contact == CONTACT_DRILL_TOOL:
-        value, slope = force_on_drill_tool(drill, segment, time)
+        value, slope = force_on_drill_tool(segment, time)
         return Guard(value, slope, 0.0, NO_ENVELOPE, 0.0)
-    return force_from_tip(load_of(drill, segment.contact, end), segment, time)
+    return force_from_tip(load_of(segment, end), segment, time)
 
 
 @compiled
-def guard_bounds(drill, segment, end):
+def guard_bounds(segment, end):
     """Bounds on the derivatives of a guard, which hold for the whole segment."""
     nodal_plane = nodal_plane_motion(segment)
     drill_tool = drill_tool_motion(segment)
@@ -256,12 +256,12 @@ def guard_bounds(drill, segment, end):
             slow = np_second + dt_second
             return Bounds(slow + vibration_second, np_third + dt_third + vibration_third, slow)
         if end == END_DRILL_TOOL_IMPACT:
-            return Bounds(dt_second + drill.gravity, dt_third, 0.0)
-        slow = np_second + drill.gravity
+            return Bounds(dt_second + segment.gravity, dt_third, 0.0)
+        slow = np_second + segment.gravity
         return Bounds(slow + vibration_second, np_third + vibration_third, slow)
     if segment.contact == CONTACT_DRILL_TOOL:
-        return Bounds(drill.free_mass * dt_rate * dt_third, math.inf, 0.0)
-    mass, damping, spring_rate, _ = load_of(drill, segment.contact, end)
+        return Bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0)
+    mass, damping, spring_rate, _ = load_of(segment, end)
     slow = np_second * (mass * np_rate**2 + damping * np_rate + spring_rate)
     vibration = vibration_second * (mass * omega**2 + damping * omega + spring_rate)
     return Bounds(slow + vibration, math.inf, slow)

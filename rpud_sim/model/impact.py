@@ -1,7 +1,8 @@
 """The impact in progress: from the blow on the drill tool to the end of that contact.
 
 An impact ends when the contact opens, when the free mass strikes the drill tool anew (the actuator
-drove it while it was still there), or when the contact has come to rest.
+drove it while it was still there), or when the contact has come to rest. It also ends when the
+actuator strikes a free mass that is jammed on the drill tool, and when the rock is left.
 """
 
 import math
@@ -27,42 +28,44 @@ def tip_integral(segment, time):
 
 
 @compiled
-def contact_impulse(drill, segment, time):
+def contact_impulse(segment, time):
     """Momentum that the drill tool receives in the first part of a segment in contact [N s]."""
     _, _, _, _, u_start, v_start, _, _ = motion_at(segment, 0.0)
     _, _, _, _, u_end, v_end, _, _ = motion_at(segment, time)
     if segment.contact == CONTACT_BOTH:
         return (
-            drill.tool_mass * (v_end - v_start)
-            + drill.tool_damping * (u_end - u_start)
-            + drill.tool_spring_rate * tip_integral(segment, time)
+            segment.drill_tool_mass * (v_end - v_start)
+            + segment.drill_tool_damping * (u_end - u_start)
+            + segment.drill_tool_spring_rate * tip_integral(segment, time)
         )
-    return drill.free_mass * (drill.gravity * time - (v_end - v_start))
+    return segment.free_mass * (segment.gravity * time - (v_end - v_start))
 
 
 @compiled
-def greatest_contact_force(drill, segment, time):
+def greatest_contact_force(segment, time):
     """Greatest force on the drill tool in the first part of a segment in contact [N]."""
-    start, _ = force_on_drill_tool(drill, segment, 0.0)
-    end, _ = force_on_drill_tool(drill, segment, time)
+    start, _ = force_on_drill_tool(segment, 0.0)
+    end, _ = force_on_drill_tool(segment, time)
     greatest = max(start, end)
     if segment.contact == CONTACT_DRILL_TOOL:
-        # Eq. (38): compression is greatest where the closed form's phase is zero.
+        # Eq. (38): the force is greatest where the acceleration is least; without damping that is
+        # where the closed form's phase is zero.
         w = segment.drill_tool_angular_frequency
         angle = math.atan2(segment.drill_tool_sine, segment.drill_tool_cosine)
-        if angle < 0.0:
+        angle += 1.5 * math.pi - 3.0 * math.atan2(w, -segment.drill_tool_decay_rate)
+        while angle < 0.0:
             angle += TWO_PI
         if angle < w * time:
-            force, _ = force_on_drill_tool(drill, segment, angle / w)
+            force, _ = force_on_drill_tool(segment, angle / w)
             greatest = max(greatest, force)
         return greatest
     step = time / FORCE_SAMPLES
     for i in range(1, FORCE_SAMPLES):
-        force, slope = force_on_drill_tool(drill, segment, i * step)
-        _, slope_after = force_on_drill_tool(drill, segment, (i + 1) * step)
+        force, slope = force_on_drill_tool(segment, i * step)
+        _, slope_after = force_on_drill_tool(segment, (i + 1) * step)
         if slope > 0.0 >= slope_after:
             crest = (i + slope / (slope - slope_after)) * step
-            force, _ = force_on_drill_tool(drill, segment, crest)
+            force, _ = force_on_drill_tool(segment, crest)
         greatest = max(greatest, force)
     return greatest
 
@@ -85,7 +88,7 @@ def open_impact(drill, state, impact, collisions):
     peak_force, duration, _ = half_sine_impulse(
         drill.free_mass,
         drill.tool_mass,
-        drill.drill_tool_restitution,
+        0.0 if drill.jammed else drill.drill_tool_restitution,
         collisions.impact_velocity,
         drill.tool_elasticity,
     )
@@ -94,8 +97,8 @@ def open_impact(drill, state, impact, collisions):
 
 
 @compiled
-def follow_impact(drill, segment, impact, time):
+def follow_impact(segment, impact, time):
     """Add the first part of a segment in contact to the record of the impact."""
-    impact.impulse += contact_impulse(drill, segment, time)
+    impact.impulse += contact_impulse(segment, time)
     impact.contact_duration += time
-    impact.peak_force = max(impact.peak_force, greatest_contact_force(drill, segment, time))
+    impact.peak_force = max(impact.peak_force, greatest_contact_force(segment, time))

@@ -77,20 +77,20 @@ def allowance_of(end):
 
 
 @compiled
-def first_root(drill, segment, end, limit):
+def first_root(segment, end, limit):
     """How long a guard stays positive, up to a limit [s].
 
     Returns:
         The time until which it is certain to be positive, and whether it is zero there.
     """
-    bounds = guard_bounds(drill, segment, end)
+    bounds = guard_bounds(segment, end)
     bound = max(bounds.second, LEAST_BOUND)
     third_bound = max(bounds.third, LEAST_BOUND)
     envelope_bound = max(bounds.envelope_second, LEAST_BOUND)
     allowance = allowance_of(end)
     time = 0.0
     for _ in range(LONGEST_SEARCH):
-        value, slope, curvature, envelope, envelope_slope = guard_at(drill, segment, end, time)
+        value, slope, curvature, envelope, envelope_slope = guard_at(segment, end, time)
         # The guard is certain to rise to `crest` before it can fall.
         crest = value + max(slope, 0.0) ** 2 / (2.0 * bound)
         if crest > allowance:
@@ -126,16 +126,16 @@ def fall_time(gap, velocity, gravity):
 
 
 @compiled
-def sooner(drill, segment, end, duration, event):
+def sooner(segment, end, duration, event):
     """The given duration and event, or those of a guard if they are sooner."""
-    time, is_root = first_root(drill, segment, end, duration)
+    time, is_root = first_root(segment, end, duration)
     if time < duration:
         return time, end if is_root else END_LIMIT
     return duration, event
 
 
 @compiled
-def sooner_release(drill, segment, duration, event):
+def sooner_release(segment, duration, event):
     """The given duration and event, or those of the contact of all three bodies if it ends sooner.
 
     Either force may vanish long before the other: they are followed by turns, further and further.
@@ -143,8 +143,8 @@ def sooner_release(drill, segment, duration, event):
     span = FIRST_SPAN
     while True:
         span = min(span, duration)
-        time, end = sooner(drill, segment, END_DRILL_TOOL_RELEASE, span, event)
-        time, end = sooner(drill, segment, END_ACTUATOR_RELEASE, time, end)
+        time, end = sooner(segment, END_DRILL_TOOL_RELEASE, span, event)
+        time, end = sooner(segment, END_ACTUATOR_RELEASE, time, end)
         if time < span or span == duration:
             return time, end
         span *= 8.0
@@ -166,9 +166,13 @@ def next_event(drill, state, segment):
             event = END_AMPLITUDE
     contact = state.contact
     if contact == CONTACT_BOTH:
-        duration, event = sooner_release(drill, segment, duration, event)
+        if drill.jammed:
+            duration, event = sooner(segment, END_ACTUATOR_RELEASE, duration, event)
+        else:
+            duration, event = sooner_release(segment, duration, event)
         return event, duration
-    if contact == CONTACT_DRILL_TOOL and segment.drill_tool_decay_rate == 0.0:
+    wedged = drill.jammed and contact & CONTACT_DRILL_TOOL
+    if contact == CONTACT_DRILL_TOOL and not wedged and segment.drill_tool_decay_rate == 0.0:
         root = release_time(
             segment.drill_tool_cosine,
             segment.drill_tool_sine,
@@ -183,13 +187,13 @@ def next_event(drill, state, segment):
         if root < duration:
             duration = root
             event = END_DRILL_TOOL_IMPACT
-    else:
+    elif not wedged:
         end = END_DRILL_TOOL_IMPACT
         if contact & CONTACT_DRILL_TOOL:
             end = END_DRILL_TOOL_RELEASE
-        duration, event = sooner(drill, segment, end, duration, event)
+        duration, event = sooner(segment, end, duration, event)
     if drill.in_rock and not contact & CONTACT_DRILL_TOOL and not state.tool_at_rest:
-        duration, event = sooner(drill, segment, END_DRILL_TOOL_REST, duration, event)
+        duration, event = sooner(segment, END_DRILL_TOOL_REST, duration, event)
     end = END_ACTUATOR_RELEASE if contact & CONTACT_ACTUATOR else END_ACTUATOR_IMPACT
-    duration, event = sooner(drill, segment, end, duration, event)
+    duration, event = sooner(segment, end, duration, event)
     return event, duration

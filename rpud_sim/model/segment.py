@@ -1,6 +1,7 @@
 """The trajectory's records: segments of closed-form motion, and impacts on the drill tool.
 
-A segment holds everything that is needed to evaluate every motion from its start to its end. Two
+A segment holds everything that is needed to evaluate every motion and force from its start to its
+end, also the constants of the drill, which may be others in the next one. Two
 dtypes are the whole vocabulary: NumPy arrays of them leave the engine, are sampled, published and
 recorded.
 """
@@ -25,6 +26,17 @@ EVENT_RELEASE = 4
 EVENT_COMMAND = 8
 EVENT_LIMIT = 16
 
+# Constants of the drill during a segment.
+CONSTANTS = (
+    "load_spring_rate",
+    "load_spring_damping",
+    "free_mass",
+    "drill_tool_mass",
+    "drill_tool_spring_rate",
+    "drill_tool_damping",
+    "gravity",
+)
+
 _OSCILLATION = ("offset", "decay_rate", "angular_frequency", "cosine", "sine")
 
 # Times are whole seconds and a fraction from 0 to 1, so that they keep their precision in long
@@ -48,6 +60,7 @@ SEGMENT = np.dtype(
         ("free_mass_velocity", np.float64),
         ("free_mass_acceleration", np.float64),
         *((f"drill_tool_{name}", np.float64) for name in _OSCILLATION),
+        *((name, np.float64) for name in CONSTANTS),
     ],
     align=True,
 )

@@ -1,52 +1,62 @@
-"""The drill: the node, and the executable `drill_node` of `ros2 run`."""
+"""The drill: the managed node, and the executable `drill_node` of `ros2 run`."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-import threading
-from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
-from rpud_msgs.msg import Drive as DriveMessage
-from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
+from rpud_sim.ros.declaration import changed_values, check_changes, declare_settings
+from rpud_sim.ros.drilling import Drilling
+from rpud_sim.ros.fault_services import FaultServices
+from rpud_sim.ros.gate import Gate
 from rpud_sim.ros.inbox import Inbox
-from rpud_sim.ros.pacing import NANOSECONDS, Pacer, Timing
-from rpud_sim.ros.parameters import Settings, declare_settings
-from rpud_sim.ros.publishers import COMMAND_QOS, DrillPublishers
-from rpud_sim.ros.report import Report, report_to_diagnostics, report_to_status
+from rpud_sim.ros.managed_node import ManagedNode, told
+from rpud_sim.ros.pacing import NANOSECONDS
+from rpud_sim.ros.parameters import Settings
+from rpud_sim.ros.publishers import DrillPublishers
+from rpud_sim.ros.report import Report
+from rpud_sim.ros.simulation_services import SimulationServices
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
-from rpud_sim.simulation.commands import Drive, WeightOnBit, vibration_amplitude
-from rpud_sim.simulation.ensemble import Figures, compile_kernels
-from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
 
-REPORT_PERIOD = 1.0  # of status and diagnostics [s]
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listeners [s]
+_THREADS = 3  # a step, a short request, and whatever else comes
 
 
-class DrillNode(Node):
-    """A drill in soft real time.
+class DrillNode(ManagedNode):
+    """A drill in soft real time: a managed node that activates itself unless told otherwise.
 
     Publishers (relative names; see the README for types and QoS): ``nodal_plane``, ``drill_tool``,
-    ``reacting_force`` and ``wrench`` at ``telemetry_rate``; ``contact_force`` for every impact on
-    the drill tool; ``waveform`` and ``trajectory`` in blocks; ``status`` and ``/diagnostics`` every
-    second and on change; ``/clock`` with ``publish_clock``.
+    ``reacting_force``, ``wrench`` and ``joint_states`` at ``telemetry_rate``; ``contact_force`` for
+    every impact on the drill tool; ``waveform`` and ``trajectory`` in blocks; ``faults`` when one
+    begins or ends; ``status`` and ``/diagnostics`` every second and on change; ``/clock`` with
+    ``publish_clock``.
 
     Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
     (rpud_msgs/Drive). A command takes effect at the next block boundary; one that cannot be used is
     refused, counted and logged, and changes nothing.
 
-    Parameters: those of ``rpud_sim.simulation.Parameters``, and ``drive_enabled``,
-    ``nominal_voltage``, ``telemetry_rate``, ``sample_rate``, ``block_duration``, ``publish_clock``.
+    Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
+    ``simulation/get_state``, ``simulation/set_state``, ``simulation/step``, ``simulation/run_to``,
+    ``simulation/reset`` (rpud_msgs), and those of a managed node.
+
+    Parameters: those of ``rpud_sim.ros.parameters.ALL_NAMES``; ``CHANGEABLE`` says which of them
+    may be set while it runs.
+
+    Drive and weight on bit are zero unless it is active. Simulation time begins when it is first
+    activated, and ends when it is cleaned up.
 
     Args:
         duration: simulation time after which it has finished [s]; None for never.
@@ -59,20 +69,19 @@ class DrillNode(Node):
     def __init__(self, duration: float | None = None, **options: Any) -> None:
         super().__init__("drill_node", **options)
         self._settings = declare_settings(self)
-        compile_kernels(self._settings.parameters)
-        self._outputs = DrillPublishers(self, self._settings)
-        self._inbox = Inbox(self.get_logger())
-        self.create_subscription(
-            WeightOnBitMessage, "command/weight_on_bit", self._on_weight_on_bit, COMMAND_QOS
-        )
-        self.create_subscription(DriveMessage, "command/drive", self._on_drive, COMMAND_QOS)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="pacing")
-        self._failure: BaseException | None = None
-        self._finished = threading.Event()
         self._end = sys.maxsize if duration is None else round(duration * NANOSECONDS)
-        self._reports: deque[Report] = deque(maxlen=1)
-        self._totals = Statistics()
+        self._inbox = Inbox(self.get_logger())
+        self._outputs: DrillPublishers | None = None
+        self._drilling: Drilling | None = None
+        self._started = False
+        self._quit = False
+        self._gate = Gate(self, self._settings, self._inbox, self._now)
+        self._simulation_services = SimulationServices(
+            self, lambda: self.drilling, self._origin, self._ask_to_quit
+        )
+        FaultServices(self, lambda: self.drilling, self._origin, self._inbox.refuse_request)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._take_parameters)
 
     @property
     def settings(self) -> Settings:
@@ -80,140 +89,119 @@ class DrillNode(Node):
         return self._settings
 
     @property
+    def drilling(self) -> Drilling | None:
+        """What it does since it was first activated, None before."""
+        return self._drilling if self._started else None
+
+    @property
     def report(self) -> Report | None:
         """The latest report, None before the first."""
-        return self._reports[-1] if self._reports else None
-
-    @property
-    def finished(self) -> bool:
-        """Whether the drilling has ended, for whatever reason."""
-        return self._finished.is_set()
-
-    @property
-    def failure(self) -> BaseException | None:
-        """What ended the pacing thread before it was asked to stop, if anything did."""
-        return self._failure
+        return self._drilling.account.last if self._drilling else None
 
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
-        return self._totals
+        return self._drilling.account.totals if self._drilling else Statistics()
 
     @property
-    def _last_report(self) -> Report:
-        return self._reports[-1]
+    def finished(self) -> bool:
+        """Whether there is nothing left to do."""
+        return self._quit or (self._drilling is not None and self._drilling.finished)
+
+    @property
+    def failure(self) -> BaseException | None:
+        """What ended the drilling before it was asked to stop, if anything did."""
+        return self._drilling.failure if self._drilling else None
 
     def start(self) -> None:
-        """Begin to drill: simulation time zero is now."""
-        self._thread.start()
+        """Configure and activate, if it shall do so by itself."""
+        if self._settings.autostart:
+            for trigger in (self.trigger_configure, self.trigger_activate):
+                if trigger() != TransitionCallbackReturn.SUCCESS:
+                    raise RuntimeError("the drill cannot be started; the log says why")
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and let listeners have the last messages."""
-        if self._thread.is_alive():
-            self._stop.set()
-            self._thread.join()
-        self._outputs.wait_for_all_acked(_ACKNOWLEDGEMENT)
+        if self._drilling is not None and self._outputs is not None:
+            self._drilling.stop()
+            self._outputs.wait_for_listeners(_ACKNOWLEDGEMENT)
 
-    def _on_weight_on_bit(self, message: WeightOnBitMessage) -> None:
-        try:
-            self._inbox.accept(WeightOnBit(message.force))
-        except ParameterError as error:
-            self._inbox.refuse(str(error))
-
-    def _on_drive(self, message: DriveMessage) -> None:
+    @told
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Prepare everything; nothing moves yet."""
         settings = self._settings
-        try:
-            drive = Drive(message.enabled, message.voltage, message.frequency)
-            vibration_amplitude(drive, settings.parameters, settings.nominal_voltage)
-            self._inbox.accept(drive)
-        except ParameterError as error:
-            self._inbox.refuse(str(error))
+        compile_kernels(settings.configuration.parameters)
+        self._outputs = DrillPublishers(self, settings)
+        self._drilling = Drilling(self, settings, self._outputs, self._inbox, self._end)
+        self._drilling.announce()
+        return TransitionCallbackReturn.SUCCESS
+
+    @told
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let commands act; simulation time begins, if this is the first time."""
+        drilling = self._drilling
+        if drilling is None:
+            return TransitionCallbackReturn.FAILURE
+        if self._started:
+            drilling.request(lambda: drilling.activate(True))
+        else:
+            drilling.start()
+            self._started = True
+        self._gate.open(True)
+        return TransitionCallbackReturn.SUCCESS
+
+    @told
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make drive and weight on bit zero; the drill goes on without them."""
+        self._gate.open(False)
+        drilling = self._drilling
+        if drilling is not None:
+            drilling.request(lambda: drilling.activate(False))
+        return TransitionCallbackReturn.SUCCESS
+
+    @told
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the drilling, and take everything back."""
+        self._gate.open(False)
+        self.stop()
+        if self._drilling is not None:
+            self._drilling.close()
+        if self._outputs is not None:
+            self._outputs.destroy()
+        self._drilling = self._outputs = None
+        self._started = False
+        return TransitionCallbackReturn.SUCCESS
+
+    @told
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the drilling and the node."""
+        self._gate.open(False)
+        self._quit = True
+        return TransitionCallbackReturn.SUCCESS
+
+    def _ask_to_quit(self) -> None:
+        self._quit = True
 
     def _origin(self) -> int:
-        """Stamp of simulation time zero [ns]; with ``use_sim_time`` once ``/clock`` is heard."""
-        if self._settings.publish_clock:
-            return 0
-        now = self.get_clock().now().nanoseconds
-        if now == 0:
-            self.get_logger().info(
-                "waiting for /clock, as use_sim_time is set; stamps then go on in real time"
-            )
-        while now == 0 and not self._stop.wait(0.01):
-            now = self.get_clock().now().nanoseconds
-        return now
+        return self._outputs.origin if self._outputs else 0
 
-    def _run(self) -> None:
-        # Whatever ends the thread must end the process too, or it would go on in silence.
-        try:
-            self._drill()
-        except Exception as error:
-            self._failure = error
-        finally:
-            self._finished.set()
+    def _now(self) -> int:
+        """The stamp that a command has if it is given now [ns]."""
+        if self._settings.publish_clock and self._drilling is not None:
+            return self._origin() + self._drilling.simulation.time
+        return int(self.get_clock().now().nanoseconds)
 
-    def _drill(self) -> None:
-        settings = self._settings
-        simulation = Simulation(
-            settings.parameters,
-            drive_enabled=settings.drive_enabled,
-            nominal_voltage=settings.nominal_voltage,
-        )
-        # The first line that a process logs takes tens of milliseconds: before time zero, then.
-        self.get_logger().info(
-            f"drilling: regime {settings.parameters.regime}, weight on bit "
-            f"{settings.parameters.weight_on_bit:g} N, drive "
-            f"{'on' if settings.drive_enabled else 'off'}"
-        )
-        outputs = self._outputs
-        outputs.begin(self._origin())
-        pacer = Pacer(settings.telemetry_rate)
-        interval = Statistics()
-        self._publish_report("running", simulation, pacer.take(), interval.figures())
-        while not self._stop.is_set() and simulation.time < self._end:
-            pacer.wait()
-            block = simulation.advance_to(pacer.block_end())
-            outputs.publish_block(block)
-            interval.add(block)
-            commands = self._inbox.take()
-            for command in commands:
-                simulation.apply(command)
-            pacer.finish()
-            if interval.duration >= REPORT_PERIOD:
-                self._publish_report("running", simulation, pacer.take(), interval.figures())
-                self._totals.merge(interval)
-                interval = Statistics()
-            elif commands or self._inbox.rejected != self._last_report.commands_rejected:
-                last = self._last_report
-                self._publish_report("running", simulation, last.timing, last.figures)
-        self._totals.merge(interval)
-        outputs.flush()
-        self._publish_report("stopped", simulation, pacer.take(), interval.figures())
+    def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+        return check_changes(self._settings, changes)
 
-    def _publish_report(
-        self, state: str, simulation: Simulation, timing: Timing, figures: Figures
-    ) -> None:
-        report = Report(
-            state=state,
-            time=simulation.time,
-            regime=self._settings.parameters.regime,
-            applied=simulation.applied,
-            impacts=simulation.impact_count,
-            commands_accepted=self._inbox.accepted,
-            commands_rejected=self._inbox.rejected,
-            messages_dropped=self._outputs.dropped,
-            timing=timing,
-            figures=figures,
-        )
-        self._reports.append(report)
-        self._outputs.publish_status(report_to_status(report, self._outputs.origin))
-        self._outputs.publish_diagnostics(
-            report_to_diagnostics(
-                report,
-                self.get_fully_qualified_name(),
-                self.get_clock().now().to_msg(),
-                self._settings.telemetry_rate,
-            )
-        )
+    def _take_parameters(self, changes: list[Parameter]) -> None:
+        values = changed_values(changes)
+        if not values:
+            return
+        settings = self._settings = self._gate.settings = self._settings.replace(values)
+        drilling = self.drilling
+        if drilling is not None and not drilling.finished:
+            drilling.request(lambda: drilling.configure(settings))
 
 
 def main() -> None:
@@ -260,15 +248,19 @@ def spin(
         stop: the request.
         show: called several times a second with the latest report.
     """
-    executor = SingleThreadedExecutor()
+    executor = MultiThreadedExecutor(_THREADS)
     executor.add_node(node)
-    node.start()
     try:
+        node.start()
         while not (stop.requested or node.finished):
             executor.spin_once(timeout_sec=0.1)
             show(node.report)
+    except RuntimeError as error:
+        print(f"drill_node: {error}", file=sys.stderr)
+        return 1
     finally:
         node.stop()
+        executor.shutdown(timeout_sec=1.0)
     if node.failure is not None:
         print(f"drill_node: {node.failure}", file=sys.stderr)
         return 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -25,6 +26,16 @@ class Inbox:
         self._waiting: deque[WeightOnBit | Drive] = deque()
         self._second = 0
         self._logged = 0
+        self._notify: Callable[[], None] = lambda: None
+        self.accepted = 0
+        self.rejected = 0
+
+    def notify(self, notify: Callable[[], None]) -> None:
+        """Call this from now on whenever there is news."""
+        self._notify = notify
+
+    def begin(self) -> None:
+        """Count from zero again."""
         self.accepted = 0
         self.rejected = 0
 
@@ -32,19 +43,29 @@ class Inbox:
         """Queue a command for the next block boundary."""
         self.accepted += 1
         self._waiting.append(command)
+        self._notify()
 
     def refuse(self, reason: str) -> None:
-        """Count a command that cannot be used and log why; of a flood, only the first ones."""
+        """Count a command that cannot be used and log why."""
         self.rejected += 1
+        self._log(f"command refused: {reason}")
+        self._notify()
+
+    def refuse_request(self, reason: str) -> None:
+        """Log why a service's request cannot be met; its client hears of it anyway."""
+        self._log(f"request refused: {reason}")
+
+    def _log(self, text: str) -> None:
+        """Log a refusal; of a flood, only the first ones."""
         second = int(time.monotonic())
         if second != self._second:
             self._second = second
             self._logged = 0
         self._logged += 1
         if self._logged <= _LOGGED_PER_SECOND:
-            self._logger.warning(f"command refused: {reason}")
+            self._logger.warning(text)
         elif self._logged == _LOGGED_PER_SECOND + 1:
-            self._logger.warning("more commands refused in this second; they are counted")
+            self._logger.warning("more is refused in this second; commands are counted")
 
     def take(self) -> list[WeightOnBit | Drive]:
         """Return the commands that wait, in order."""

@@ -1,27 +1,21 @@
-"""From records of the simulation to ROS messages, by the table of ``rpud_sim.simulation.fields``.
+"""From the plain fields of ``rpud_sim.simulation.fields`` to ROS messages.
 
 Stamps and origins, the stamp of simulation time zero, are integer nanoseconds.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TypeVar
 
-import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import WrenchStamped
-from rpud_msgs.msg import (
-    ContactForce,
-    DrillTool,
-    NodalPlane,
-    ReactingForce,
-    Trajectory,
-    Waveform,
-)
+from rpud_msgs.msg import Fault as FaultMessage
+from rpud_msgs.msg import Faults as FaultsMessage
 
 from rpud_sim.simulation import fields
-from rpud_sim.simulation.sampling import Samples
-from rpud_sim.simulation.simulation import Block
+from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.simulation.ledger import FaultRecord
+from rpud_sim.simulation.ledger import Faults as FaultLedger
 
 Message = TypeVar("Message")
 
@@ -41,36 +35,27 @@ def nanoseconds_to_time(nanoseconds: int) -> Time:
     return filled(Time(), fields.time_fields(nanoseconds))
 
 
-def samples_to_nodal_plane(samples: Samples, index: int, stamp: int) -> NodalPlane:
-    """Convert one sample."""
-    return filled(NodalPlane(), fields.nodal_plane_fields(samples, index, stamp))
+def message_to_fault(message: FaultMessage) -> Fault:
+    """Convert what shall be injected.
+
+    A magnitude of zero, what a message holds that nobody filled, stands for the kind's default
+    where zero is no magnitude of its own.
+
+    Raises:
+        FaultError: if there is no such fault.
+    """
+    kind = KINDS.get(message.kind)
+    unfilled = message.magnitude == 0.0 and kind is not None and not kind.takes_zero
+    return Fault(message.kind, message.channel, math.nan if unfilled else message.magnitude)
 
 
-def samples_to_drill_tool(samples: Samples, index: int, stamp: int) -> DrillTool:
-    """Convert one sample."""
-    return filled(DrillTool(), fields.drill_tool_fields(samples, index, stamp))
+def record_to_fault(record: FaultRecord, origin: int) -> FaultMessage:
+    """Convert one record of the ledger."""
+    return filled(FaultMessage(), fields.fault_fields(record, origin))
 
 
-def samples_to_reacting_force(samples: Samples, index: int, stamp: int) -> ReactingForce:
-    """Convert one sample."""
-    return filled(ReactingForce(), fields.reacting_force_fields(samples, index, stamp))
-
-
-def samples_to_wrench(samples: Samples, index: int, stamp: int) -> WrenchStamped:
-    """Convert one sample to what a wrist sensor between mount and drill reads."""
-    return filled(WrenchStamped(), fields.wrench_fields(samples, index, stamp))
-
-
-def impact_to_contact_force(impact: np.void, origin: int) -> ContactForce:
-    """Convert one ``IMPACT`` record."""
-    return filled(ContactForce(), fields.contact_force_fields(impact, origin))
-
-
-def samples_to_waveform(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Waveform:
-    """Convert all samples to a block; stamp and number are the first one's, the rate is in Hz."""
-    return filled(Waveform(), fields.waveform_fields(samples, stamp, sequence, sample_rate))
-
-
-def segments_to_trajectory(block: Block, sequence: int, origin: int) -> Trajectory:
-    """Convert a block's ``SEGMENT`` records, at least one; the number is the first one's."""
-    return filled(Trajectory(), fields.trajectory_fields(block, sequence, origin))
+def faults_to_message(ledger: FaultLedger, time: int, origin: int) -> FaultsMessage:
+    """Convert the ledger as it is at a simulation time."""
+    message = filled(FaultsMessage(), fields.faults_header_fields(ledger, time, origin))
+    message.faults = [record_to_fault(record, origin) for record in ledger.records]
+    return message

@@ -3,10 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Callable
 
 NANOSECONDS = 1_000_000_000
+
+
+def boundary(number: int, rate: int) -> int:
+    """Simulation time at which a block of 1 / rate ends [ns], exact for any whole rate [Hz]."""
+    return number * NANOSECONDS // rate
+
+
+def boundaries_until(time: int, rate: int) -> int:
+    """Number of the last block boundary at or before a simulation time [ns]."""
+    return ((time + 1) * rate - 1) // NANOSECONDS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -18,7 +29,7 @@ class Timing:
         deadlines_missed: of them, those finished later than one period after their deadline.
         lateness: of the last block, from its deadline to its end [s].
         lateness_max: since the last call of ``Pacer.take`` [s].
-        lag: how far simulation time is behind its schedule [s].
+        lag: how far simulation time is behind its schedule, in whole periods [s].
         real_time_factor: simulated time over elapsed time since the last call of ``Pacer.take``.
     """
 
@@ -31,68 +42,98 @@ class Timing:
 
 
 class Pacer:
-    """Deadlines of blocks of equal length.
+    """Deadlines of simulation times, on an absolute schedule.
 
-    Block n, from 1, is due at the start plus n periods, whatever happened before: simulation time
-    never drifts. A block that is late is made up for by the ones after it, without a pause.
+    From a start on, simulation time t is due t / factor after it, whatever happened before, so that
+    it never drifts. A block that is late is made up for by the ones after it, without a pause.
 
     Args:
-        rate: blocks per second, a whole number [Hz].
+        rate: blocks per second of simulation time, a whole number [Hz].
+        factor: simulated time over elapsed time; 0 for as fast as possible.
         clock: monotonic time [ns].
-        sleep: waits for some seconds.
+        schedule: the time that the schedule follows [ns]; None for the monotonic one. With another
+            one, which goes in steps, a block is due at the step that brings its end.
     """
 
     def __init__(
         self,
         rate: int,
+        factor: float = 1.0,
         clock: Callable[[], int] = time.monotonic_ns,
-        sleep: Callable[[float], None] = time.sleep,
+        schedule: Callable[[], int] | None = None,
     ) -> None:
         self._rate = rate
+        self._factor = factor
         self._clock = clock
-        self._sleep = sleep
-        self._start = clock()
+        self._schedule = schedule or clock
+        self._in_steps = schedule is not None
+        self._begun = 0
+        self._running = False
         self._blocks = 0
         self._missed = 0
         self._lateness = 0.0
         self._lateness_max = 0.0
-        self._taken_at = self._start
-        self._taken_blocks = 0
+        self._start = self._start_time = self._time = 0
+        self._taken_at = self._clock()
+        self._taken_time = 0
 
-    def block_end(self) -> int:
-        """Simulation time at which the block in progress ends [ns], exact for any rate."""
-        return (self._blocks + 1) * NANOSECONDS // self._rate
+    def start(self, time: int, at: int | None = None, factor: float | None = None) -> None:
+        """Begin a schedule: a simulation time [ns] is due at a time of the schedule, now if None.
 
-    def wait(self) -> None:
-        """Sleep until the block in progress is due; return at once if it already is."""
-        remaining = self._start + self.block_end() - self._clock()
-        if remaining > 0:
-            self._sleep(remaining / NANOSECONDS)
+        Args:
+            time: simulation time.
+            at: time of the schedule.
+            factor: a new one from here on.
+        """
+        self._running = True
+        self._factor = self._factor if factor is None else factor
+        self._start = self._schedule() if at is None else at
+        self._time = self._start_time = time
 
-    def finish(self) -> None:
-        """Note that the block in progress is finished; the next one begins."""
-        lateness = (self._clock() - self._start - self.block_end()) / NANOSECONDS
+    def stop(self) -> None:
+        """Hold the schedule: until the next start nothing is due, late or behind."""
+        self._running = False
+
+    def remaining(self, time: int) -> float:
+        """Time until a simulation time [ns] is due [s], zero or less if it is."""
+        if self._factor == 0.0:
+            return 0.0
+        self._begun = self._schedule()
+        return (self._due(time) - self._begun) / NANOSECONDS
+
+    def finish(self, time: int) -> None:
+        """Note that the block up to a simulation time [ns] is finished."""
         self._blocks += 1
+        self._time = time
+        if not (self._running and self._factor):
+            return
+        due = max(self._due(time), self._begun) if self._in_steps else self._due(time)
+        lateness = (self._schedule() - due) / NANOSECONDS
         self._lateness = lateness
         self._lateness_max = max(self._lateness_max, lateness)
-        if lateness * self._rate > 1.0:
+        if lateness * self._rate * self._factor > 1.0:
             self._missed += 1
 
     def take(self) -> Timing:
         """Return the timing so far, and begin a new interval for its rates and maxima."""
         now = self._clock()
         elapsed = now - self._taken_at
-        simulated = (self._blocks - self._taken_blocks) * NANOSECONDS / self._rate
-        due = (now - self._start) * self._rate // NANOSECONDS
+        behind = 0.0
+        if self._running and self._factor:
+            scheduled = (self._schedule() - self._start) * self._factor
+            behind = max(0.0, scheduled - (self._time - self._start_time)) / NANOSECONDS
         timing = Timing(
             blocks=self._blocks,
             deadlines_missed=self._missed,
             lateness=self._lateness,
             lateness_max=self._lateness_max,
-            lag=max(0, due - self._blocks) / self._rate,
-            real_time_factor=simulated / elapsed if elapsed > 0 else 1.0,
+            lag=math.floor(behind * self._rate) / self._rate,
+            real_time_factor=(self._time - self._taken_time) / elapsed if elapsed > 0 else 1.0,
         )
         self._taken_at = now
-        self._taken_blocks = self._blocks
+        self._taken_time = self._time
         self._lateness_max = 0.0
         return timing
+
+    def _due(self, time: int) -> int:
+        return self._start + round((time - self._start_time) / self._factor)

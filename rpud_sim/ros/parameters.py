@@ -1,13 +1,10 @@
-"""The drill node's ROS parameters: declared, checked, and read into immutable settings."""
+"""The drill node's ROS parameters: checked, and read into immutable settings."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
-
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
-from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from rpud_sim.simulation import (
     CONTACT_MODELS,
@@ -15,31 +12,77 @@ from rpud_sim.simulation import (
     QUANTITIES,
     REGIMES,
     ParameterError,
-    Parameters,
     Quantity,
+    shown,
 )
-from rpud_sim.simulation.commands import NOMINAL_VOLTAGE, Drive, vibration_amplitude
-from rpud_sim.simulation.configuration import NODE_NAMES, to_parameters
-from rpud_sim.simulation.simulation import DEFAULT_NOMINAL_VOLTAGE
+from rpud_sim.simulation.actuator import ACTUATOR_MODELS, ACTUATOR_QUANTITIES
+from rpud_sim.simulation.configuration import (
+    ACTUATOR_NAMES,
+    NODE_NAMES,
+    ROCK_NAMES,
+    Configuration,
+    check_flag,
+    to_configuration,
+)
+from rpud_sim.simulation.rock import ROCK_MODELS, ROCK_QUANTITIES
+from rpud_sim.simulation.scenario import Scenario, read_scenario
+from rpud_sim.simulation.watchdog import COMMAND_LOSS_RAMP, COMMAND_TIMEOUT
 
 TELEMETRY_RATE = Quantity("Hz", "rate of the telemetry topics, a whole number", 1.0, 1000.0)
 SAMPLE_RATE = Quantity("Hz", "rate of the waveform's samples, a whole number", 1.0, 1e6)
 BLOCK_DURATION = Quantity("s", "length of a block of waveform and trajectory", 1e-3, 1.0)
+REAL_TIME_FACTOR = Quantity(
+    "", "simulated over elapsed time; 0 is as fast as possible, otherwise at least 0.01", 0.0, 1e3
+)
+LEAST_REAL_TIME_FACTOR = 0.01
+SEED = Quantity("", "seed of initial vibration phase, scenario and noise; whole", 0.0, 2.0**32 - 1)
 
+ALL_NAMES = (*NAMES, *ACTUATOR_NAMES, *ROCK_NAMES, *NODE_NAMES)
 CHOICES = {
     "contact_model": ("how the contact with the drill tool is modelled", CONTACT_MODELS),
     "regime": ("free is before drilling, drilling is in the rock", REGIMES),
+    "actuator_model": (
+        "gain: the amplitude is proportional to the voltage at once; "
+        "resonance: by resonance, with ring-up and power",
+        ACTUATOR_MODELS,
+    ),
+    "rock_model": ("whether the hole gets deeper by the impacts' energy", ROCK_MODELS),
 }
 FLAGS = {
+    "heating": "whether the actuator warms up and its resonance drifts",
     "drive_enabled": "whether the actuator is driven from the start",
+    "autostart": "whether the node configures and activates itself",
+    "start_paused": "whether the simulation waits for a step, or to be played",
     "publish_clock": "whether the node is the source of /clock, simulation time starting at zero",
 }
 NUMBERS = {
-    "nominal_voltage": NOMINAL_VOLTAGE,
+    "real_time_factor": REAL_TIME_FACTOR,
+    "command_timeout": COMMAND_TIMEOUT,
+    "command_loss_ramp": COMMAND_LOSS_RAMP,
     "telemetry_rate": TELEMETRY_RATE,
     "sample_rate": SAMPLE_RATE,
     "block_duration": BLOCK_DURATION,
+    "seed": SEED,
 }
+WHOLE = ("telemetry_rate", "sample_rate", "seed")
+TEXTS = {"scenario": "file of the faults that come by themselves; none if empty"}
+ALL_QUANTITIES = {**QUANTITIES, **ACTUATOR_QUANTITIES, **ROCK_QUANTITIES, **NUMBERS}
+
+# May change while the drill runs; the others are read-only.
+CHANGEABLE = (
+    "regime",
+    "rpud_damping_ratio",
+    "load_spring_rate",
+    "drill_tool_damping_ratio",
+    "restoring_spring_rate",
+    "actuator_restitution",
+    "drill_tool_restitution",
+    "gravity",
+    "rock_specific_energy",
+    "real_time_factor",
+    "command_timeout",
+    "command_loss_ramp",
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,115 +90,101 @@ class Settings:
     """What the drill node runs with.
 
     Args:
-        parameters: of the model.
-        drive_enabled: whether the actuator is driven from the start.
-        nominal_voltage: voltage that gives the nominal vibration amplitude [V].
+        configuration: of the drill.
+        autostart: whether the node configures and activates itself.
+        start_paused: whether the simulation waits to be stepped or played.
+        publish_clock: whether the node is the source of ``/clock``.
+        real_time_factor: simulated over elapsed time; 0 is as fast as possible.
+        command_timeout: without a command, after which the drill is made safe [s]; 0 for never.
+        command_loss_ramp: in which it is made safe [s].
         telemetry_rate: blocks, and samples on the telemetry topics, per second [Hz].
         sample_rate: of the waveform [Hz].
         block_duration: of waveform and trajectory [s].
-        publish_clock: whether the node is the source of ``/clock``.
+        scenario: file of the faults that come by themselves, empty for none.
+        seed: of everything that is drawn.
     """
 
-    parameters: Parameters
-    drive_enabled: bool = True
-    nominal_voltage: float = DEFAULT_NOMINAL_VOLTAGE
+    configuration: Configuration = dataclasses.field(default_factory=Configuration)
+    autostart: bool = True
+    start_paused: bool = False
+    publish_clock: bool = False
+    real_time_factor: float = 1.0
+    command_timeout: float = 0.0
+    command_loss_ramp: float = 0.5
     telemetry_rate: int = 100
     sample_rate: int = 50_000
     block_duration: float = 0.05
-    publish_clock: bool = False
+    scenario: str = ""
+    seed: int = 0
+
+    def value(self, name: str) -> Any:
+        """The value of a parameter."""
+        configuration = self.configuration
+        for owner in (
+            self,
+            configuration,
+            configuration.parameters,
+            configuration.actuator,
+            configuration.rock,
+        ):
+            if hasattr(owner, name):
+                return getattr(owner, name)
+        raise KeyError(name)
+
+    def replace(self, changes: Mapping[str, Any]) -> Settings:
+        """Return settings with some values changed.
+
+        Raises:
+            ParameterError: if a value cannot be used.
+        """
+        return check_settings({**{name: self.value(name) for name in ALL_NAMES}, **changes})
+
+    def read_scenario(self, seed: int | None = None) -> Scenario | None:
+        """Read the scenario, if there is one; a seed of zero leaves it its own.
+
+        Raises:
+            ParameterError: if its file cannot be used.
+        """
+        if not self.scenario:
+            return None
+        return read_scenario(self.scenario, seed or self.seed or None)
 
 
-def check_settings(values: dict[str, Any]) -> Settings:
+def check_settings(values: Mapping[str, Any]) -> Settings:
     """Return the settings for parameter values by name; what is not given has its default.
 
     Raises:
         ParameterError: if a name is unknown or a value cannot be used.
     """
-    parameters = to_parameters(values)
+    configuration = to_configuration(values)
     checked: dict[str, Any] = {}
-    for name in FLAGS:
-        if name in values:
-            if not isinstance(values[name], bool):
-                raise ParameterError(f"{name} = {values[name]!r} is not true or false")
+    for name in NODE_NAMES:
+        if name not in values or name == "drive_enabled":
+            continue
+        if name in FLAGS:
+            checked[name] = check_flag(name, values[name])
+        elif name in NUMBERS:
+            checked[name] = NUMBERS[name].check(name, values[name])
+        elif not isinstance(values[name], str):
+            raise ParameterError(f"{name} = {shown(values[name])} is not a text")
+        else:
             checked[name] = values[name]
-    for name, quantity in NUMBERS.items():
-        if name in values:
-            checked[name] = quantity.check(name, values[name])
-    for name in ("telemetry_rate", "sample_rate"):
+    for name in WHOLE:
         if name in checked:
             if checked[name] % 1.0:
-                raise ParameterError(f"{name} = {checked[name]:g} Hz is not a whole number")
+                unit = f" {NUMBERS[name].unit}".rstrip()
+                raise ParameterError(f"{name} = {checked[name]:g}{unit} is not a whole number")
             checked[name] = int(checked[name])
-    settings = Settings(parameters, **checked)
-    # At the gate, so that the nominal drive cannot be refused later.
-    nominal = Drive(True, settings.nominal_voltage, parameters.vibration_frequency)
-    vibration_amplitude(nominal, parameters, settings.nominal_voltage)
+    settings = Settings(configuration, **checked)
+    if 0.0 < settings.real_time_factor < LEAST_REAL_TIME_FACTOR:
+        raise ParameterError(
+            f"real_time_factor = {settings.real_time_factor:g} is neither 0, as fast as possible, "
+            f"nor at least {LEAST_REAL_TIME_FACTOR:g}"
+        )
     if settings.block_duration * settings.telemetry_rate < 1.0:
         raise ParameterError(
             f"block_duration = {settings.block_duration:g} s is shorter than one period of "
             f"telemetry_rate = {settings.telemetry_rate} Hz"
         )
+    settings.read_scenario()
     return settings
-
-
-def declare_settings(node: Node) -> Settings:
-    """Declare all parameters on the node and return the settings that they hold.
-
-    A whole number is taken where a number is meant, as in ``weight_on_bit: 20``. All are read-only
-    once the node runs; weight on bit and drive change by command.
-
-    Raises:
-        ParameterError: if a value cannot be used.
-    """
-    values: dict[str, Any] = {"regime": _declare(node, "regime", "drilling")}
-    defaults = check_settings(dict(values))
-    for name in (*NAMES, *NODE_NAMES):
-        if name not in values:
-            default = getattr(defaults.parameters if name in NAMES else defaults, name)
-            values[name] = _declare(node, name, default)
-    settings = check_settings(values)
-    for name, quantity in {**QUANTITIES, **NUMBERS}.items():
-        _describe(
-            node,
-            name,
-            float(values[name]),
-            f"{quantity.description} [{quantity.unit or '1'}]",
-            f"in {quantity.range}",
-            FloatingPointRange(from_value=quantity.minimum, to_value=quantity.maximum),
-        )
-    for name, (description, choices) in CHOICES.items():
-        _describe(node, name, values[name], description, f"one of {', '.join(choices)}")
-    for name, description in FLAGS.items():
-        _describe(node, name, values[name], description)
-    return settings
-
-
-def _declare(node: Node, name: str, default: Any) -> Any:
-    """Declare a parameter of any type, so that a wrong one gets our error; return its value."""
-    if isinstance(default, int) and not isinstance(default, bool):
-        default = float(default)
-    return node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
-
-
-def _describe(
-    node: Node,
-    name: str,
-    value: Any,
-    description: str,
-    constraints: str = "",
-    allowed: FloatingPointRange | None = None,
-) -> None:
-    """Give a declared parameter its checked value and its final, read-only descriptor."""
-    parameter = Parameter(name, value=value)
-    node.set_parameters([parameter])
-    node.set_descriptor(
-        name,
-        ParameterDescriptor(
-            name=name,
-            type=parameter.type_.value,
-            description=description,
-            additional_constraints=constraints,
-            read_only=True,
-            floating_point_range=[allowed] if allowed else [],
-        ),
-    )

@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from rpud_msgs.msg import (
     ContactForce,
     DrillTool,
+    Faults,
     NodalPlane,
     ReactingForce,
     Status,
     Trajectory,
     Waveform,
 )
+from sensor_msgs.msg import JointState
 
-from rpud_sim.ros import messages
+from rpud_sim.ros.messages import faults_to_message, filled, nanoseconds_to_time
+from rpud_sim.ros.pacing import boundaries_until, boundary
 from rpud_sim.ros.parameters import Settings
+from rpud_sim.simulation import fields
+from rpud_sim.simulation.block import Block, join_blocks
+from rpud_sim.simulation.ledger import FaultRecord
+from rpud_sim.simulation.ledger import Faults as FaultLedger
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
-from rpud_sim.simulation.simulation import Block, join_blocks
+from rpud_sim.simulation.signals import SignalFaults
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
@@ -38,14 +46,44 @@ def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATI
 TELEMETRY_QOS = _reliable(1000)
 CONTACT_FORCE_QOS = _reliable(2000)
 STREAM_QOS = _reliable(40)
-STATUS_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
+LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 DIAGNOSTICS_QOS = _reliable(10)
 COMMAND_QOS = _reliable(1000)
 CLOCK_QOS = _reliable(10)
 
+TOPICS: dict[str, tuple[type, QoSProfile]] = {
+    "nodal_plane": (NodalPlane, TELEMETRY_QOS),
+    "drill_tool": (DrillTool, TELEMETRY_QOS),
+    "reacting_force": (ReactingForce, TELEMETRY_QOS),
+    "wrench": (WrenchStamped, TELEMETRY_QOS),
+    "joint_states": (JointState, TELEMETRY_QOS),
+    "contact_force": (ContactForce, CONTACT_FORCE_QOS),
+    "waveform": (Waveform, STREAM_QOS),
+    "trajectory": (Trajectory, STREAM_QOS),
+    "status": (Status, LATCHED_QOS),
+    "faults": (Faults, LATCHED_QOS),
+    "/diagnostics": (DiagnosticArray, DIAGNOSTICS_QOS),
+}
+# Of the others the last message is what counts.
+_COMPLETE = [name for name, (_, qos) in TOPICS.items() if qos.depth >= STREAM_QOS.depth]
+_TELEMETRY = (
+    ("nodal_plane", fields.nodal_plane_fields),
+    ("drill_tool", fields.drill_tool_fields),
+    ("reacting_force", fields.reacting_force_fields),
+    ("wrench", fields.wrench_fields),
+)
+
+# A simulation that nothing paces waits for its listeners when this share of a depth is used up, but
+# not longer than this for one that does not answer [s].
+_SHARE = 0.75
+_LONGEST_WAIT = 1.0
+
 
 class DrillPublishers:
     """All publishers of the drill node, and the streams that run through them.
+
+    Attributes:
+        patient: whether to wait for reliable listeners rather than to overwrite what they lack.
 
     Args:
         node: that owns them.
@@ -53,26 +91,23 @@ class DrillPublishers:
     """
 
     def __init__(self, node: Node, settings: Settings) -> None:
+        self._node = node
+        self._rate = settings.telemetry_rate
         self._sample_rate = settings.sample_rate
         self._stream_period = round(settings.block_duration * settings.telemetry_rate)
         self._origin = 0
         self._segments = 0
         self._pending: list[Block] = []
         self._dropped = 0
-        self._nodal_plane = node.create_publisher(NodalPlane, "nodal_plane", TELEMETRY_QOS)
-        self._drill_tool = node.create_publisher(DrillTool, "drill_tool", TELEMETRY_QOS)
-        self._reacting_force = node.create_publisher(ReactingForce, "reacting_force", TELEMETRY_QOS)
-        self._wrench = node.create_publisher(WrenchStamped, "wrench", TELEMETRY_QOS)
-        self._contact_force = node.create_publisher(
-            ContactForce, "contact_force", CONTACT_FORCE_QOS
-        )
-        self._waveform = node.create_publisher(Waveform, "waveform", STREAM_QOS)
-        self._trajectory = node.create_publisher(Trajectory, "trajectory", STREAM_QOS)
-        self._status = node.create_publisher(Status, "status", STATUS_QOS)
-        self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", DIAGNOSTICS_QOS)
-        self._clock = (
-            node.create_publisher(Clock, "/clock", CLOCK_QOS) if settings.publish_clock else None
-        )
+        self._signals = SignalFaults()
+        self._faults: object = None
+        self._unacknowledged = Counter[str]()
+        self.patient = False
+        self._topics = {
+            name: node.create_publisher(kind, name, qos) for name, (kind, qos) in TOPICS.items()
+        }
+        if settings.publish_clock:
+            self._topics["/clock"] = node.create_publisher(Clock, "/clock", CLOCK_QOS)
 
     @property
     def origin(self) -> int:
@@ -85,24 +120,44 @@ class DrillPublishers:
         return self._dropped
 
     def begin(self, origin: int) -> None:
-        """Set the stamp of simulation time zero [ns]."""
+        """Begin with simulation time zero, whose stamp this is [ns]."""
         self._origin = origin
+        self._segments = 0
+        self._faults = None
+        self._pending.clear()
 
-    def publish_block(self, block: Block) -> None:
-        """Publish what a block brings: the sample at its end, its impacts, its share of streams."""
-        stamp = self._origin + block.end
-        samples = block.sample(Times.from_nanoseconds(block.end))
-        if self._clock is not None:
-            self._publish(self._clock, Clock(clock=messages.nanoseconds_to_time(stamp)))
-        self._publish(self._nodal_plane, messages.samples_to_nodal_plane(samples, 0, stamp))
-        self._publish(self._drill_tool, messages.samples_to_drill_tool(samples, 0, stamp))
-        self._publish(self._reacting_force, messages.samples_to_reacting_force(samples, 0, stamp))
-        self._publish(self._wrench, messages.samples_to_wrench(samples, 0, stamp))
+    def move(self, origin: int) -> None:
+        """Give simulation time zero another stamp [ns]."""
+        self._origin = origin
+        self._faults = None
+
+    def reseed(self, seed: int) -> None:
+        """Forget the state of faulty signals, and draw with this seed from now on."""
+        self._signals = SignalFaults(seed)
+
+    def publish_block(self, block: Block, faults: Sequence[FaultRecord]) -> None:
+        """Publish what a block brings: its impacts, the sample at its end, its share of streams.
+
+        Args:
+            block: at most one telemetry period long.
+            faults: that lasted in it, or in a part of it.
+        """
+        signal_faults = [record for record in faults if record.fault.channel]
+        if "/clock" in self._topics:
+            stamp = nanoseconds_to_time(self._origin + block.end)
+            self._publish("/clock", Clock(clock=stamp))
         for impact in block.impacts:
-            message = messages.impact_to_contact_force(impact, self._origin)
-            self._publish(self._contact_force, message)
+            values = fields.contact_force_fields(impact, self._origin)
+            began = max(block.start, fields.stamp_of(values) - self._origin)
+            self._send("contact_force", values, began, signal_faults)
+        number = boundaries_until(block.end, self._rate)
+        at_boundary = boundary(number, self._rate) == block.end
+        if at_boundary:
+            self._publish_telemetry(block, signal_faults)
+        for channel, values in self._signals.release(block.end, signal_faults):
+            self._fill(channel, values)
         self._pending.append(block)
-        if len(self._pending) >= self._stream_period:
+        if at_boundary and number % self._stream_period == 0:
             self.flush()
 
     def flush(self) -> None:
@@ -113,46 +168,76 @@ class DrillPublishers:
         self._pending.clear()
         self._publish_waveform(block)
         count = len(block.segments)
-        if count and self._trajectory.get_subscription_count():
-            message = messages.segments_to_trajectory(block, self._segments, self._origin)
-            self._publish(self._trajectory, message)
+        if count and self._topics["trajectory"].get_subscription_count():
+            for values in fields.trajectory_fields(block, self._segments, self._origin):
+                self._fill("trajectory", values)
         self._segments += count
+
+    def publish_faults(self, ledger: FaultLedger, time: int) -> None:
+        """Publish the ground truth of faults at a simulation time [ns], if it has changed."""
+        if ledger.active is not self._faults:
+            self._faults = ledger.active
+            self._publish("faults", faults_to_message(ledger, time, self._origin))
 
     def publish_status(self, status: Status) -> None:
         """Publish a status."""
-        self._publish(self._status, status)
+        self._publish("status", status)
 
     def publish_diagnostics(self, diagnostics: DiagnosticArray) -> None:
         """Publish diagnostics."""
-        self._publish(self._diagnostics, diagnostics)
+        self._publish("/diagnostics", diagnostics)
 
-    def wait_for_all_acked(self, seconds: float) -> None:
+    def wait_for_listeners(self, seconds: float = _LONGEST_WAIT) -> None:
         """Wait until reliable listeners have everything, but not longer than this in all."""
         end = time.monotonic() + seconds
-        for publisher in (
-            self._contact_force,
-            self._waveform,
-            self._trajectory,
-            self._status,
-            self._nodal_plane,
-            self._drill_tool,
-            self._reacting_force,
-            self._wrench,
-        ):
-            # A listener that was killed never acknowledges.
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
+        for name, publisher in self._topics.items():
+            if not name.startswith("/"):
+                # A listener that was killed never acknowledges.
+                publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
+
+    def destroy(self) -> None:
+        """Take the publishers from the graph."""
+        for publisher in self._topics.values():
+            self._node.destroy_publisher(publisher)
+        self._topics.clear()
+
+    def _publish_telemetry(self, block: Block, faults: Sequence[FaultRecord]) -> None:
+        stamp = self._origin + block.end
+        samples = block.sample(Times.from_nanoseconds(block.end))
+        for name, make in _TELEMETRY:
+            self._send(name, make(samples, 0, stamp), block.end, faults)
+        if self._topics["joint_states"].get_subscription_count():
+            self._fill("joint_states", fields.joint_state_fields(samples, 0, stamp))
 
     def _publish_waveform(self, block: Block) -> None:
         rate = self._sample_rate
         numbers = block.grid(rate)
-        if numbers and self._waveform.get_subscription_count():
+        if numbers and self._topics["waveform"].get_subscription_count():
             samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
             stamp = self._origin + numbers.start * NANOSECONDS // rate
-            message = messages.samples_to_waveform(samples, stamp, numbers.start, rate)
-            self._publish(self._waveform, message)
+            self._fill("waveform", fields.waveform_fields(samples, stamp, numbers.start, rate))
 
-    def _publish(self, publisher: Publisher, message: Any) -> None:
+    def _send(
+        self, channel: str, values: fields.Fields, time: int, faults: Sequence[FaultRecord]
+    ) -> None:
+        """Publish a sensor's message, or what its faults make of it."""
+        for changed in self._signals.apply(channel, time, values, faults):
+            self._fill(channel, changed)
+
+    def _fill(self, name: str, values: fields.Fields) -> None:
+        self._publish(name, filled(TOPICS[name][0](), values))
+
+    def _publish(self, name: str, message: Any) -> None:
         try:
-            publisher.publish(message)
+            self._topics[name].publish(message)
+            if self.patient and name in _COMPLETE:
+                self._await(name)
         except RuntimeError:  # RCLError: the middleware did not take it
             self._dropped += 1
+
+    def _await(self, name: str) -> None:
+        """Let reliable listeners catch up before the oldest messages would be overwritten."""
+        self._unacknowledged[name] += 1
+        if self._unacknowledged[name] > _SHARE * TOPICS[name][1].depth:
+            self._topics[name].wait_for_all_acked(Duration(seconds=_LONGEST_WAIT))
+            self._unacknowledged[name] = 0

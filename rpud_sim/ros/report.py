@@ -17,20 +17,46 @@ from rpud_sim.simulation.fields import status_fields
 
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
+# Fields of the status that a report has by the same name.
+_AS_THEY_ARE = (
+    "impacts",
+    "commands_accepted",
+    "commands_rejected",
+    "commands_lost",
+    "commanders",
+    "messages_dropped",
+    "vibration_amplitude",
+    "resonance_frequency",
+    "actuator_temperature",
+    "electrical_power",
+    "depth",
+    "penetration_rate",
+    "active_faults",
+)
+
 
 @dataclasses.dataclass(frozen=True)
 class Report:
     """What the node did until a block boundary.
 
     Args:
-        state: ``running`` or ``stopped``.
+        state: one of the STATE constants of ``rpud_msgs/Status``.
         time: simulation time [ns].
         regime: ``free`` or ``drilling``.
         applied: the commands in force.
         impacts: impacts on the drill tool since the start.
         commands_accepted: since the start.
         commands_rejected: since the start.
+        commands_lost: whether commands stayed out, and the drill is made safe.
+        commanders: publishers on the command topic that has most of them.
         messages_dropped: since the start.
+        vibration_amplitude: of the actuator's tip [m].
+        resonance_frequency: of the actuator [Hz].
+        actuator_temperature: [K].
+        electrical_power: that the actuator draws [W], or NaN.
+        depth: of the hole [m], or NaN.
+        penetration_rate: over the last second [m/s], or NaN.
+        active_faults: that last.
         timing: how well the schedule was kept.
         figures: of the interval since the report before.
     """
@@ -42,7 +68,16 @@ class Report:
     impacts: int
     commands_accepted: int
     commands_rejected: int
+    commands_lost: bool
+    commanders: int
     messages_dropped: int
+    vibration_amplitude: float
+    resonance_frequency: float
+    actuator_temperature: float
+    electrical_power: float
+    depth: float
+    penetration_rate: float
+    active_faults: int
     timing: Timing
     figures: Figures
 
@@ -55,11 +90,8 @@ def report_to_status(report: Report, origin: int) -> Status:
         report.regime,
         report.applied,
         origin,
-        impacts=report.impacts,
-        commands_accepted=report.commands_accepted,
-        commands_rejected=report.commands_rejected,
+        **{name: getattr(report, name) for name in _AS_THEY_ARE},
         deadlines_missed=report.timing.deadlines_missed,
-        messages_dropped=report.messages_dropped,
         real_time_factor=report.timing.real_time_factor,
         lateness_max=report.timing.lateness_max,
         lag=report.timing.lag,
@@ -97,8 +129,7 @@ def report_to_diagnostics(
             ),
             _diagnostic(
                 f"{node_name}: commands",
-                DiagnosticStatus.OK,
-                f"{report.commands_rejected} refused",
+                *_command_health(report),
                 {
                     "commands_accepted": report.commands_accepted,
                     "commands_rejected": report.commands_rejected,
@@ -106,10 +137,36 @@ def report_to_diagnostics(
                     "drive_enabled": report.applied.drive.enabled,
                     "drive_voltage [V]": f"{report.applied.drive.voltage:g}",
                     "drive_frequency [Hz]": f"{report.applied.drive.frequency:g}",
+                    "commanders": report.commanders,
+                },
+            ),
+            _diagnostic(
+                f"{node_name}: drill",
+                DiagnosticStatus.WARN if report.active_faults else DiagnosticStatus.OK,
+                f"{report.active_faults} faults injected" if report.active_faults else report.state,
+                {
+                    "state": report.state,
+                    "regime": report.regime,
+                    "impacts": report.impacts,
+                    "vibration_amplitude [m]": f"{report.vibration_amplitude:g}",
+                    "resonance_frequency [Hz]": f"{report.resonance_frequency:g}",
+                    "actuator_temperature [K]": f"{report.actuator_temperature:g}",
+                    "electrical_power [W]": f"{report.electrical_power:g}",
+                    "depth [m]": f"{report.depth:g}",
+                    "penetration_rate [m/s]": f"{report.penetration_rate:g}",
+                    "active_faults": report.active_faults,
                 },
             ),
         ],
     )
+
+
+def _command_health(report: Report) -> tuple[bytes, str]:
+    if report.commands_lost:
+        return DiagnosticStatus.ERROR, "commands are lost: the drill is made safe"
+    if report.commanders > 1:
+        return DiagnosticStatus.WARN, f"{report.commanders} publishers command at once"
+    return DiagnosticStatus.OK, f"{report.commands_rejected} refused"
 
 
 def _diagnostic(name: str, level: bytes, text: str, values: dict[str, object]) -> DiagnosticStatus:

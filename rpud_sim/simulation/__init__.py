@@ -11,10 +11,12 @@ from rpud_sim.model.parameters import (
     Quantity,
     check_choice,
     preset,
+    shown,
 )
-from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT, SEGMENT
+from rpud_sim.model.segment import CONSTANTS, EVENT_ACTUATOR_IMPACT, SEGMENT
 
 __all__ = [
+    "CONSTANTS",
     "CONTACT_MODELS",
     "EVENT_ACTUATOR_IMPACT",
     "NAMES",
@@ -27,4 +29,5 @@ __all__ = [
     "Quantity",
     "check_choice",
     "preset",
+    "shown",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Parameters, Quantity
+from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, shown
 
 VOLTAGE = Quantity("V", "amplitude of the voltage on the piezoelectric stack", 0.0, 1e3)
 NOMINAL_VOLTAGE = Quantity(
@@ -52,7 +52,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         if not isinstance(self.enabled, bool):
-            raise ParameterError(f"drive enabled = {self.enabled!r} is not true or false")
+            raise ParameterError(f"drive enabled = {shown(self.enabled)} is not true or false")
         object.__setattr__(self, "voltage", VOLTAGE.check("drive voltage", self.voltage))
         if not self.enabled and self.frequency == 0.0:
             object.__setattr__(self, "frequency", 0.0)
@@ -72,20 +72,3 @@ class Applied:
     weight_on_bit_time: int
     drive: Drive
     drive_time: int
-
-
-def vibration_amplitude(drive: Drive, parameters: Parameters, nominal_voltage: float) -> float:
-    """Return the amplitude of the vibration under a drive [m].
-
-    The amplitude is proportional to the voltage; the paper gives the amplitude alone, so that the
-    nominal voltage is an assumed value.
-
-    Raises:
-        ParameterError: if the amplitude is outside its range.
-    """
-    if not drive.enabled:
-        return 0.0
-    amplitude = parameters.vibration_amplitude * drive.voltage / nominal_voltage
-    return QUANTITIES["vibration_amplitude"].check(
-        f"vibration_amplitude at drive voltage {drive.voltage:g} V", amplitude
-    )

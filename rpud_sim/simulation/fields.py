@@ -8,20 +8,29 @@ ROS messages from it, and a bag is written from it without ROS. Messages are dic
 from __future__ import annotations
 
 from array import array
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.model.segment import SEGMENT
+from rpud_sim.model.segment import CONSTANTS, SEGMENT
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied
+from rpud_sim.simulation.ledger import FaultRecord, Faults
 from rpud_sim.simulation.sampling import NANOSECONDS, Samples
-from rpud_sim.simulation.simulation import Block
+from rpud_sim.simulation.simulation import Simulation
 
 Fields = dict[str, Any]
 
 MOUNT_FRAME = "rpud_mount"
 NODAL_PLANE_FRAME = "rpud_nodal_plane"
 TOOL_TIP_FRAME = "rpud_tool_tip"
+# Of urdf/rpud.urdf: each moves one body along the drill axis.
+JOINTS = ("rpud_nodal_plane_joint", "rpud_free_mass_joint", "rpud_tool_tip_joint")
+
+# What a trajectory says of each segment; the constants it says once.
+SEGMENT_ARRAYS = tuple(name for name in SEGMENT.names or () if name not in CONSTANTS)
 
 _TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.uint8): "B"}
 
@@ -32,7 +41,7 @@ def time_fields(nanoseconds: int) -> Fields:
     return {"sec": seconds, "nanosec": rest}
 
 
-def header_fields(stamp: int, frame: str = "") -> Fields:
+def header_fields(stamp: int, frame: str) -> Fields:
     """Fields of ``std_msgs/Header``."""
     return {"stamp": time_fields(stamp), "frame_id": frame}
 
@@ -91,6 +100,32 @@ def wrench_fields(samples: Samples, index: int, stamp: int) -> Fields:
     }
 
 
+def joint_state_fields(samples: Samples, index: int, stamp: int) -> Fields:
+    """Fields of ``sensor_msgs/JointState`` for one sample of the ``JOINTS`` of ``urdf/rpud.urdf``.
+
+    The effort is what passes between mount and body, positive toward the rock: the reacting force
+    on the nodal plane, and nothing on free mass and drill tool, as the model passes none of their
+    forces on to the mount. The efforts add up to the negative force of the wrench.
+    """
+    position = (
+        samples.nodal_plane_position[index],
+        samples.free_mass_position[index],
+        samples.drill_tool_displacement[index],
+    )
+    velocity = (
+        samples.nodal_plane_velocity[index],
+        samples.free_mass_velocity[index],
+        samples.drill_tool_velocity[index],
+    )
+    return {
+        "header": header_fields(stamp, MOUNT_FRAME),
+        "name": list(JOINTS),
+        "position": array("d", position),
+        "velocity": array("d", velocity),
+        "effort": array("d", (samples.reacting_force[index], 0.0, 0.0)),
+    }
+
+
 def contact_force_fields(impact: np.void, origin: int) -> Fields:
     """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``."""
     start = int(impact["seconds"]) * NANOSECONDS
@@ -109,7 +144,7 @@ def contact_force_fields(impact: np.void, origin: int) -> Fields:
 def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Fields:
     """Fields of ``rpud_msgs/Waveform``; stamp and number are the first sample's, the rate in Hz."""
     return {
-        "header": header_fields(stamp),
+        "header": header_fields(stamp, MOUNT_FRAME),
         "sequence": sequence,
         "sample_period": 1.0 / sample_rate,
         "nodal_plane_position": to_array(samples.nodal_plane_position),
@@ -121,31 +156,30 @@ def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: in
     }
 
 
-def trajectory_fields(block: Block, sequence: int, origin: int) -> Fields:
-    """Fields of ``rpud_msgs/Trajectory`` for a block's segments, at least one.
+def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fields]:
+    """Fields of ``rpud_msgs/Trajectory`` for a block's segments: one message per set of constants.
 
     Args:
         block: whose segments they are.
         sequence: number of the first segment since the start.
         origin: stamp of simulation time zero.
     """
-    drill = block.drill
-    first = block.segments[0]
-    start = int(first["start_seconds"]) * NANOSECONDS
-    start += round(float(first["start_fraction"]) * NANOSECONDS)
-    return {
-        "header": header_fields(origin + start),
-        "sequence": sequence,
-        "origin": time_fields(origin),
-        "load_spring_rate": drill.load_spring_rate,
-        "load_spring_damping": drill.rpud_damping,
-        "free_mass": drill.free_mass,
-        "drill_tool_mass": drill.tool_mass,
-        "drill_tool_spring_rate": drill.tool_spring_rate,
-        "drill_tool_damping": drill.tool_damping,
-        "gravity": drill.gravity,
-        **{name: to_array(block.segments[name]) for name in SEGMENT.names or ()},
-    }
+    segments = block.segments
+    if not len(segments):
+        return
+    constants = np.column_stack([segments[name] for name in CONSTANTS])
+    cuts = np.flatnonzero((constants[1:] != constants[:-1]).any(axis=1)) + 1
+    for first, end in pairwise([0, *cuts.tolist(), len(segments)]):
+        part = segments[first:end]
+        start = int(part["start_seconds"][0]) * NANOSECONDS
+        start += round(float(part["start_fraction"][0]) * NANOSECONDS)
+        yield {
+            "header": header_fields(origin + start, MOUNT_FRAME),
+            "sequence": sequence + first,
+            "origin": time_fields(origin),
+            **{name: float(part[name][0]) for name in CONSTANTS},
+            **{name: to_array(part[name]) for name in SEGMENT_ARRAYS},
+        }
 
 
 def status_fields(
@@ -155,7 +189,7 @@ def status_fields(
 
     Args:
         stamp: simulation time of the report.
-        state: ``running`` or ``stopped``.
+        state: one of the STATE constants of ``rpud_msgs/Status``.
         regime: ``free`` or ``drilling``.
         applied: the commands in force.
         origin: stamp of simulation time zero.
@@ -173,3 +207,37 @@ def status_fields(
         "drive_applied": time_fields(origin + applied.drive_time),
         **counts,
     }
+
+
+def drill_fields(simulation: Simulation) -> Fields:
+    """Those fields of ``rpud_msgs/Status`` that tell how the drill itself is."""
+    actuator = simulation.actuator
+    return {
+        "impacts": simulation.impact_count,
+        "vibration_amplitude": actuator.amplitude,
+        "resonance_frequency": actuator.resonance_frequency,
+        "actuator_temperature": actuator.temperature,
+        "electrical_power": actuator.electrical_power,
+        "depth": simulation.depth,
+        "penetration_rate": simulation.penetration_rate,
+        "active_faults": len(simulation.faults.active),
+    }
+
+
+def fault_fields(record: FaultRecord, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/Fault``; the origin is the stamp of simulation time zero."""
+    over = record.clear is not None
+    return {
+        "number": record.number,
+        "kind": record.fault.kind,
+        "channel": record.fault.channel,
+        "magnitude": record.fault.magnitude,
+        "active": not over,
+        "onset": time_fields(origin + record.onset),
+        "clear": time_fields(origin + record.clear if record.clear is not None else 0),
+    }
+
+
+def faults_header_fields(ledger: Faults, time: int, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/Faults`` at a simulation time, but for the faults themselves."""
+    return {"header": header_fields(origin + time, MOUNT_FRAME), "forgotten": ledger.forgotten}

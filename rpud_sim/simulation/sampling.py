@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.drill import Drill
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at
 from rpud_sim.model.suspension import reacting_force
@@ -71,7 +70,7 @@ class Samples:
 
 
 @compiled
-def _fill(drill, segments, seconds, fraction, channels, in_contact):
+def _fill(segments, seconds, fraction, channels, in_contact):
     index = 0
     for i in range(len(seconds)):
         while index + 1 < len(segments):
@@ -88,27 +87,25 @@ def _fill(drill, segments, seconds, fraction, channels, in_contact):
         force = 0.0
         touching = segment.contact & CONTACT_DRILL_TOOL
         if touching:
-            force, _ = force_on_drill_tool(drill, segment, time)
+            force, _ = force_on_drill_tool(segment, time)
         channels[8, i] = force
         channels[9, i] = reacting_force(
             segment.weight_on_bit,
-            drill.load_spring_rate,
-            drill.rpud_damping,
+            segment.load_spring_rate,
+            segment.load_spring_damping,
             motion[0],
             motion[1],
         )
         in_contact[i] = touching != 0
 
 
-def sample(drill: Drill, segments: np.ndarray, times: Times) -> Samples:
+def sample(segments: np.ndarray, times: Times) -> Samples:
     """Sample all channels of a trajectory.
 
     Args:
-        drill: constants of the drill.
         segments: ``SEGMENT`` records in order, without a gap.
         times: in ascending order, not before the first segment; later than the last one's end
-            continues its closed
-            form.
+            continues its closed form.
 
     Returns:
         ``Samples`` of the same length as the times.
@@ -117,7 +114,7 @@ def sample(drill: Drill, segments: np.ndarray, times: Times) -> Samples:
     channels = np.empty((len(CHANNELS), count))
     in_contact = np.empty(count, np.bool_)
     if count:
-        _fill(drill, segments, times.seconds, times.fraction, channels, in_contact)
+        _fill(segments, times.seconds, times.fraction, channels, in_contact)
     channels.flags.writeable = False
     in_contact.flags.writeable = False
     return Samples(**dict(zip(CHANNELS, channels, strict=True)), in_contact=in_contact)

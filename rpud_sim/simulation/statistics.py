@@ -14,8 +14,8 @@ from rpud_sim.model.segment import (
     motion_at,
     nodal_plane_integral,
 )
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.sampling import NANOSECONDS
-from rpud_sim.simulation.simulation import Block
 
 FIGURES = (
     "events",
@@ -31,20 +31,20 @@ FIGURES = (
 
 
 @compiled
-def reacting_force_integral(drill, segment, start, end):
+def reacting_force_integral(segment, start, end):
     """Integral of R = W - k_1 u_np - c_1 v_np over a part of a segment [N s]."""
     u_start = motion_at(segment, start)[0]
     u_end = motion_at(segment, end)[0]
     position = nodal_plane_integral(segment, end) - nodal_plane_integral(segment, start)
     return (
         segment.weight_on_bit * (end - start)
-        - drill.load_spring_rate * position
-        - drill.rpud_damping * (u_end - u_start)
+        - segment.load_spring_rate * position
+        - segment.load_spring_damping * (u_end - u_start)
     )
 
 
 @compiled
-def _sum_reacting_force(drill, segments, seconds, fraction, from_seconds, from_fraction):
+def _sum_reacting_force(segments, seconds, fraction, from_seconds, from_fraction):
     total = 0.0
     for i in range(len(segments)):
         segment = segments[i]
@@ -55,7 +55,7 @@ def _sum_reacting_force(drill, segments, seconds, fraction, from_seconds, from_f
         start = max(start, 0.0)
         end = min(end, segment.duration)
         if end > start:
-            total += reacting_force_integral(drill, segment, start, end)
+            total += reacting_force_integral(segment, start, end)
     return total
 
 
@@ -145,7 +145,6 @@ def _reacting_impulse(block: Block) -> float:
     from_seconds, from_rest = divmod(block.start, NANOSECONDS)
     return float(
         _sum_reacting_force(
-            block.drill,
             block.covering,
             seconds,
             rest / NANOSECONDS,

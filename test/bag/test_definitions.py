@@ -105,6 +105,7 @@ OWN = (
     "rpud_msgs/msg/ContactForce",
     "rpud_msgs/msg/Status",
     "rpud_msgs/msg/Trajectory",
+    "sensor_msgs/msg/JointState",
     "std_msgs/msg/Header",
 )
 

@@ -13,7 +13,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 import rpud_sim.bag
-from rpud_sim.simulation import SEGMENT, preset
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.fields import SEGMENT_ARRAYS
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
 from rpud_sim.simulation.simulation import Simulation
 
@@ -85,7 +86,8 @@ def column(messages, name):
 
 
 def test_every_topic_is_there_and_stamped_with_simulation_time(messages):
-    names = "contact_force drill_tool nodal_plane reacting_force status trajectory waveform wrench"
+    names = "contact_force drill_tool joint_states nodal_plane reacting_force status trajectory"
+    names += " waveform wrench"
     assert sorted(messages) == [f"/rpud/{name}" for name in names.split()]
     for topic in messages.values():
         assert stamps(topic) == [time for time, _ in topic]
@@ -103,7 +105,7 @@ def test_contact_forces_are_those_of_the_simulation_without_a_gap(messages, bloc
 def test_telemetry_is_the_trajectory_at_100_hz(messages, block):
     times = np.arange(1, 124) * (NANOSECONDS // 100)
     samples = block.sample(Times.from_nanoseconds(times))
-    for name in ("nodal_plane", "drill_tool", "reacting_force", "wrench"):
+    for name in ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states"):
         assert stamps(messages[f"/rpud/{name}"]) == times.tolist()
     planes, tools = messages["/rpud/nodal_plane"], messages["/rpud/drill_tool"]
     assert column(planes, "position") == samples.nodal_plane_position.tolist()
@@ -113,6 +115,13 @@ def test_telemetry_is_the_trajectory_at_100_hz(messages, block):
     forces = column(messages["/rpud/reacting_force"], "force")
     assert forces == samples.reacting_force.tolist()
     assert [-m.wrench.force.z for _, m in messages["/rpud/wrench"]] == forces
+    joints = messages["/rpud/joint_states"]
+    bodies = (
+        samples.nodal_plane_position,
+        samples.free_mass_position,
+        samples.drill_tool_displacement,
+    )
+    assert np.array_equal(column(joints, "position"), np.stack(bodies, axis=1))
 
 
 def test_the_waveform_is_the_trajectory_at_50_khz_without_a_gap(messages, block):
@@ -127,7 +136,7 @@ def test_the_waveform_is_the_trajectory_at_50_khz_without_a_gap(messages, block)
 
 def test_the_trajectory_is_the_segments_themselves(messages, block):
     found = messages["/rpud/trajectory"]
-    for name in SEGMENT.names:
+    for name in SEGMENT_ARRAYS:
         assert np.array_equal(np.concatenate(column(found, name)), block.segments[name])
     lengths = [len(message.duration) for _, message in found]
     assert column(found, "sequence") == [0, *itertools.accumulate(lengths[:-1])]

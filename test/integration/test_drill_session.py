@@ -12,10 +12,11 @@ from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import Status
 
 CONFIG = get_package_share_directory("rpud_sim") + "/config"
-TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench")
+TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 TYPES = {
     "/rpud/contact_force": "rpud_msgs/msg/ContactForce",
     "/rpud/drill_tool": "rpud_msgs/msg/DrillTool",
+    "/rpud/joint_states": "sensor_msgs/msg/JointState",
     "/rpud/nodal_plane": "rpud_msgs/msg/NodalPlane",
     "/rpud/reacting_force": "rpud_msgs/msg/ReactingForce",
     "/rpud/status": "rpud_msgs/msg/Status",

@@ -10,9 +10,10 @@ from numpy.testing import assert_allclose
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rpud_msgs.msg import Status
 from support import Process
-from trajectories import of_message, rebuild
+from trajectories import arrays_of, rebuild
 
-from rpud_sim.simulation import SEGMENT, preset
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.fields import JOINTS
 
 FREE_MASS = 5e-3
 CONFIG = get_package_share_directory("rpud_sim") + "/config"
@@ -69,14 +70,20 @@ def test_telemetry_is_one_sample_of_one_motion_a_hundred_times_a_second(client):
     parameters = preset("drilling")
     damping = 2.0 * 0.5 * np.sqrt(parameters.load_spring_rate * parameters.rpud_mass)
     for stamp in common:
-        plane, tool, force, wrench = (by_stamp[topic][stamp] for topic in TELEMETRY)
+        plane, tool, force, wrench, joints = (by_stamp[topic][stamp] for topic in TELEMETRY)
         expected = 10.0 - 2000.0 * plane.position - damping * plane.velocity
         assert force.force == pytest.approx(expected, abs=1e-9)
         assert wrench.wrench.force.z == -force.force
         assert abs(tool.displacement) < 1e-3
+        assert joints.name == list(JOINTS)
+        assert (joints.position[0], joints.position[2]) == (plane.position, tool.displacement)
+        assert joints.position[0] - 1e-4 <= joints.position[1] <= joints.position[2] + 1e-12
+        assert (joints.velocity[0], joints.velocity[2]) == (plane.velocity, tool.velocity)
+        assert sum(joints.effort) == joints.effort[0] == force.force
         assert plane.header.frame_id == "rpud_nodal_plane"
         assert tool.header.frame_id == "rpud_tool_tip"
-        assert force.header.frame_id == wrench.header.frame_id == "rpud_mount"
+        frames = {message.header.frame_id for message in (force, wrench, joints)}
+        assert frames == {"rpud_mount"}
 
 
 def test_every_impact_is_heard_once_and_is_physical(client):
@@ -162,10 +169,7 @@ def test_streams_have_no_gap_and_rebuild_each_other_at_rates_that_do_not_divide(
 
     following = steps([message.sequence for message in trajectories])
     assert following == [len(message.duration) for message in trajectories[:-1]]
-    arrays = {
-        name: np.concatenate([np.array(getattr(message, name)) for message in trajectories])
-        for name in SEGMENT.names
-    }
+    arrays = arrays_of(trajectories)
     starts = arrays["start_seconds"] + arrays["start_fraction"]
     assert_allclose(np.diff(starts), arrays["duration"][:-1], atol=1e-14)
     for message in trajectories:
@@ -181,9 +185,7 @@ def test_streams_have_no_gap_and_rebuild_each_other_at_rates_that_do_not_divide(
             continue
         compared += told.sum()
         number = number[told]
-        expected = rebuild(
-            arrays, number // rate, number % rate / rate, **of_message(trajectories[0])
-        )
+        expected = rebuild(arrays, number // rate, number % rate / rate)
         for name, tolerance in {
             "nodal_plane_position": 1e-13,
             "actuator_position": 1e-13,

@@ -76,11 +76,13 @@ def check_trajectory(segments):
 @given(changes=extremes, phase=st.floats(0.0, 1.0))
 def test_extreme_drills_neither_stall_nor_overlap(changes, phase):
     regime = changes["regime"]
-    engine = Engine(preset(regime).replace(**changes), phase)
+    parameters = preset(regime).replace(**changes)
+    drill = derive(parameters)
+    engine = Engine(parameters, phase)
     engine.advance(0, 0.2)
-    engine.command(0, 0.2, (20.0, 1e-5, 20000.0))
+    engine.change(0, 0.2, drill, (20.0, 1e-5, 20000.0))
     engine.advance(0, 0.3)
-    engine.command(0, 0.3, (5.0, 0.0, 16000.0))
+    engine.change(0, 0.3, drill, (5.0, 0.0, 16000.0))
     engine.advance(0, 0.6)
     segments, impacts = engine.take()
     check_trajectory(segments)
@@ -107,7 +109,7 @@ def test_it_does_not_matter_where_a_caller_stops(regime, phase, stops, commands)
         for at in sorted({*times, *commands, 0.3}):
             engine.advance(0, at)
             if at in commands:
-                engine.command(0, at, commands[at])
+                engine.change(0, at, derive(preset(regime)), commands[at])
         return tuple(part.tobytes() for part in engine.take())
 
     assert trajectory(stops) == trajectory([])
@@ -203,7 +205,7 @@ def test_without_drive_everything_comes_to_rest(regime, weight):
     parameters = preset(regime).replace(weight_on_bit=weight)
     engine = Engine(parameters, 0.2)
     engine.advance(1, 0.0)
-    engine.command(1, 0.0, (weight, 0.0, 16000.0))
+    engine.change(1, 0.0, derive(parameters), (weight, 0.0, 16000.0))
     engine.advance(8, 0.0)
     engine.take()
     engine.advance(9, 0.0)
@@ -229,9 +231,9 @@ def test_a_bouncing_mass_settles_in_few_impacts():
     )
     engine = Engine(parameters, 0.0)
     engine.advance(0, 0.1)
-    engine.command(0, 0.1, (0.0, 35e-6, 16000.0))
+    engine.change(0, 0.1, derive(parameters), (0.0, 35e-6, 16000.0))
     engine.advance(0, 0.2)
-    engine.command(0, 0.2, (0.0, 0.0, 16000.0))
+    engine.change(0, 0.2, derive(parameters), (0.0, 0.0, 16000.0))
     engine.advance(2, 0.0)
     before = engine.impact_count
     engine.advance(5, 0.0)
@@ -249,7 +251,7 @@ def test_without_gravity_nothing_brings_the_mass_back_to_the_tool():
 @pytest.mark.parametrize("regime", REGIMES)
 def test_amplitude_changes_only_where_the_vibration_is_zero(regime):
     engine = Engine(preset(regime), 0.1)
-    engine.command(0, 0.1, (10.0, 60e-6, 16000.0))
+    engine.change(0, 0.1, derive(preset(regime)), (10.0, 60e-6, 16000.0))
     engine.advance(0, 0.2)
     segments, _ = engine.take()
     amplitudes = segments["vibration_amplitude"]
@@ -263,7 +265,7 @@ def test_amplitude_changes_only_where_the_vibration_is_zero(regime):
 
 def test_frequency_changes_keep_the_phase_and_the_tip():
     engine = Engine(preset("drilling"), 0.1)
-    engine.command(0, 0.1, (10.0, 35e-6, 23000.0))
+    engine.change(0, 0.1, derive(preset("drilling")), (10.0, 35e-6, 23000.0))
     engine.advance(0, 0.2)
     segments, _ = engine.take()
     (change,) = np.flatnonzero(np.diff(segments["vibration_frequency"]))
@@ -276,7 +278,7 @@ def test_frequency_changes_keep_the_phase_and_the_tip():
 
 def test_a_new_weight_on_bit_acts_at_once_and_jolts_nothing():
     engine = Engine(preset("drilling"), 0.1)
-    engine.command(0, 0.1, (40.0, 35e-6, 16000.0))
+    engine.change(0, 0.1, derive(preset("drilling")), (40.0, 35e-6, 16000.0))
     engine.advance(0, 0.2)
     segments, _ = engine.take()
     check_trajectory(segments)

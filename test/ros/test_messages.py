@@ -9,10 +9,11 @@ from geometry_msgs.msg import WrenchStamped
 from numpy.testing import assert_allclose
 from rclpy.serialization import deserialize_message, serialize_message
 from rpud_msgs.msg import Trajectory, Waveform
-from trajectories import of_message, rebuild
+from sensor_msgs.msg import JointState
+from trajectories import arrays_of, rebuild
 
 from rpud_sim.ros import messages
-from rpud_sim.simulation import SEGMENT, preset
+from rpud_sim.simulation import CONSTANTS, SEGMENT, preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.simulation import Simulation
@@ -88,6 +89,26 @@ def test_the_wrench_is_what_the_mount_feels():
     assert (torque.x, torque.y, torque.z) == (0.0, 0.0, 0.0)
 
 
+def test_the_state_of_the_joints_is_that_of_the_bodies():
+    samples = numbered_samples()
+    message = messages.samples_to_joint_state(samples, 1, ORIGIN + 7)
+    assert nanoseconds(message.header.stamp) == ORIGIN + 7
+    assert message.header.frame_id == "rpud_mount"
+    assert dict(zip(message.name, message.position, strict=True)) == {
+        "rpud_nodal_plane_joint": samples.nodal_plane_position[1],
+        "rpud_free_mass_joint": samples.free_mass_position[1],
+        "rpud_tool_tip_joint": samples.drill_tool_displacement[1],
+    }
+    assert message.velocity.tolist() == [
+        samples.nodal_plane_velocity[1],
+        samples.free_mass_velocity[1],
+        samples.drill_tool_velocity[1],
+    ]
+    wrench = messages.samples_to_wrench(samples, 1, ORIGIN).wrench
+    assert message.effort.tolist() == [-wrench.force.z, 0.0, 0.0]
+    assert deserialize_message(serialize_message(message), JointState) == message
+
+
 def test_an_impact_is_said_field_by_field(block):
     for impact in block.impacts:
         message = messages.impact_to_contact_force(impact, ORIGIN)
@@ -127,7 +148,7 @@ def test_a_waveform_is_the_samples():
 
 
 def test_a_trajectory_has_every_field_of_every_segment(block):
-    message = messages.segments_to_trajectory(block, 5, ORIGIN)
+    (message,) = messages.segments_to_trajectories(block, 5, ORIGIN)
     assert message.sequence == 5
     assert nanoseconds(message.origin) == ORIGIN
     first = block.segments[0]
@@ -138,9 +159,32 @@ def test_a_trajectory_has_every_field_of_every_segment(block):
         for name, kind in message.get_fields_and_field_types().items()
         if kind.startswith("sequence")
     }
-    assert arrays == set(SEGMENT.names)
+    assert arrays == set(SEGMENT.names) - set(CONSTANTS)
     for name in arrays:
         assert getattr(message, name).tolist() == block.segments[name].tolist(), name
+    for name in CONSTANTS:
+        assert getattr(message, name) == block.segments[name][0], name
+
+
+def test_a_trajectory_is_cut_where_constants_change(block):
+    covering = block.covering.copy()
+    covering["free_mass"][3:] = 7e-3
+    covering["gravity"][10:] = 1.62
+    changed = dataclasses.replace(block, covering=covering)
+    found = list(messages.segments_to_trajectories(changed, 5, ORIGIN))
+    assert [message.sequence for message in found] == [5, 8, 15]
+    assert [message.free_mass for message in found] == [5e-3, 7e-3, 7e-3]
+    assert [message.gravity for message in found] == [9.81, 9.81, 1.62]
+    for name, values in arrays_of(found).items():
+        assert values.tolist() == changed.segments[name].tolist(), name
+    for message in found:
+        first = message.start_seconds[0] * SECOND + message.start_fraction[0] * 1e9
+        assert abs(nanoseconds(message.header.stamp) - ORIGIN - first) <= 0.5
+
+
+def test_no_segments_are_no_trajectory(block):
+    nothing = dataclasses.replace(block, covering=block.covering[-1:])
+    assert list(messages.segments_to_trajectories(nothing, 5, ORIGIN)) == []
 
 
 def test_constants_of_contacts_and_events_are_those_of_the_model(block):
@@ -157,14 +201,13 @@ def test_the_waveform_is_rebuilt_from_the_trajectory_message_alone(block):
     first = RATE + 50
     times = Times.from_grid(first, RATE // 12, RATE)
     waveform = messages.samples_to_waveform(block.sample(times), ORIGIN, first, RATE)
-    message = messages.segments_to_trajectory(block, 0, ORIGIN)
+    (message,) = messages.segments_to_trajectories(block, 0, ORIGIN)
     # As a reader has them, who knows nothing of this package.
     waveform = deserialize_message(serialize_message(waveform), Waveform)
     message = deserialize_message(serialize_message(message), Trajectory)
     count = len(waveform.nodal_plane_position)
     number = waveform.sequence + np.arange(count)
-    arrays = {name: np.array(getattr(message, name)) for name in SEGMENT.names}
-    expected = rebuild(arrays, number // RATE, number % RATE / RATE, **of_message(message))
+    expected = rebuild(arrays_of([message]), number // RATE, number % RATE / RATE)
     for name, tolerance in {
         "nodal_plane_position": 1e-15,
         "actuator_position": 1e-14,
@@ -176,5 +219,5 @@ def test_the_waveform_is_rebuilt_from_the_trajectory_message_alone(block):
         assert_allclose(
             getattr(waveform, name), expected[name], rtol=1e-9, atol=tolerance, err_msg=name
         )
-    if block.drill.in_rock:
+    if message.drill_tool_spring_rate > 1e6:  # in the rock
         assert max(waveform.contact_force) > 100.0

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from trajectories import of_drill, rebuild
+from trajectories import rebuild
 
+from rpud_sim.model.drill import derive
 from rpud_sim.simulation import SEGMENT, preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.sampling import CHANNELS, Times, sample
@@ -53,8 +54,8 @@ def close(name):
 def test_samples_are_the_motion_of_their_segments(regime, rate):
     blocks = run(regime)
     times = Times.from_grid(0, rate // 4, rate)
-    samples = sample(blocks[0].drill, whole(blocks), times)
-    expected = rebuild(whole(blocks), times.seconds, times.fraction, **of_drill(blocks[0].drill))
+    samples = sample(whole(blocks), times)
+    expected = rebuild(whole(blocks), times.seconds, times.fraction)
     for name in CHANNELS:
         assert_allclose(
             getattr(samples, name), expected[name], rtol=1e-9, atol=close(name), err_msg=name
@@ -70,7 +71,7 @@ def test_a_grid_over_many_blocks_is_that_of_the_whole(regime):
         end = -(-block.end * rate // SECOND)
         pieces.append(block.sample(Times.from_grid(first, end - first, rate)))
         first = end
-    expected = sample(blocks[0].drill, whole(blocks), Times.from_grid(0, first, rate))
+    expected = sample(whole(blocks), Times.from_grid(0, first, rate))
     for name in (*CHANNELS, "in_contact"):
         joined = np.concatenate([getattr(piece, name) for piece in pieces])
         assert np.array_equal(joined, getattr(expected, name)), name
@@ -91,8 +92,8 @@ def test_a_sample_is_the_same_whatever_is_sampled_beside_it(times):
 def dense(request):
     """A quarter of a second of a drill, two million samples a second."""
     blocks = run(request.param)
-    samples = sample(blocks[0].drill, whole(blocks), Times.from_grid(0, 500_000, 2_000_000))
-    return blocks[0].drill, samples
+    samples = sample(whole(blocks), Times.from_grid(0, 500_000, 2_000_000))
+    return derive(preset(request.param)), samples
 
 
 def test_the_bodies_keep_their_order(dense):
@@ -174,11 +175,11 @@ def test_a_late_time_is_as_exact_as_an_early_one():
     """A segment a hundred years after time zero has the same motion as one at time zero."""
     early = run("drilling", commands=False, blocks=1)[0]
     segments = whole([early]).copy()
-    expected = sample(early.drill, segments, Times.from_grid(0, 1000, 4000))
+    expected = sample(segments, Times.from_grid(0, 1000, 4000))
     segments["start_seconds"] += 100 * 365 * 24 * 3600
     late = Times.from_grid(0, 1000, 4000)
     late = Times(late.seconds + 100 * 365 * 24 * 3600, late.fraction)
-    found = sample(early.drill, segments, late)
+    found = sample(segments, late)
     assert segments.dtype == SEGMENT
     for name in CHANNELS:
         assert np.array_equal(getattr(found, name), getattr(expected, name)), name

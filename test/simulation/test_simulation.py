@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from trajectories import evaluate, of_drill
+from trajectories import evaluate
 
 from rpud_sim.simulation import ParameterError, Parameters, preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
@@ -115,9 +115,8 @@ def test_segments_follow_each_other_without_a_gap_or_a_jump(parameters, given_co
     assert_allclose(np.diff(starts), segments["duration"][:-1], rtol=0.0, atol=1e-15)
 
     index = np.arange(len(segments) - 1)
-    constants = of_drill(simulation.drill)
-    old = evaluate(segments, index, segments["duration"][:-1], **constants)
-    new = evaluate(segments, index + 1, np.zeros(len(index)), **constants)
+    old = evaluate(segments, index, segments["duration"][:-1])
+    new = evaluate(segments, index + 1, np.zeros(len(index)))
     for name, tolerance in {
         "nodal_plane_position": 1e-13,
         "actuator_position": 1e-13,

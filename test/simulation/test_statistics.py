@@ -72,7 +72,7 @@ def test_the_mean_reacting_force_is_the_integral_over_dense_samples(block):
     segments = np.concatenate([block.segments, block.open_segment])
     count = 2_000_000
     times = Times.from_grid(0, count // 2 + 1, count)
-    force = sample(block.drill, segments, times).reacting_force
+    force = sample(segments, times).reacting_force
     mean = (force.sum() - (force[0] + force[-1]) / 2) / (len(force) - 1)
     assert figures([block])["reacting_force_mean"] == pytest.approx(mean, rel=2e-5)
 
@@ -85,7 +85,7 @@ def test_the_mean_reacting_force_of_a_part_is_that_of_the_part():
     segments = np.concatenate([part.segments, part.open_segment])
     count = 20_000_000
     times = Times.from_grid(count // 2, count // 100 + 1, count)
-    force = sample(part.drill, segments, times).reacting_force
+    force = sample(segments, times).reacting_force
     mean = (force.sum() - (force[0] + force[-1]) / 2) / (len(force) - 1)
     assert figures([part])["reacting_force_mean"] == pytest.approx(mean, rel=1e-5)
 

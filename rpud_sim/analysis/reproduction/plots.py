@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 from rpud_sim.analysis.reproduction.headline import CONTACT_SPEED
 from rpud_sim.analysis.reproduction.windows import LONG, SHORT
 from rpud_sim.simulation import Parameters
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.contact import contact_history, single_contact
 from rpud_sim.simulation.sampling import NANOSECONDS, Samples, Times
-from rpud_sim.simulation.simulation import Block, Simulation
+from rpud_sim.simulation.simulation import Simulation
 
 _COLORS = {"actuator": "tab:blue", "free mass": "tab:orange", "drill tool": "tab:green"}
 _ZOOM = 0.3, 0.305  # [s]

@@ -15,8 +15,9 @@ from rpud_sim.simulation import (
     EngineError,
     Parameters,
 )
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
-from rpud_sim.simulation.simulation import Block, Simulation
+from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
 SHORT = 0.6  # Figs. 3, 8, 10, 11 and 13 [s]

@@ -1,0 +1,52 @@
+"""Start the drill and publish its frames: `ros2 launch rpud_sim display.launch.py rviz:=true`."""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Describe the drill node, the publisher of its frames, and RViz if asked."""
+    share = Path(get_package_share_directory("rpud_sim"))
+    urdf = (share / "urdf" / "rpud.urdf").read_text()
+    settings = {"use_sim_time": LaunchConfiguration("use_sim_time")}
+    log_level = ["--log-level", LaunchConfiguration("log_level")]
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument(
+                "rviz",
+                default_value="false",
+                choices=["true", "false"],
+                description="Whether to show the drill in RViz",
+            ),
+            # Declares namespace, config, log_level and use_sim_time for all that follows too.
+            IncludeLaunchDescription(
+                PathJoinSubstitution([FindPackageShare("rpud_sim"), "launch", "drill.launch.py"])
+            ),
+            Node(
+                package="robot_state_publisher",
+                executable="robot_state_publisher",
+                namespace=LaunchConfiguration("namespace"),
+                parameters=[settings, {"robot_description": ParameterValue(urdf, value_type=str)}],
+                ros_arguments=log_level,
+                output="screen",
+            ),
+            Node(
+                package="rviz2",
+                executable="rviz2",
+                namespace=LaunchConfiguration("namespace"),
+                arguments=["--display-config", str(share / "config" / "display.rviz")],
+                parameters=[settings],
+                ros_arguments=log_level,
+                condition=IfCondition(LaunchConfiguration("rviz")),
+                output="screen",
+            ),
+        ]
+    )

@@ -1,0 +1,86 @@
+"""Where the drill's time comes from: this machine's clock, or somebody's ``/clock``."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from rclpy.clock import JumpThreshold, ROSClock, TimeJump
+from rclpy.duration import Duration
+from rclpy.node import Node
+
+
+class TimeSource:
+    """Stamps of simulation time zero, and the schedule of what comes after it.
+
+    Args:
+        node: whose clock it is; with its parameter ``use_sim_time`` it follows ``/clock``.
+        publishes: whether the node itself is the source of ``/clock``.
+        wake: called when the time has moved.
+    """
+
+    def __init__(self, node: Node, publishes: bool, wake: Callable[[], None]) -> None:
+        self._clock = node.get_clock()
+        self._logger = node.get_logger()
+        self._publishes = publishes
+        simulated = isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active
+        self._follows = simulated and not publishes
+        self._origin = 0
+        self._wake = wake
+        self._went_back = threading.Event()
+        self._jumps = None
+        if self._follows:
+            self._jumps = self._clock.create_jump_callback(
+                JumpThreshold(
+                    min_forward=Duration(nanoseconds=1),
+                    min_backward=Duration(nanoseconds=-1),
+                    on_clock_change=False,
+                ),
+                post_callback=self._on_jump,
+            )
+
+    @property
+    def follows(self) -> bool:
+        """Whether the time is that of another source of ``/clock``."""
+        return self._follows
+
+    @property
+    def schedule(self) -> Callable[[], int] | None:
+        """The time that a schedule follows [ns]; None for the monotonic clock."""
+        return self._now if self._follows else None
+
+    def wait(self, stop: threading.Event) -> int:
+        """Wait until there is a time, and return the stamp of simulation time zero, now [ns]."""
+        if self._follows and self._now() == 0:
+            self._logger.info("waiting for /clock, as use_sim_time is set")
+            while self._now() == 0 and not stop.wait(0.01):
+                pass
+        return self.begin()
+
+    def begin(self) -> int:
+        """Return the stamp of simulation time zero [ns], if it is now."""
+        self._went_back.clear()
+        self._origin = 0 if self._publishes else self._now()
+        return self._origin
+
+    def resume(self, time: int) -> int | None:
+        """Return when on the schedule a simulation time [ns] is due; None for now."""
+        return self._origin + time if self._follows else None
+
+    def went_back(self) -> bool:
+        """Whether the time has gone back since it began."""
+        return self._went_back.is_set()
+
+    def close(self) -> None:
+        """Stop listening."""
+        if self._jumps is not None:
+            self._jumps.unregister()
+            self._jumps = None
+
+    def _now(self) -> int:
+        return int(self._clock.now().nanoseconds)
+
+    def _on_jump(self, jump: TimeJump) -> None:
+        if jump.delta.nanoseconds < 0:
+            self._went_back.set()
+        self._wake()

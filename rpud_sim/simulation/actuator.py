@@ -1,0 +1,328 @@
+"""The actuator: from the voltage on the piezoelectric stack to the amplitude of the vibration."""
+
+from __future__ import annotations
+
+import cmath
+import dataclasses
+import math
+import sys
+from collections.abc import Mapping
+
+from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, check_choice, shown
+from rpud_sim.simulation.commands import NOMINAL_VOLTAGE, Drive
+from rpud_sim.simulation.sampling import NANOSECONDS
+
+ACTUATOR_MODELS = ("gain", "resonance")
+
+# Time of a step that never comes [ns].
+NEVER = sys.maxsize
+
+# The temperature is followed at whole multiples of this [ns], so that it does not depend on how
+# the simulation is stepped.
+HEATING_INTERVAL = 10_000_000
+
+# A step changes the amplitude by at most this share of its greatest, unless it is as short as one
+# cycle or this share of the time constant, so that far from resonance the steps stay countable.
+STEP = 0.01
+SHORTEST_STEP = 0.002
+
+# The amplitude is steady when it is this near to its end, as a share of its greatest, or when the
+# envelope is within this voltage [V] of its own, where rounding would end its approach.
+STEADY = 0.001
+SMALLEST_VOLTAGE = 1e-9
+
+ACTUATOR_QUANTITIES: Mapping[str, Quantity] = {
+    "nominal_voltage": NOMINAL_VOLTAGE,
+    "resonance_frequency": dataclasses.replace(
+        QUANTITIES["vibration_frequency"],
+        description="resonance frequency of the actuator at ambient temperature",
+    ),
+    "quality_factor": Quantity("", "quality factor of the actuator's resonance", 10.0, 1e5),
+    "motional_resistance": Quantity(
+        "ohm", "electrical resistance of the actuator on resonance", 1e-3, 1e6
+    ),
+    "thermal_resistance": Quantity(
+        "K/W", "thermal resistance from the actuator to its surroundings", 1e-3, 1e3
+    ),
+    "heat_capacity": Quantity("J/K", "heat capacity of the actuator", 1e-3, 1e6),
+    "ambient_temperature": Quantity(
+        "K", "temperature of the surroundings", 0.0, 1e3, exclusive=True
+    ),
+    "resonance_temperature_coefficient": Quantity(
+        "1/K", "relative change of the resonance frequency with temperature", -1e-2, 1e-2
+    ),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class ActuatorParameters:
+    """All parameters of the actuator, in SI units.
+
+    The paper gives none of them: the resonance frequency is that of its drive, the others are
+    assumed; docs/actuator.md says why.
+
+    Raises:
+        ParameterError: if a value is outside the range in ``ACTUATOR_QUANTITIES``, or if the
+            actuator is to heat without the power that its resonance model gives.
+    """
+
+    actuator_model: str = "gain"
+    nominal_voltage: float = 100.0
+    resonance_frequency: float = 16000.0
+    quality_factor: float = 500.0
+    motional_resistance: float = 100.0
+    heating: bool = False
+    thermal_resistance: float = 1.0
+    heat_capacity: float = 200.0
+    ambient_temperature: float = 293.15
+    resonance_temperature_coefficient: float = -2e-4
+
+    def __post_init__(self) -> None:
+        for name, quantity in ACTUATOR_QUANTITIES.items():
+            object.__setattr__(self, name, quantity.check(name, getattr(self, name)))
+        check_choice("actuator_model", self.actuator_model, ACTUATOR_MODELS)
+        if not isinstance(self.heating, bool):
+            raise ParameterError(f"heating = {shown(self.heating)} is not true or false")
+        if self.heating and self.actuator_model != "resonance":
+            raise ParameterError("heating = True needs actuator_model = resonance")
+
+
+def check_drive(drive: Drive, vibration_amplitude: float, nominal_voltage: float) -> float:
+    """Return the greatest amplitude that a drive can give [m]: that on resonance.
+
+    It is proportional to the voltage. The resonance model stays below it at every frequency and
+    temperature, while ringing up as well.
+
+    Args:
+        drive: to be checked.
+        vibration_amplitude: at nominal voltage on resonance [m].
+        nominal_voltage: [V].
+
+    Raises:
+        ParameterError: if the amplitude is outside its range.
+    """
+    if not drive.enabled:
+        return 0.0
+    return QUANTITIES["vibration_amplitude"].check(
+        f"vibration_amplitude at drive voltage {drive.voltage:g} V",
+        vibration_amplitude * drive.voltage / nominal_voltage,
+    )
+
+
+class Actuator:
+    """The amplitude of the vibration under drives, and the power that they take.
+
+    The gain model follows the voltage at once, at every frequency. The resonance model is the
+    motional branch of the Butterworth-Van Dyke circuit seen through its envelope z(t), the complex
+    voltage across the motional resistance R, which changes by
+
+        dz/dt = (V - (1 + j delta) z) / tau,  tau = Q / (pi f_r),  delta = 2 Q (f - f_r) / f_r
+
+    The amplitude is proportional to abs(z), the power drawn is V Re(z) / 2 R and the heat abs(z)^2
+    / 2 R. Impacts do not load the branch. The amplitude is handed out in steps; they depend on
+    the drives and their times alone, not on when the actuator is asked. Times are integer
+    nanoseconds of simulation time.
+
+    Args:
+        parameters: of the actuator.
+        vibration_amplitude: at nominal voltage on resonance [m].
+        drive: in force from time zero on; a frequency of zero is the resonance frequency.
+
+    Raises:
+        ParameterError: if the drive would give an amplitude outside its range.
+    """
+
+    def __init__(
+        self, parameters: ActuatorParameters, vibration_amplitude: float, drive: Drive
+    ) -> None:
+        check_drive(drive, vibration_amplitude, parameters.nominal_voltage)
+        self._parameters = parameters
+        self._vibration_amplitude = vibration_amplitude
+        self._resonant = parameters.actuator_model == "resonance"
+        self._time = 0
+        self._voltage = drive.voltage if drive.enabled else 0.0
+        self._frequency = drive.frequency or parameters.resonance_frequency
+        self._temperature = parameters.ambient_temperature
+        self._offset = 0.0
+        # The envelope at its last change of course, and what had been drawn and lost until then.
+        self._since = 0
+        self._envelope = 0j
+        self._drawn = 0.0
+        self._heat = 0.0
+        self._heating = HEATING_INTERVAL if parameters.heating else NEVER
+        self._amplitude = 0.0
+        self._begin()
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude of the vibration, constant between steps [m]."""
+        return self._amplitude
+
+    @property
+    def frequency(self) -> float:
+        """Frequency of the vibration, that of the drive [Hz]; kept while ringing down."""
+        return self._frequency
+
+    @property
+    def next_step(self) -> int:
+        """Time before which the amplitude stays the same [ns]; ``NEVER`` if it is steady."""
+        idle = self._voltage == 0.0 and self._envelope == 0j
+        return self._step if idle else min(self._step, self._heating)
+
+    @property
+    def resonance_frequency(self) -> float:
+        """Resonance frequency at the present temperature, with its offset [Hz]."""
+        coefficient = self._parameters.resonance_temperature_coefficient
+        rise = self._temperature - self._parameters.ambient_temperature
+        frequency = self._parameters.resonance_frequency * (1.0 + coefficient * rise)
+        # The linear law holds for small changes; far beyond them the frequency stays positive.
+        allowed = ACTUATOR_QUANTITIES["resonance_frequency"]
+        return min(max(frequency + self._offset, allowed.minimum), allowed.maximum)
+
+    @property
+    def temperature(self) -> float:
+        """Temperature at the last whole multiple of ``HEATING_INTERVAL`` [K]."""
+        return self._temperature
+
+    @property
+    def electrical_power(self) -> float:
+        """Power drawn, averaged over a cycle [W]; NaN with the gain model, which has none.
+
+        It is negative where the vibration gives power back to the drive.
+        """
+        if not self._resonant:
+            return math.nan
+        envelope, _, _ = self._at(self._time)
+        return self._voltage * envelope.real / (2.0 * self._parameters.motional_resistance)
+
+    @property
+    def energy(self) -> float:
+        """Energy drawn so far [J]; NaN with the gain model."""
+        return self._drawn + self._at(self._time)[1] if self._resonant else math.nan
+
+    def advance_to(self, time: int) -> None:
+        """Advance to a time [ns], over all steps until then.
+
+        Raises:
+            ValueError: if the time is before the present one.
+        """
+        if time < self._time:
+            raise ValueError(f"time {time} ns is before the present {self._time} ns")
+        while (event := min(self._step, self._heating)) <= time:
+            self._rebase(event)
+            if event == self._heating:
+                self._warm()
+                self._heating += HEATING_INTERVAL
+            self._follow()
+        self._time = time
+
+    def drive(self, time: int, drive: Drive) -> None:
+        """Advance to a time [ns] and put a drive into force; the amplitude goes on from its own.
+
+        A frequency of zero keeps the present one. A drive that changes nothing has no effect.
+
+        Raises:
+            ParameterError: if the drive would give an amplitude outside its range; nothing changes
+                then.
+            ValueError: if the time is before the present one.
+        """
+        check_drive(drive, self._vibration_amplitude, self._parameters.nominal_voltage)
+        self.advance_to(time)
+        voltage = drive.voltage if drive.enabled else 0.0
+        frequency = drive.frequency or self._frequency
+        if (voltage, frequency) != (self._voltage, self._frequency):
+            self._rebase(time)
+            self._voltage, self._frequency = voltage, frequency
+            self._begin()
+
+    def drift(self, time: int, offset: float) -> None:
+        """Advance to a time [ns] and shift the resonance frequency from its own by an offset [Hz].
+
+        Raises:
+            ParameterError: if the frequency would be outside its range, or if the model has no
+                resonance; nothing changes then.
+            ValueError: if the time is before the present one.
+        """
+        if not self._resonant:
+            raise ParameterError("resonance drift needs actuator_model = resonance")
+        ACTUATOR_QUANTITIES["resonance_frequency"].check(
+            f"resonance_frequency with a drift of {offset:g} Hz",
+            self._parameters.resonance_frequency + offset,
+        )
+        self.advance_to(time)
+        if offset != self._offset:
+            self._rebase(time)
+            self._offset = offset
+            self._begin()
+
+    def _begin(self) -> None:
+        """Go on from the present envelope under a new drive or resonance."""
+        self._tune()
+        if not self._resonant:
+            self._envelope = self._end
+        self._scale = max(abs(self._envelope), abs(self._end))
+        # So that the amplitude is taken anew even if the envelope is there already.
+        self._step = self._since
+        self._follow()
+
+    def _tune(self) -> None:
+        """Take course for the end that drive and resonance give."""
+        resonance = self.resonance_frequency
+        quality = self._parameters.quality_factor
+        detuning = 2.0 * quality * (self._frequency - resonance) / resonance
+        self._decay = math.pi * resonance / quality  # 1 / tau [1/s]
+        self._rate = self._decay * complex(1.0, detuning)
+        self._end = complex(self._voltage)
+        if self._resonant:
+            self._end /= complex(1.0, detuning)
+
+    def _at(self, time: int) -> tuple[complex, float, float]:
+        """Envelope [V] at a time on this course, and energy drawn and heat from its beginning."""
+        elapsed = (time - self._since) / NANOSECONDS
+        end, away = self._end, self._envelope - self._end
+        decayed = cmath.exp(-self._rate * elapsed)
+        area = away * (1.0 - decayed) / self._rate
+        square = abs(away) ** 2 * -math.expm1(-2.0 * self._decay * elapsed) / (2.0 * self._decay)
+        drawn = self._voltage * (end.real * elapsed + area.real)
+        heat = abs(end) ** 2 * elapsed + 2.0 * (end.conjugate() * area).real + square
+        resistance = 2.0 * self._parameters.motional_resistance
+        return end + away * decayed, drawn / resistance, heat / resistance
+
+    def _rebase(self, time: int) -> None:
+        """Begin the course anew at a time."""
+        self._envelope, drawn, heat = self._at(time)
+        self._drawn += drawn
+        self._heat += heat
+        self._since = time
+
+    def _warm(self) -> None:
+        """Take the temperature that the heat of one interval leaves."""
+        parameters = self._parameters
+        interval = HEATING_INTERVAL / NANOSECONDS
+        end = parameters.ambient_temperature + parameters.thermal_resistance * self._heat / interval
+        time_constant = parameters.thermal_resistance * parameters.heat_capacity
+        self._temperature -= (end - self._temperature) * math.expm1(-interval / time_constant)
+        self._heat = 0.0
+        self._tune()
+
+    def _follow(self) -> None:
+        """Take the amplitude of the present envelope where it is due, and plan the next step."""
+        away = abs(self._envelope - self._end)
+        if away <= max(STEADY * self._scale, SMALLEST_VOLTAGE):
+            self._envelope = self._end
+            self._scale = abs(self._end)
+            taken = self._amplitude_of(self._end)
+            # A slow drift of the end is followed in steps as well.
+            if self._step != NEVER or abs(taken - self._amplitude) > STEADY * taken:
+                self._amplitude = taken
+            self._step = NEVER
+        elif self._step in (NEVER, self._since):
+            self._amplitude = self._amplitude_of(self._envelope)
+            # An envelope that rings down turns without beating.
+            rate = abs(self._rate) if self._end else self._decay
+            shortest = max(SHORTEST_STEP / self._decay, 1.0 / self._frequency)
+            duration = max(STEP * self._scale / (rate * away), shortest)
+            self._step = self._since + math.ceil(duration * NANOSECONDS)
+
+    def _amplitude_of(self, envelope: complex) -> float:
+        return self._vibration_amplitude * abs(envelope) / self._parameters.nominal_voltage

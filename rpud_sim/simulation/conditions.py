@@ -1,0 +1,99 @@
+"""Conditions: what the drill and its rock are while faults last."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+
+from rpud_sim.model.parameters import QUANTITIES, Parameters
+from rpud_sim.simulation.faults import Fault
+
+# A binding damps up to this; at one, critical damping, the closed forms of the paper end.
+MOST_DAMPING_RATIO = 0.99
+
+
+@dataclasses.dataclass(frozen=True)
+class Conditions:
+    """What the drill and its rock are under faults.
+
+    Args:
+        parameters: in force, always inside their ranges.
+        jammed: whether the free mass is wedged to the drill tool.
+        specific_energy_factor: on the specific energy of the rock.
+        progress_factor: on the progress into the rock, 0 to 1.
+        resonance_offset: of the actuator [Hz].
+        preload_factor: on the commanded weight on bit, 0 to 1.
+        limited: names of the parameters that a fault would have taken out of their range, and that
+            stand at its end instead.
+    """
+
+    parameters: Parameters
+    jammed: bool = False
+    specific_energy_factor: float = 1.0
+    progress_factor: float = 1.0
+    resonance_offset: float = 0.0
+    preload_factor: float = 1.0
+    limited: tuple[str, ...] = ()
+
+
+def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
+    """Return the conditions under any faults; signal faults leave the drill as it is.
+
+    Factors of several faults multiply and offsets add, so that their order does not matter. A
+    binding by a factor f means that the same force moves a body 1/f as far, and takes the damping
+    ratio xi to 1 - (1 - xi)/f, up to ``MOST_DAMPING_RATIO`` (assumed).
+    """
+    jammed = False
+    load_spring = restoring_spring = restitution = drill_tool_restitution = 1.0
+    specific_energy = progress = preload = 1.0
+    offset = 0.0
+    for fault in faults:
+        magnitude = fault.magnitude
+        if fault.kind == "free_mass_jammed":
+            jammed = True
+        elif fault.kind == "lost_preload":
+            preload *= 1.0 - magnitude
+        elif fault.kind == "load_spring_binding":
+            load_spring *= magnitude
+        elif fault.kind == "drill_tool_binding":
+            restoring_spring *= magnitude
+            progress /= magnitude
+        elif fault.kind == "choking":
+            progress *= 1.0 - magnitude
+            drill_tool_restitution *= 1.0 - magnitude
+        elif fault.kind == "hard_rock":
+            specific_energy *= magnitude
+        elif fault.kind == "resonance_drift":
+            offset += magnitude
+        elif fault.kind == "restitution_loss":
+            restitution *= magnitude
+    wanted = {
+        "load_spring_rate": parameters.load_spring_rate * load_spring,
+        "rpud_damping_ratio": _bound(parameters.rpud_damping_ratio, load_spring),
+        "restoring_spring_rate": parameters.restoring_spring_rate * restoring_spring,
+        "drill_tool_damping_ratio": _bound(parameters.drill_tool_damping_ratio, restoring_spring),
+        "actuator_restitution": parameters.actuator_restitution * restitution,
+        "drill_tool_restitution": parameters.drill_tool_restitution
+        * restitution
+        * drill_tool_restitution,
+    }
+    allowed = {name: min(value, _greatest(parameters, name)) for name, value in wanted.items()}
+    return Conditions(
+        parameters=parameters.replace(**allowed),
+        jammed=jammed,
+        specific_energy_factor=specific_energy,
+        progress_factor=progress,
+        resonance_offset=offset,
+        preload_factor=preload,
+        limited=tuple(name for name in wanted if allowed[name] != wanted[name]),
+    )
+
+
+def _bound(damping_ratio: float, factor: float) -> float:
+    return damping_ratio if factor == 1.0 else 1.0 - (1.0 - damping_ratio) / factor
+
+
+def _greatest(parameters: Parameters, name: str) -> float:
+    if name.endswith("damping_ratio"):
+        return max(MOST_DAMPING_RATIO, getattr(parameters, name))
+    return QUANTITIES[name].maximum

@@ -1,0 +1,303 @@
+"""Faults: what can fail, checked when it is made, and by what the drill can honour.
+
+A physical fault changes the drill, so that every channel shows its effect through the physics. A
+signal fault changes what one channel says of a drill that is well. ``docs/faults.md`` explains the
+kinds; how their magnitudes act is assumed wherever it says so.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, shown
+from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
+
+
+class FaultError(ParameterError):
+    """A fault that cannot be used; its text says why, in one line."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """What a kind of fault is.
+
+    Args:
+        physical: whether it changes the drill; otherwise what one channel says.
+        description: one phrase.
+        magnitude: what its magnitude means, None if it has none; without unit for those that have
+            the channel's.
+        default: magnitude that NaN stands for; for those in the channel's unit in terms of the
+            channel's scale.
+        unchanging: a magnitude inside the range that would change nothing, and is refused.
+        in_channel_unit: whether the magnitude has the unit of the channel's main quantity.
+    """
+
+    physical: bool
+    description: str
+    magnitude: Quantity | None = None
+    default: float = 0.0
+    unchanging: float | None = None
+    in_channel_unit: bool = False
+
+    def quantity_on(self, channel: str) -> Quantity | None:
+        """What the magnitude means on a channel."""
+        if self.magnitude is None or not self.in_channel_unit:
+            return self.magnitude
+        return dataclasses.replace(self.magnitude, unit=CHANNELS[channel].unit)
+
+    @property
+    def takes_zero(self) -> bool:
+        """Whether zero is a magnitude of its own: inside the range, and not without effect."""
+        if self.magnitude is None or self.unchanging == 0.0:
+            return False
+        return not self.magnitude.exclusive and self.magnitude.minimum <= 0.0
+
+    def default_on(self, channel: str) -> float:
+        """The magnitude that NaN stands for on a channel."""
+        return self.default * CHANNELS[channel].scale if self.in_channel_unit else self.default
+
+
+def _share(description: str) -> Quantity:
+    return Quantity("", description, 0.0, 1.0, exclusive=True)
+
+
+def _binding(description: str) -> Quantity:
+    return Quantity("", description, 1.0, 1e3, exclusive=True)
+
+
+KINDS: Mapping[str, Kind] = {
+    "free_mass_jammed": Kind(
+        True, "the free mass is wedged to the drill tool and strikes it no more"
+    ),
+    "lost_preload": Kind(
+        True,
+        "the load spring pushes less than commanded",
+        _share("share of the weight on bit that is lost"),
+        0.5,
+    ),
+    "load_spring_binding": Kind(
+        True,
+        "the RPUD binds in its linear guide",
+        _binding("factor on the rate of the load spring"),
+        5.0,
+    ),
+    "drill_tool_binding": Kind(
+        True,
+        "the bit binds in its hole",
+        _binding("factor on the rate of the restoring spring, divisor of the progress"),
+        5.0,
+    ),
+    "choking": Kind(
+        True,
+        "cuttings clog the hole",
+        _share("share lost of the progress and of the drill tool's restitution"),
+        0.8,
+    ),
+    "hard_rock": Kind(
+        True,
+        "the bit meets harder rock",
+        Quantity("", "factor on the specific energy of the rock", 1.0, 1e3, exclusive=True),
+        3.0,
+    ),
+    "resonance_drift": Kind(
+        True,
+        "the resonance of the actuator has moved",
+        Quantity("Hz", "offset of the resonance frequency", -1e4, 1e4),
+        -200.0,
+        unchanging=0.0,
+    ),
+    "restitution_loss": Kind(
+        True,
+        "the impacts are less elastic",
+        Quantity("", "factor on both coefficients of restitution", 0.0, 1.0, below=True),
+        0.5,
+    ),
+    "off": Kind(False, "nothing is published"),
+    "stuck": Kind(False, "the values last published are repeated with new stamps"),
+    "garbage": Kind(False, "random bit patterns in place of every value"),
+    "wrong": Kind(
+        False,
+        "plausible values that are consistently wrong",
+        Quantity("", "factor on every measured number", -10.0, 10.0),
+        0.5,
+        unchanging=1.0,
+    ),
+    "slow": Kind(
+        False,
+        "messages go out at a lower rate",
+        Quantity("s", "period in which at most one message goes out", 0.0, 1e3, exclusive=True),
+        0.5,
+    ),
+    "delayed": Kind(
+        False,
+        "every message comes late",
+        Quantity("s", "time by which a message is late", 0.0, 10.0, exclusive=True),
+        0.5,
+    ),
+    "intermittent": Kind(
+        False,
+        "messages are lost at random",
+        Quantity("", "probability that a message is lost", 0.0, 1.0, exclusive=True),
+        0.5,
+    ),
+    "noise": Kind(
+        False,
+        "Gaussian noise on the main quantity",
+        Quantity("", "standard deviation", 0.0, 1e6, exclusive=True),
+        1.0,
+        in_channel_unit=True,
+    ),
+    "bias": Kind(
+        False,
+        "a constant offset on the main quantity",
+        Quantity("", "offset", -1e6, 1e6),
+        1.0,
+        unchanging=0.0,
+        in_channel_unit=True,
+    ),
+}
+
+
+def number_of(value: Any) -> float | None:
+    """The value as a float, infinite if it is too large for one; None if it is no number."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+@dataclasses.dataclass(frozen=True)
+class Fault:
+    """One fault, immutable.
+
+    Args:
+        kind: one of ``KINDS``.
+        channel: one of ``CHANNELS`` for a signal fault, empty for a physical one.
+        magnitude: in the unit of the kind; NaN stands for the kind's default. Kinds without a
+            magnitude take NaN or zero; it is kept as zero.
+
+    Raises:
+        FaultError: if a name is unknown, or the magnitude outside its range or without effect.
+    """
+
+    kind: str
+    channel: str = ""
+    magnitude: float = math.nan
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.kind, str) and self.kind in KINDS):
+            raise FaultError(f"fault kind = {shown(self.kind)} is not one of {', '.join(KINDS)}")
+        self._check_channel()
+        object.__setattr__(self, "magnitude", self._checked_magnitude())
+
+    def __str__(self) -> str:
+        """The fault's name, as in ``noise on wrench``."""
+        return f"{self.kind} on {self.channel}" if self.channel else self.kind
+
+    @property
+    def physical(self) -> bool:
+        """Whether it changes the drill; otherwise what its channel says."""
+        return KINDS[self.kind].physical
+
+    def _check_channel(self) -> None:
+        if self.physical:
+            if self.channel != "":
+                raise FaultError(
+                    f"{self.kind} is a fault of the drill and has no channel, "
+                    f"given {shown(self.channel)}"
+                )
+        elif self.channel in GROUND_TRUTH:
+            raise FaultError(
+                f"{self.kind} on {self.channel} is refused: it is the ground truth; "
+                f"channels that may fail are {', '.join(CHANNELS)}"
+            )
+        elif not (isinstance(self.channel, str) and self.channel in CHANNELS):
+            raise FaultError(
+                f"channel of {self.kind} = {shown(self.channel)} is not one of "
+                f"{', '.join(CHANNELS)}"
+            )
+
+    def _checked_magnitude(self) -> float:
+        kind = KINDS[self.kind]
+        quantity = kind.quantity_on(self.channel)
+        number = number_of(self.magnitude)
+        if number is None:
+            raise FaultError(f"magnitude of {self} = {shown(self.magnitude)} is not a number")
+        if quantity is None:
+            if not (math.isnan(number) or number == 0.0):
+                raise FaultError(f"{self} has no magnitude, given {number:g}")
+            return 0.0
+        default = kind.default_on(self.channel)
+        if math.isnan(number):
+            return default
+        hint = f"NaN stands for the default {default:g} {quantity.unit}".rstrip()
+        try:
+            quantity.check(f"magnitude of {self}", number)
+        except ParameterError as error:
+            raise FaultError(f"{error}; {hint}") from None
+        if number == kind.unchanging:
+            raise FaultError(f"magnitude of {self} = {number:g} would change nothing; {hint}")
+        return number
+
+
+def check_honoured(
+    fault: Fault,
+    *,
+    regime: str,
+    actuator_model: str,
+    resonance_frequency: float,
+    rock_model: str,
+) -> None:
+    """Refuse a fault that would have no effect, or no sense, in a configuration.
+
+    Args:
+        fault: that is to be injected.
+        regime: ``free`` or ``drilling``.
+        actuator_model: ``resonance`` where the actuator has a resonance.
+        resonance_frequency: of the actuator without drift [Hz].
+        rock_model: ``none`` where there is no progress into the rock.
+
+    Raises:
+        FaultError: with the reason.
+    """
+    reason = ""
+    if fault.kind == "resonance_drift":
+        drifted = resonance_frequency + fault.magnitude
+        allowed = QUANTITIES["vibration_frequency"]
+        if actuator_model != "resonance":
+            reason = f"needs actuator_model = resonance, which is {actuator_model}"
+        elif not allowed.minimum <= drifted <= allowed.maximum:
+            reason = f"takes the resonance to {drifted:g} Hz, outside its range {allowed.range}"
+    elif rock_model == "none":
+        if fault.kind in ("hard_rock", "choking"):
+            reason = "needs a rock_model, which is none"
+        elif fault.kind == "drill_tool_binding" and regime == "drilling":
+            reason = "acts on the progress while drilling and needs a rock_model, which is none"
+    if reason:
+        raise FaultError(f"{fault} cannot be honoured: it {reason}")
+
+
+def honoured_kinds(
+    *, regime: str, actuator_model: str, resonance_frequency: float, rock_model: str
+) -> tuple[str, ...]:
+    """Kinds that a configuration, as for ``check_honoured``, honours by default."""
+    honoured = []
+    for name, kind in KINDS.items():
+        fault = Fault(name, "" if kind.physical else next(iter(CHANNELS)))
+        try:
+            check_honoured(
+                fault,
+                regime=regime,
+                actuator_model=actuator_model,
+                resonance_frequency=resonance_frequency,
+                rock_model=rock_model,
+            )
+        except FaultError:
+            continue
+        honoured.append(name)
+    return tuple(honoured)

@@ -1,0 +1,116 @@
+"""The ledger of faults: which last, which are over, and since when to the nanosecond."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+
+from rpud_sim.model.parameters import shown
+from rpud_sim.simulation.faults import Fault, FaultError
+
+# Cleared faults that are remembered; the older ones are only counted.
+MOST_CLEARED = 1000
+
+
+@dataclasses.dataclass(frozen=True)
+class FaultRecord:
+    """When a fault was there: the ground truth.
+
+    Args:
+        number: counts the injected faults from 1.
+        fault: what failed.
+        onset: simulation time at which it began [ns].
+        clear: simulation time at which it ended, None while it lasts [ns].
+    """
+
+    number: int
+    fault: Fault
+    onset: int
+    clear: int | None = None
+
+    def lasts_at(self, time: int) -> bool:
+        """Whether it is there at a simulation time [ns]; at its onset it is, at its end not."""
+        return self.onset <= time and (self.clear is None or time < self.clear)
+
+
+class Faults:
+    """The faults of a run: which are there, and which have been.
+
+    Times are integer nanoseconds of simulation time.
+    """
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._active: tuple[FaultRecord, ...] = ()
+        self._cleared: deque[FaultRecord] = deque(maxlen=MOST_CLEARED)
+        self._forgotten = 0
+
+    @property
+    def active(self) -> tuple[FaultRecord, ...]:
+        """Those that last, in order of injection; the same object until one begins or ends."""
+        return self._active
+
+    @property
+    def records(self) -> tuple[FaultRecord, ...]:
+        """All in order of injection, but for the oldest of more than a thousand cleared ones."""
+        return tuple(sorted((*self._cleared, *self._active), key=lambda record: record.number))
+
+    @property
+    def forgotten(self) -> int:
+        """Number of cleared faults that ``records`` has no longer."""
+        return self._forgotten
+
+    def since(self, time: int) -> tuple[FaultRecord, ...]:
+        """Those that last or have ended after a time, in order of injection."""
+        ended = tuple(record for record in self._cleared if (record.clear or 0) > time)
+        if not ended:
+            return self._active
+        return tuple(sorted((*ended, *self._active), key=lambda record: record.number))
+
+    def inject(self, time: int, fault: Fault) -> int:
+        """Let a fault begin and return its number.
+
+        Raises:
+            FaultError: if the same kind is already there on the same channel.
+        """
+        for record in self._active:
+            if (record.fault.kind, record.fault.channel) == (fault.kind, fault.channel):
+                raise FaultError(f"{fault} is already there as fault {record.number}")
+        self._number += 1
+        self._active = (*self._active, FaultRecord(self._number, fault, time))
+        return self._number
+
+    def clear(self, time: int, number: int) -> FaultRecord:
+        """Let a fault end and return its record.
+
+        Raises:
+            FaultError: if there is no such fault, or it would end before it began.
+        """
+        for record in self._active:
+            if record.number == number:
+                break
+        else:
+            raise FaultError(f"there is no fault {shown(number)} to clear")
+        _check_end(record, time)
+        ended = dataclasses.replace(record, clear=time)
+        self._active = tuple(other for other in self._active if other is not record)
+        self._forgotten += len(self._cleared) == MOST_CLEARED
+        self._cleared.append(ended)
+        return ended
+
+    def clear_all(self, time: int) -> tuple[FaultRecord, ...]:
+        """Let every fault end and return their records.
+
+        Raises:
+            FaultError: if one would end before it began; none has ended then.
+        """
+        for record in self._active:
+            _check_end(record, time)
+        return tuple(self.clear(time, record.number) for record in self._active)
+
+
+def _check_end(record: FaultRecord, time: int) -> None:
+    if time < record.onset:
+        raise FaultError(
+            f"fault {record.number} began at {record.onset} ns and cannot end at {time} ns"
+        )

@@ -1,0 +1,175 @@
+"""Scenarios: YAML files that say which faults begin when, with a seed for what is drawn."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.model.parameters import ParameterError, Quantity, shown
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError, number_of
+from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.simulation.yaml_files import read_yaml
+
+GREATEST_SEED = 2**63 - 1  # what a ROS parameter holds
+
+ONSET = Quantity("s", "simulation time at which a fault begins", 0.0, 1e6)
+DURATION = Quantity("s", "time for which it lasts", 1e-9, 1e6)
+
+_DRAWN = ("onset", "duration", "magnitude")
+_KEYS = ("kind", "channel", *_DRAWN)
+
+
+@dataclasses.dataclass(frozen=True)
+class ScheduledFault:
+    """A fault and when it lasts.
+
+    Args:
+        onset: simulation time at which it begins [ns].
+        clear: simulation time at which it ends, None if it does not end by itself [ns].
+        fault: that begins.
+    """
+
+    onset: int
+    clear: int | None
+    fault: Fault
+
+
+@dataclasses.dataclass(frozen=True)
+class Scenario:
+    """What a scenario file says, with everything drawn.
+
+    Args:
+        seed: with which it was drawn.
+        faults: in the order of their onsets; those of one kind on one channel do not overlap. Where
+            one ends at the instant at which another begins, it ends first.
+    """
+
+    seed: int
+    faults: tuple[ScheduledFault, ...]
+
+
+def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
+    """Read a scenario file.
+
+    Args:
+        path: of the file.
+        seed: in place of the file's, zero or more.
+
+    Raises:
+        FaultError: if the file cannot be read or used, in one line with its name.
+    """
+    try:
+        # There are no truth values in a scenario: off is a kind of fault.
+        parsed = read_yaml(path, truth_values=False)
+    except ParameterError as error:
+        raise FaultError(str(error)) from None
+    return parse_scenario(parsed, str(path), seed)
+
+
+def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario:
+    """Make a scenario of what a file holds.
+
+    Args:
+        content: as YAML gives it.
+        name: of the file, for what is refused.
+        seed: in place of the content's, zero or more.
+
+    Raises:
+        FaultError: if the content is no scenario, in one line with name and number of the entry.
+    """
+    if not isinstance(content, Mapping):
+        raise FaultError(f"{name} is not a scenario: it holds no mapping")
+    for key in content:
+        if key not in ("seed", "faults"):
+            raise FaultError(f"{name}: {shown(key)} is not one of seed, faults")
+    written = _checked_seed(content.get("seed", 0), name)
+    seed = written if seed is None else _checked_seed(seed, name)
+    entries = content.get("faults")
+    if not isinstance(entries, list):
+        raise FaultError(f"{name}: faults = {shown(entries)} is not a list")
+    found: list[tuple[int, ScheduledFault]] = []
+    for number, entry in enumerate(entries, 1):
+        try:
+            found.append((number, _scheduled(entry, number, seed)))
+        except ParameterError as error:
+            raise FaultError(f"{name}: entry {number}: {error}") from None
+    found.sort(key=lambda item: item[1].onset)
+    _check_overlaps(found, name)
+    return Scenario(seed, tuple(scheduled for _, scheduled in found))
+
+
+def _checked_seed(seed: Any, name: str) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed <= GREATEST_SEED:
+        raise FaultError(
+            f"{name}: seed = {shown(seed)} is not a whole number in its range [0, {GREATEST_SEED}]"
+        )
+    return seed
+
+
+def _scheduled(entry: Any, number: int, seed: int) -> ScheduledFault:
+    if not isinstance(entry, Mapping):
+        raise FaultError(f"{shown(entry)} is not a mapping")
+    for key in entry:
+        if key not in _KEYS:
+            raise FaultError(f"{shown(key)} is not one of {', '.join(_KEYS)}")
+    for key in ("kind", "onset"):
+        if key not in entry:
+            raise FaultError(f"{key} is missing")
+    kind, channel = entry["kind"], entry.get("channel", "")
+    known = Fault(kind, channel)  # the names, before the numbers
+    # Numbers are drawn apart from each other: changing one entry changes no other.
+    streams = {
+        key: np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, index)))
+        for index, key in enumerate(_DRAWN)
+    }
+    onset = _drawn("onset", entry["onset"], ONSET, streams["onset"])
+    start = round(onset * NANOSECONDS)
+    clear = None
+    if "duration" in entry:
+        duration = _drawn("duration", entry["duration"], DURATION, streams["duration"])
+        clear = start + round(duration * NANOSECONDS)
+    if "magnitude" not in entry:
+        return ScheduledFault(start, clear, known)
+    quantity = KINDS[kind].quantity_on(channel)
+    if quantity is None:
+        raise FaultError(f"{known} has no magnitude")
+    magnitude = _drawn(f"magnitude of {known}", entry["magnitude"], quantity, streams["magnitude"])
+    return ScheduledFault(start, clear, Fault(kind, channel, magnitude))
+
+
+def _drawn(name: str, value: Any, quantity: Quantity, random: np.random.Generator) -> float:
+    """The number that an entry gives, or one drawn between the two that it gives."""
+    if not isinstance(value, Mapping):
+        return quantity.check(name, _finite(name, value))
+    bounds = value.get("uniform")
+    if set(value) != {"uniform"} or not (isinstance(bounds, list) and len(bounds) == 2):
+        raise FaultError(f"{name} = {shown(value)} is neither a number nor uniform: [least, most]")
+    least, most = (quantity.check(f"{name}, uniform,", _finite(name, bound)) for bound in bounds)
+    if not least <= most:
+        raise FaultError(f"{name} = uniform: [{least:g}, {most:g}] has its least above its most")
+    return float(random.uniform(least, most))
+
+
+def _finite(name: str, value: Any) -> float:
+    number = number_of(value)
+    if number is None or math.isnan(number):
+        raise FaultError(f"{name} = {shown(value)} is not a number")
+    return number
+
+
+def _check_overlaps(found: list[tuple[int, ScheduledFault]], name: str) -> None:
+    latest: dict[tuple[str, str], tuple[int, int | None]] = {}
+    for number, scheduled in found:
+        fault = scheduled.fault
+        key = (fault.kind, fault.channel)
+        other, clear = latest.get(key, (0, 0))
+        if clear is None or scheduled.onset < clear:
+            raise FaultError(
+                f"{name}: entry {number}: {fault} begins while that of entry {other} lasts"
+            )
+        latest[key] = (number, scheduled.clear)

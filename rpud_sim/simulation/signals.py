@@ -1,0 +1,247 @@
+"""Signal faults: what the channels of a drill that is well say while they fail.
+
+Each fault on a channel is a stage through which the channel's messages pass, in the order of
+injection. Messages are the dictionaries of ``rpud_sim.simulation.fields``; none is changed, a stage
+hands on a copy. Random numbers come from a stream of their own for each fault, made of the seed and
+the fault's number: what happens on one channel changes nothing on another.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.simulation.channels import CHANNELS, Channel, Path
+from rpud_sim.simulation.fields import Fields
+from rpud_sim.simulation.ledger import FaultRecord
+from rpud_sim.simulation.sampling import NANOSECONDS
+
+# Of the values of a channel full of garbage this share is NaN or infinite, so that mission software
+# surely meets them; of plain bit patterns it would be one in two thousand.
+NOT_FINITE_SHARE = 0.1
+
+
+class SignalFaults:
+    """The channels' signals on their way out, with what stuck and late ones hold.
+
+    Args:
+        seed: of every random number, zero or more.
+    """
+
+    def __init__(self, seed: int = 0) -> None:
+        self._seed = seed
+        self._last: dict[str, Fields] = {}
+        self._stages: dict[str, dict[int, _Stage]] = {}
+
+    def apply(
+        self, channel: str, time: int, fields: Fields, records: Sequence[FaultRecord]
+    ) -> list[Fields]:
+        """Return what the channel publishes in place of a message, in order; it may be nothing.
+
+        A healthy channel publishes the very object that it is given.
+
+        Args:
+            channel: one of ``CHANNELS``.
+            time: simulation time of the message, never before the channel's last one [ns].
+            fields: the message, which nobody changes from now on.
+            records: at least those that last at this time; those that do not, and those of other
+                channels, are passed over.
+        """
+        if not records and channel not in self._stages:
+            self._last[channel] = fields
+            return [fields]
+        return self._pass(channel, time, [fields], records)
+
+    def release(self, time: int, records: Sequence[FaultRecord]) -> list[tuple[str, Fields]]:
+        """Return the late messages that are due, with their channels.
+
+        To be called once a block, so that a late message does not wait for the channel's next one.
+
+        Args:
+            time: simulation time [ns].
+            records: as for ``apply``.
+        """
+        return [
+            (channel, fields)
+            for channel in tuple(self._stages)
+            for fields in self._pass(channel, time, [], records)
+        ]
+
+    def _pass(
+        self, channel: str, time: int, messages: list[Fields], records: Sequence[FaultRecord]
+    ) -> list[Fields]:
+        stages = self._stages.setdefault(channel, {})
+        lasting = {
+            record.number: record
+            for record in records
+            if record.fault.channel == channel and record.lasts_at(time)
+        }
+        for number in sorted(lasting.keys() - stages.keys()):
+            stages[number] = self._stage(lasting[number])
+        for number in sorted(stages):
+            if number in lasting:
+                messages = stages[number].take(time, messages)
+            else:
+                messages = [*stages.pop(number).rest(), *messages]
+        if not stages:
+            del self._stages[channel]
+        if messages:
+            self._last[channel] = messages[-1]
+        return messages
+
+    def _stage(self, record: FaultRecord) -> _Stage:
+        fault = record.fault
+        random = np.random.default_rng(
+            np.random.SeedSequence(self._seed, spawn_key=(record.number,))
+        )
+        last = self._last.get(fault.channel)
+        return _STAGES[fault.kind](CHANNELS[fault.channel], fault.magnitude, random, last)
+
+
+class _Stage:
+    """A fault at work on a channel."""
+
+    def __init__(
+        self,
+        channel: Channel,
+        magnitude: float,
+        random: np.random.Generator,
+        last: Fields | None,
+    ) -> None:
+        self._channel = channel
+        self._magnitude = magnitude
+        self._random = random
+        self._last = last  # what the channel published before
+
+    def take(self, time: int, messages: list[Fields]) -> list[Fields]:
+        """Return what goes on, for messages that come at a time [ns]."""
+        return [changed for fields in messages if (changed := self._change(fields)) is not None]
+
+    def rest(self) -> list[Fields]:
+        """Return what was held back and goes on when the fault is over."""
+        return []
+
+    def _change(self, fields: Fields) -> Fields | None:
+        raise NotImplementedError
+
+
+class _Off(_Stage):
+    def _change(self, fields: Fields) -> None:
+        return None
+
+
+class _Stuck(_Stage):
+    def _change(self, fields: Fields) -> Fields:
+        if self._last is None:
+            self._last = fields
+        paths = (*self._channel.numbers, *self._channel.flags)
+        return _replaced(fields, {path: _at(self._last, path) for path in paths})
+
+
+class _Garbage(_Stage):
+    def _change(self, fields: Fields) -> Fields:
+        values: dict[Path, Any] = {path: self._double() for path in self._channel.numbers}
+        values.update({path: bool(self._random.integers(2)) for path in self._channel.flags})
+        return _replaced(fields, values)
+
+    def _double(self) -> float:
+        if self._random.random() < NOT_FINITE_SHARE:
+            return (math.nan, math.inf, -math.inf)[self._random.integers(3)]
+        return float(np.frombuffer(self._random.bytes(8), np.dtype("<f8"))[0])
+
+
+class _Wrong(_Stage):
+    def _change(self, fields: Fields) -> Fields:
+        return _replaced(
+            fields,
+            {path: self._magnitude * _at(fields, path) for path in self._channel.numbers},
+        )
+
+
+class _Slow(_Stage):
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._period = round(self._magnitude * NANOSECONDS)
+        self._next = 0
+
+    def take(self, time: int, messages: list[Fields]) -> list[Fields]:
+        if not messages or time < self._next:
+            return []
+        self._next = time + self._period
+        return messages[:1]
+
+
+class _Delayed(_Stage):
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._delay = round(self._magnitude * NANOSECONDS)
+        self._waiting: deque[tuple[int, Fields]] = deque()
+
+    def take(self, time: int, messages: list[Fields]) -> list[Fields]:
+        self._waiting.extend((time + self._delay, fields) for fields in messages)
+        due = []
+        while self._waiting and self._waiting[0][0] <= time:
+            due.append(self._waiting.popleft()[1])
+        return due
+
+    def rest(self) -> list[Fields]:
+        return [fields for _, fields in self._waiting]
+
+
+class _Intermittent(_Stage):
+    def _change(self, fields: Fields) -> Fields | None:
+        return None if self._random.random() < self._magnitude else fields
+
+
+class _Noise(_Stage):
+    def _change(self, fields: Fields) -> Fields:
+        main = self._channel.numbers[0]
+        disturbance = self._magnitude * float(self._random.standard_normal())
+        return _replaced(fields, {main: _at(fields, main) + disturbance})
+
+
+class _Bias(_Stage):
+    def _change(self, fields: Fields) -> Fields:
+        main = self._channel.numbers[0]
+        return _replaced(fields, {main: _at(fields, main) + self._magnitude})
+
+
+_STAGES: dict[str, type[_Stage]] = {
+    "off": _Off,
+    "stuck": _Stuck,
+    "garbage": _Garbage,
+    "wrong": _Wrong,
+    "slow": _Slow,
+    "delayed": _Delayed,
+    "intermittent": _Intermittent,
+    "noise": _Noise,
+    "bias": _Bias,
+}
+
+
+def _at(fields: Fields, path: Path) -> Any:
+    value: Any = fields
+    for name in path:
+        value = value[name]
+    return value
+
+
+def _replaced(fields: Fields, values: dict[Path, Any]) -> Fields:
+    """A copy of a message with other values at some paths."""
+    copy = _copy(fields)
+    for path, value in values.items():
+        inner = copy
+        for name in path[:-1]:
+            inner = inner[name]
+        inner[path[-1]] = value
+    return copy
+
+
+def _copy(fields: Fields) -> Fields:
+    return {
+        name: _copy(value) if isinstance(value, dict) else value for name, value in fields.items()
+    }

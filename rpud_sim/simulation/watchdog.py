@@ -1,0 +1,56 @@
+"""The command watchdog: makes the drill safe when commands stay out."""
+
+from __future__ import annotations
+
+from rpud_sim.model.parameters import Quantity
+from rpud_sim.simulation.sampling import NANOSECONDS
+
+COMMAND_TIMEOUT = Quantity(
+    "s", "time without a command after which the drill is made safe, 0 for never", 0.0, 3600.0
+)
+COMMAND_LOSS_RAMP = Quantity(
+    "s", "time in which drive and weight on bit go to zero when commands are lost", 0.0, 60.0
+)
+
+
+class CommandWatchdog:
+    """How much of the commands is in force, given when the last one came.
+
+    While commands come it is all of them. When none has come for the timeout, it goes down
+    linearly to nothing within the ramp, and stays there until one comes again. Times are integer
+    nanoseconds of simulation time.
+
+    Args:
+        timeout: without a command, after which they are lost [s]; 0 for never.
+        ramp: from all to nothing [s].
+        time: at which it begins to wait.
+    """
+
+    def __init__(self, timeout: float, ramp: float, time: int = 0) -> None:
+        self._last = time
+        self.set(timeout, ramp)
+
+    def set(self, timeout: float, ramp: float) -> None:
+        """Take another timeout and ramp [s]."""
+        self._timeout = timeout
+        self._ramp = ramp
+
+    def heard(self, time: int) -> None:
+        """Note that a command came."""
+        self._last = time
+
+    def lost(self, time: int) -> bool:
+        """Whether commands are lost."""
+        return self._overdue(time) > 0.0
+
+    def share(self, time: int) -> float:
+        """Share of the commands that is in force, from 1 to 0."""
+        overdue = self._overdue(time)
+        if overdue <= 0.0:
+            return 1.0
+        return max(0.0, 1.0 - overdue / self._ramp) if self._ramp > 0.0 else 0.0
+
+    def _overdue(self, time: int) -> float:
+        if self._timeout == 0.0:
+            return 0.0
+        return (time - self._last) / NANOSECONDS - self._timeout

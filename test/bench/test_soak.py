@@ -1,0 +1,159 @@
+"""The soak: every check can fail, and the whole runs against a real drill."""
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bench import soak_checks as checks
+from bench.soak_checks import Tally
+
+ROOT = Path(__file__).resolve().parents[2]
+SECOND = 1_000_000_000
+EPOCH = 1_795_251_166_866_606_964
+SECONDS = np.arange(1801.0)
+
+
+def tally(*numbers, length=1):
+    counted = Tally()
+    for number in numbers:
+        counted.add(number, length)
+    return counted
+
+
+def noisy(sizes, seed=5):
+    return sizes + np.random.default_rng(seed).normal(0.0, 100.0, len(SECONDS))
+
+
+def test_memory_that_only_settles_in_the_first_half_passes():
+    sizes = 200_000.0 + 50_000.0 * np.minimum(SECONDS / 900.0, 1.0)
+    assert checks.memory_growth("drill", SECONDS, noisy(sizes)).passed
+
+
+@pytest.mark.parametrize(
+    ("rate", "passed"), [(0.0, True), (0.5, True), (1.5, False), (50.0, False)]
+)
+def test_memory_that_grows_by_more_than_the_bound_fails(rate, passed):
+    """Rates are in KiB/s; the bound of 1024 KiB in 900 s is 1.14."""
+    verdict = checks.memory_growth("drill", SECONDS, noisy(200_000.0 + rate * SECONDS))
+    assert verdict.passed == passed
+    assert float(verdict.found.split()[0]) == pytest.approx(900.0 * rate, abs=60.0)
+
+
+def test_memory_that_grows_in_rare_steps_fails():
+    sizes = 200_000.0 + 1024.0 * (SECONDS // 150)
+    assert not checks.memory_growth("drill", SECONDS, sizes).passed
+
+
+def test_memory_in_a_long_run_is_judged_by_as_many_samples():
+    times = np.arange(100_000.0)
+    assert not checks.memory_growth("drill", times, 200_000.0 + 0.1 * times).passed
+    assert checks.memory_growth("drill", times, np.full(len(times), 200_000.0)).passed
+
+
+@pytest.mark.parametrize("count", [0, 1, 10])
+def test_memory_of_too_few_samples_is_not_passed(count):
+    verdict = checks.memory_growth("drill", SECONDS[:count], SECONDS[:count])
+    assert not verdict.passed
+    assert "samples" in verdict.found
+
+
+@pytest.mark.parametrize(
+    ("factor", "passed"), [(1.0, True), (1.0004, True), (0.9994, False), (1.0006, False)]
+)
+def test_the_real_time_factor_is_told_by_stamps_and_arrivals(factor, passed):
+    elapsed = [second * SECOND for second in range(30)]
+    late = np.random.default_rng(5).integers(0, 2_000_000, 30)  # up to 2 ms on their way
+    stamps = [EPOCH + round(factor * time) for time in elapsed]
+    arrivals = [777 + time + int(delay) for time, delay in zip(elapsed, late, strict=True)]
+    verdict = checks.real_time(stamps, arrivals)
+    assert verdict.passed == passed
+    assert float(verdict.found) == pytest.approx(factor, abs=1e-4)
+
+
+def test_the_real_time_factor_of_nothing_is_not_passed():
+    assert not checks.real_time([], []).passed
+    assert not checks.real_time([EPOCH] * 5, [777] * 5).passed
+
+
+def test_one_missed_deadline_fails_and_the_load_is_told():
+    assert checks.deadlines(0, 3000, [0.5]).passed
+    verdict = checks.deadlines(1, 3000, [0.5, 2.5])
+    assert not verdict.passed
+    assert verdict.found == "1 of 3000, load average 1.50 (up to 2.50)"
+
+
+def test_one_dropped_message_fails():
+    assert checks.dropped(0).passed
+    assert not checks.dropped(1).passed
+
+
+@given(first=st.integers(-3, 10**9), count=st.integers(2, 60), data=st.data())
+def test_one_sample_that_is_missing_or_twice_there_fails(first, count, data):
+    numbers = list(range(first, first + count))
+    last = numbers[-1]
+    assert checks.telemetry("wrench", tally(*numbers), last).passed
+    assert not checks.telemetry("wrench", tally(*numbers), last + 1).passed
+    chosen = data.draw(st.integers(1, count - 1))
+    missing = numbers[:chosen] + numbers[chosen + 1 :]
+    assert not checks.telemetry("wrench", tally(*missing), last).passed
+    twice = numbers[:chosen] + numbers[chosen - 1 :]
+    assert not checks.telemetry("wrench", tally(*twice), last).passed
+
+
+def test_one_that_is_missing_and_another_that_is_there_twice_do_not_cancel():
+    assert not checks.telemetry("wrench", tally(0, 1, 1, 3, 4), 4).passed
+
+
+def test_a_topic_on_which_nothing_is_heard_fails():
+    assert not checks.telemetry("wrench", tally(), 100).passed
+    assert not checks.stream("waveform", tally()).passed
+    assert not checks.impacts(tally(), 0).passed
+
+
+def test_a_gap_in_a_stream_fails():
+    assert checks.stream("waveform", tally(500, 3000, 5500, length=2500)).passed
+    assert not checks.stream("waveform", tally(500, 3000, 5501, length=2500)).passed
+    assert not checks.stream("waveform", tally(500, 3000, 3000, length=2500)).passed
+
+
+@pytest.mark.parametrize(("counted", "passed"), [(9, False), (10, True), (11, True), (12, False)])
+def test_impacts_are_as_many_as_the_status_says_but_for_one_in_progress(counted, passed):
+    assert checks.impacts(tally(*range(4, 10)), counted).passed == passed
+
+
+def test_a_lost_impact_fails():
+    assert not checks.impacts(tally(4, 5, 7, 8, 9), 10).passed
+
+
+@pytest.mark.parametrize(("code", "passed"), [(0, True), (1, False), (-9, False), (None, False)])
+def test_a_process_that_ends_badly_fails(code, passed):
+    assert checks.ended("drill", code).passed == passed
+
+
+def test_the_whole_runs_against_a_real_drill(process):
+    """A short run cannot tell the growth of memory, and a busy machine misses deadlines."""
+    run = process(sys.executable, "-m", "bench.soak", "--duration", "3", cwd=ROOT)
+    run.wait(100.0)
+    rows = re.findall(r"^\| (ok|FAILED) +\| ([^|]+?) +\|", run.output, re.MULTILINE)
+    verdicts = {name: verdict for verdict, name in rows}
+    assert len(verdicts) == 13, run.output
+    assert verdicts.pop("drill: growth of memory in the second half") == "FAILED"
+    for name in ("deadlines missed", "real-time factor"):
+        verdicts.pop(name)
+    assert set(verdicts.values()) == {"ok"}, run.output
+    assert run.wait() == 1
+    run.wait_for_line(r"^soak: \d of 13 failed$")
+
+
+def test_a_drill_that_does_not_start_is_a_failure_in_one_line(process, tmp_path):
+    (tmp_path / "drill_node").write_text("#!/bin/sh\nexit 3\n")
+    (tmp_path / "drill_node").chmod(0o755)
+    code = "import bench.soak as s, sys; s.STARTING = 0.5; sys.exit(s.main())"
+    run = process("env", f"PATH={tmp_path}:/usr/bin:/bin", sys.executable, "-c", code, cwd=ROOT)
+    assert run.wait() == 1
+    assert run.output == "soak: drill ended with exit code 3"

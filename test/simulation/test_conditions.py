@@ -1,0 +1,144 @@
+"""What faults make of the drill; whatever comes together, the drill can still be computed."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.simulation import QUANTITIES, Parameters, preset
+from rpud_sim.simulation.conditions import MOST_DAMPING_RATIO, Conditions, conditions
+from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.simulation.simulation import Simulation
+
+PHYSICAL = [name for name, kind in KINDS.items() if kind.physical]
+
+
+@st.composite
+def faults(draw):
+    kind = draw(st.sampled_from(PHYSICAL))
+    quantity = KINDS[kind].magnitude
+    if quantity is None:
+        return Fault(kind)
+    magnitude = draw(
+        st.floats(
+            quantity.minimum,
+            quantity.maximum,
+            exclude_min=quantity.exclusive,
+            exclude_max=quantity.below,
+        ).filter(lambda number: number != KINDS[kind].unchanging)
+    )
+    return Fault(kind, "", magnitude)
+
+
+@st.composite
+def any_parameters(draw):
+    return Parameters(
+        **{
+            name: draw(
+                st.floats(
+                    quantity.minimum,
+                    quantity.maximum,
+                    exclude_min=quantity.exclusive,
+                    exclude_max=quantity.below,
+                )
+            )
+            for name, quantity in QUANTITIES.items()
+        }
+    )
+
+
+def test_without_faults_nothing_changes():
+    assert conditions(preset("free"), ()) == Conditions(preset("free"))
+
+
+def test_signal_faults_leave_the_drill_as_it_is():
+    signals = [Fault(name, "wrench") for name, kind in KINDS.items() if not kind.physical]
+    assert conditions(preset("drilling"), signals) == Conditions(preset("drilling"))
+
+
+def under(*faults, **parameters):
+    return conditions(Parameters(**parameters), faults)
+
+
+def test_each_kind_acts_where_it_should():
+    assert under(Fault("free_mass_jammed")) == Conditions(Parameters(), jammed=True)
+    assert under(Fault("lost_preload", "", 0.25)) == Conditions(Parameters(), preload_factor=0.75)
+    assert under(Fault("hard_rock", "", 4.0)) == Conditions(
+        Parameters(), specific_energy_factor=4.0
+    )
+    assert under(Fault("resonance_drift", "", -300.0)) == Conditions(
+        Parameters(), resonance_offset=-300.0
+    )
+    assert under(Fault("choking", "", 0.75)) == Conditions(
+        Parameters(drill_tool_restitution=0.25), progress_factor=0.25
+    )
+    assert under(Fault("restitution_loss", "", 0.5), actuator_restitution=0.5) == Conditions(
+        Parameters(actuator_restitution=0.25, drill_tool_restitution=0.5)
+    )
+    assert under(Fault("load_spring_binding", "", 4.0)) == Conditions(
+        Parameters(load_spring_rate=8000.0, rpud_damping_ratio=0.875)
+    )
+    assert under(Fault("drill_tool_binding", "", 4.0)) == Conditions(
+        Parameters(restoring_spring_rate=8000.0, drill_tool_damping_ratio=0.875),
+        progress_factor=0.25,
+    )
+
+
+def test_faults_combine():
+    found = under(
+        Fault("drill_tool_binding", "", 2.0),
+        Fault("choking", "", 0.5),
+        Fault("restitution_loss", "", 0.5),
+    )
+    assert found.progress_factor == 0.25
+    assert found.parameters.drill_tool_restitution == 0.25
+    assert found.parameters.actuator_restitution == 0.5
+
+
+def test_what_would_leave_its_range_stands_at_its_end_and_is_named():
+    binding = Fault("load_spring_binding", "", 1000.0)
+    found = under(binding, load_spring_rate=1e6)
+    assert found.parameters.load_spring_rate == QUANTITIES["load_spring_rate"].maximum
+    assert found.parameters.rpud_damping_ratio == MOST_DAMPING_RATIO
+    assert found.limited == ("load_spring_rate", "rpud_damping_ratio")
+    # A drill that is damped more than that stays as it is.
+    assert under(binding, rpud_damping_ratio=0.995).parameters.rpud_damping_ratio == 0.995
+
+
+@given(parameters=any_parameters(), several=st.lists(faults(), max_size=12))
+def test_any_faults_together_leave_valid_conditions(parameters, several):
+    found = conditions(parameters, several)
+    assert Parameters(**vars(found.parameters)) == found.parameters  # each inside its range
+    assert 0.0 <= found.progress_factor <= 1.0
+    assert 0.0 <= found.preload_factor <= 1.0
+    assert found.specific_energy_factor >= 1.0
+    assert math.isfinite(found.resonance_offset)
+    assert found.parameters.weight_on_bit == parameters.weight_on_bit
+    # Faults make nothing softer, less damped or more elastic.
+    for name in ("load_spring_rate", "restoring_spring_rate"):
+        assert getattr(found.parameters, name) >= getattr(parameters, name)
+    for name in ("rpud_damping_ratio", "drill_tool_damping_ratio"):
+        assert 1.0 > getattr(found.parameters, name) >= getattr(parameters, name) * (1 - 1e-15)
+    for name in ("actuator_restitution", "drill_tool_restitution"):
+        assert getattr(found.parameters, name) <= getattr(parameters, name)
+
+
+@settings(max_examples=20)
+@given(regime=st.sampled_from(["free", "drilling"]), several=st.lists(faults(), max_size=4))
+def test_the_drill_can_be_computed_under_any_faults(regime, several):
+    found = conditions(preset(regime), several)
+    block = Simulation(found.parameters).advance_to(20_000_000)
+    for name in block.covering.dtype.names:
+        assert np.isfinite(block.covering[name]).all()
+
+
+@pytest.mark.parametrize("kind", ["load_spring_binding", "restitution_loss"])
+def test_a_fault_shows_in_the_impacts(kind):
+    def impacts(faults):
+        found = conditions(preset("drilling"), faults)
+        return Simulation(found.parameters).advance_to(500_000_000).impacts
+
+    well, failed = impacts([]), impacts([Fault(kind)])
+    assert abs(len(failed) - len(well)) > 0.1 * len(well)

@@ -1,0 +1,189 @@
+"""Faults are checked when they are made; a refusal is one line that says what would do."""
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.simulation import ParameterError
+from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError, check_honoured, honoured_kinds
+
+MESSAGE = Path(__file__).parents[2] / "msg_defs" / "msg" / "Fault.msg"
+DOCUMENTATION = Path(__file__).parents[2] / "docs" / "faults.md"
+SIGNAL = [name for name, kind in KINDS.items() if not kind.physical]
+PLAIN = {
+    "regime": "drilling",
+    "actuator_model": "gain",
+    "resonance_frequency": 16000.0,
+    "rock_model": "none",
+}
+FULL = {**PLAIN, "actuator_model": "resonance", "rock_model": "specific_energy"}
+
+
+def test_the_kinds_are_those_of_the_message():
+    named = re.findall(r'^string KIND_(\w+) = "(\w+)"', MESSAGE.read_text(), re.MULTILINE)
+    assert [name for _, name in named] == list(KINDS)
+    assert [constant.lower() for constant, _ in named] == list(KINDS)
+
+
+def test_all_of_px4_s_failures_are_there():
+    assert {"off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent"} <= {*SIGNAL}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_a_magnitude_a_fault_has_its_kind_s_default_inside_the_range(kind):
+    for channel in [""] if KINDS[kind].physical else CHANNELS:
+        fault = Fault(kind, channel)
+        assert math.isfinite(fault.magnitude)
+        assert fault == Fault(kind, channel, math.nan) == Fault(kind, channel, fault.magnitude)
+        quantity = KINDS[kind].quantity_on(channel)
+        assert (quantity is None) == (fault.magnitude == 0.0)
+
+
+@pytest.mark.parametrize("kind", ["free_mass_jammed", "off", "stuck", "garbage"])
+def test_a_kind_without_magnitude_takes_what_nobody_filled_and_nothing_else(kind):
+    channel = "" if KINDS[kind].physical else "wrench"
+    assert Fault(kind, channel, 0.0) == Fault(kind, channel, math.nan)
+    with pytest.raises(FaultError, match=r"has no magnitude, given 3$"):
+        Fault(kind, channel, 3)
+
+
+def test_zero_is_a_magnitude_of_its_own_for_those_that_it_does_something_to():
+    assert {name for name, kind in KINDS.items() if kind.takes_zero} == {
+        "restitution_loss",
+        "wrong",
+    }
+    for name, kind in KINDS.items():
+        channel = "" if kind.physical else "wrench"
+        if kind.takes_zero:
+            assert Fault(name, channel, 0.0).magnitude == 0.0
+        elif kind.magnitude is not None:
+            with pytest.raises(FaultError, match="NaN stands for the default"):
+                Fault(name, channel, 0.0)
+
+
+def test_noise_and_bias_are_in_the_unit_of_their_channel():
+    assert Fault("noise", "nodal_plane").magnitude < 1e-3 < Fault("noise", "wrench").magnitude
+    with pytest.raises(FaultError) as caught:
+        Fault("noise", "nodal_plane", -1.0)
+    assert str(caught.value) == (
+        "magnitude of noise on nodal_plane = -1 m is outside its range (0, 1e+06] m; "
+        "NaN stands for the default 0.0001 m"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("rusty",), "fault kind = 'rusty' is not one of free_mass_jammed, lost_preload, "),
+        ((None,), "fault kind = None is not one of "),
+        ((["off"],), "fault kind = ['off'] is not one of "),
+        (("choking", "wrench"), "choking is a fault of the drill and has no channel, given 'wr"),
+        (("off",), "channel of off = '' is not one of nodal_plane, drill_tool, "),
+        (("off", "status"), "channel of off = 'status' is not one of "),
+        (("off", ["wrench"]), "channel of off = ['wrench'] is not one of "),
+        (("off", "waveform"), "off on waveform is refused: it is the ground truth; "),
+        (("lost_preload", "", 0.0), "magnitude of lost_preload = 0 is outside its range (0, 1]; "),
+        (("bias", "wrench", 0.0), "magnitude of bias on wrench = 0 would change nothing; NaN "),
+        (("resonance_drift", "", 0), "magnitude of resonance_drift = 0 would change nothing; "),
+        (("wrong", "wrench", 1), "magnitude of wrong on wrench = 1 would change nothing; "),
+        (("hard_rock", "", math.inf), "magnitude of hard_rock = inf is outside its range "),
+        (("hard_rock", "", 10**5000), "magnitude of hard_rock = inf is outside its range "),
+        (("hard_rock", "", "2"), "magnitude of hard_rock = '2' is not a number"),
+        (("hard_rock", "", True), "magnitude of hard_rock = True is not a number"),
+    ],
+)
+def test_what_cannot_be_a_fault_is_refused_with_its_name(arguments, complaint):
+    with pytest.raises(FaultError) as caught:
+        Fault(*arguments)
+    assert str(caught.value).startswith(complaint)
+
+
+@pytest.mark.parametrize("channel", GROUND_TRUTH)
+@pytest.mark.parametrize("kind", SIGNAL)
+def test_the_ground_truth_never_fails(kind, channel):
+    with pytest.raises(FaultError, match="ground truth"):
+        Fault(kind, channel)
+
+
+JUNK = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(),
+    st.lists(st.integers(), max_size=20),
+    st.sampled_from([*KINDS, *CHANNELS, 10**400]),
+)
+
+
+@given(kind=JUNK, channel=JUNK, magnitude=JUNK)
+def test_anything_else_is_refused_in_one_short_line(kind, channel, magnitude):
+    try:
+        fault = Fault(kind, channel, magnitude)
+    except ParameterError as error:
+        refusal = error
+    else:
+        assert math.isfinite(fault.magnitude)
+        return
+    assert isinstance(refusal, FaultError)
+    assert "\n" not in str(refusal)
+    assert len(str(refusal)) < 500
+
+
+def test_a_fault_does_not_change():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Fault("off", "wrench").channel = "drill_tool"
+
+
+@pytest.mark.parametrize(
+    ("kind", "lacking", "reason"),
+    [
+        ("resonance_drift", {"actuator_model": "gain"}, "needs actuator_model = resonance"),
+        ("resonance_drift", {"resonance_frequency": 250.0}, "takes the resonance to 50 Hz"),
+        ("hard_rock", {"rock_model": "none"}, "needs a rock_model, which is none"),
+        ("choking", {"rock_model": "none"}, "needs a rock_model, which is none"),
+        ("drill_tool_binding", {"rock_model": "none"}, "acts on the progress while drilling"),
+    ],
+)
+def test_what_would_have_no_effect_is_refused_with_the_reason(kind, lacking, reason):
+    check_honoured(Fault(kind), **FULL)
+    with pytest.raises(FaultError, match=f"^{kind} cannot be honoured: it {reason}"):
+        check_honoured(Fault(kind), **{**FULL, **lacking})
+
+
+def test_a_bound_bit_needs_no_rock_before_drilling():
+    check_honoured(Fault("drill_tool_binding"), **{**PLAIN, "regime": "free"})
+
+
+def test_the_kinds_that_a_drill_honours():
+    assert honoured_kinds(**FULL) == tuple(KINDS)
+    refused = {"resonance_drift", "hard_rock", "choking", "drill_tool_binding"}
+    assert {*honoured_kinds(**PLAIN)} == {*KINDS} - refused
+
+
+def test_the_documentation_names_every_kind_with_its_default_and_every_channel():
+    rows = {
+        cells[1].strip(" `"): cells[2:]
+        for line in DOCUMENTATION.read_text().splitlines()
+        if len(cells := line.split("|")) > 3
+    }
+    assert {*KINDS, *CHANNELS} <= {*rows}
+    for name, kind in KINDS.items():
+        meaning = rows[name][0]
+        if kind.magnitude is None:
+            assert meaning.strip() == "-"
+        elif not kind.in_channel_unit:
+            assert f"({kind.default:g})" in meaning
+    for name, channel in CHANNELS.items():
+        main, default, others = rows[name][:3]
+        assert f"`{'.'.join(channel.numbers[0])}` [{channel.unit}]" in main
+        assert float(default.split()[0]) == channel.scale
+        assert name == "wrench" or all(
+            f"`{path[-1]}`" in others for path in (*channel.numbers[1:], *channel.flags)
+        )

@@ -1,0 +1,137 @@
+"""Depth is the energy of the impacts over what the rock takes, however they are handed over."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.model.engine import Engine
+from rpud_sim.model.segment import IMPACT
+from rpud_sim.simulation import ParameterError, preset
+from rpud_sim.simulation.rock import (
+    ROCK_QUANTITIES,
+    SANDSTONE,
+    Progress,
+    RockParameters,
+)
+
+SECOND = 1_000_000_000
+
+
+def impacts(energies, spacing=0.002):
+    """Records of impacts with these energies, evenly spaced in time."""
+    records = np.zeros(len(energies), IMPACT)
+    times = spacing * np.arange(len(energies))
+    records["seconds"] = times.astype(int)
+    records["fraction"] = times % 1.0
+    records["energy"] = energies
+    return records
+
+
+def depth(records, **factors):
+    progress = Progress(SANDSTONE)
+    progress.add(records, **factors)
+    return progress.depth
+
+
+def test_the_volume_is_the_energy_that_breaks_over_the_specific_energy():
+    rock = RockParameters("specific_energy", 50e6, 0.5, 1e-4)
+    progress = Progress(rock)
+    progress.add(impacts([0.25] * 400))
+    # 50 J break 1 cm^3 of this rock.
+    assert progress.depth * rock.hole_area == pytest.approx(1e-6, rel=1e-12)
+
+
+def test_the_default_is_the_sandstone_of_section_v_but_switched_off():
+    assert RockParameters(rock_model="specific_energy") == SANDSTONE
+    off = Progress(RockParameters())
+    off.add(impacts([1.0]))
+    assert off.depth == 0.0
+    assert off.penetration_rate(SECOND) == 0.0
+
+
+@given(
+    st.lists(st.floats(0.0, 10.0), max_size=200),
+    st.lists(st.integers(0, 200), max_size=10),
+    st.floats(0.001, 0.1),
+)
+def test_it_does_not_matter_how_impacts_are_split_into_blocks(energies, cuts, spacing):
+    records = impacts(energies, spacing)
+    whole, parts = Progress(SANDSTONE), Progress(SANDSTONE)
+    whole.add(records)
+    for part in np.split(records, sorted(cuts)):
+        parts.add(part)
+    assert parts.depth == whole.depth
+    end = int(len(records) * spacing * SECOND) + 1
+    assert parts.penetration_rate(end) == whole.penetration_rate(end)
+
+
+def test_hard_rock_and_choking_slow_the_progress_by_their_factors():
+    records = impacts(np.linspace(0.1, 0.3, 50))
+    assert depth(records, hardness=4.0) == pytest.approx(depth(records) / 4.0, rel=1e-12)
+    assert depth(records, clearing=0.3) == pytest.approx(depth(records) * 0.3, rel=1e-12)
+    assert depth(records, clearing=0.0) == 0.0
+    assert depth(records) > 0.0
+
+
+def test_factors_hold_from_their_onset_on():
+    records = impacts([0.2] * 10)
+    progress = Progress(SANDSTONE)
+    progress.add(records[:5])
+    before = progress.depth
+    progress.add(records[5:], hardness=2.0)
+    assert progress.depth == pytest.approx(1.5 * before, rel=1e-12)
+
+
+def test_the_rate_is_the_mean_over_the_last_second():
+    progress = Progress(SANDSTONE)
+    assert progress.penetration_rate(0) == 0.0
+    # 2 s at 0.2 J, then 0.4 J, 500 times a second.
+    progress.add(impacts([0.2] * 1000 + [0.4] * 500))
+    per_joule = 0.01 / (75e6 * 2.0e-5)
+    assert progress.penetration_rate(3 * SECOND - 1) == pytest.approx(200.0 * per_joule, rel=1e-12)
+    # Half a second without impacts halves it, one ends it.
+    assert progress.penetration_rate(3 * SECOND + SECOND // 2 - 1) == pytest.approx(
+        100.0 * per_joule, rel=1e-12
+    )
+    assert progress.penetration_rate(5 * SECOND) == 0.0
+
+
+def test_in_the_first_second_the_rate_is_the_mean_so_far():
+    progress = Progress(SANDSTONE)
+    progress.add(impacts([0.2] * 100))
+    assert progress.penetration_rate(SECOND // 5) == pytest.approx(progress.depth / 0.2, rel=1e-12)
+
+
+@settings(max_examples=10)
+@given(st.lists(st.integers(0, 2 * SECOND), max_size=20))
+def test_depth_of_a_run_is_its_energy(stops):
+    def drill(times):
+        engine, progress, energy = Engine(preset("drilling")), Progress(SANDSTONE), 0.0
+        for time in sorted({*times, 2 * SECOND}):
+            seconds, rest = divmod(time, SECOND)
+            engine.advance(seconds, rest / SECOND)
+            _, impacts = engine.take()
+            progress.add(impacts)
+            energy += float(impacts["energy"].sum())
+        return progress, energy
+
+    (whole, energy), (parts, _) = drill([]), drill(stops)
+    assert parts.depth == whole.depth
+    assert parts.penetration_rate(2 * SECOND) == whole.penetration_rate(2 * SECOND)
+    assert whole.depth == pytest.approx(energy * 0.01 / (75e6 * 2.0e-5), rel=1e-12)
+    assert whole.depth > 0.0
+
+
+@pytest.mark.parametrize("name", ROCK_QUANTITIES)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0, "1", None, True])
+def test_a_parameter_outside_its_range_is_refused(name, value):
+    with pytest.raises(ParameterError, match=f"^{name} = .* is outside its range"):
+        RockParameters(**{name: value})
+
+
+def test_a_rock_model_that_is_not_known_is_refused():
+    with pytest.raises(ParameterError, match=r"^rock_model = 'granite' is not one of none, spec"):
+        RockParameters(rock_model="granite")

@@ -1,0 +1,302 @@
+"""Scenarios of faults: the same seed draws the same, and a mistake is one line that finds it."""
+
+import itertools
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.simulation.channels import CHANNELS
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.scenario import (
+    GREATEST_SEED,
+    Scenario,
+    ScheduledFault,
+    parse_scenario,
+    read_scenario,
+)
+from rpud_sim.simulation.yaml_files import MOST_BYTES
+
+EXAMPLE = Path(__file__).parents[2] / "config" / "faults.yaml"
+SECOND = 1_000_000_000
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text):
+        path = tmp_path / "faults.yaml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def refusal(path, **options):
+    with pytest.raises(FaultError) as caught:
+        read_scenario(path, **options)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 500 + len(str(path))
+    assert message.startswith(str(path))
+    return message[len(str(path)) :]
+
+
+def test_the_example_can_be_read():
+    scenario = read_scenario(EXAMPLE)
+    assert scenario.seed == 7
+    assert len(scenario.faults) == 6
+    onsets = [scheduled.onset for scheduled in scenario.faults]
+    assert onsets == sorted(onsets)
+
+
+def test_times_are_exact_and_faults_are_in_their_order(file):
+    path = file(
+        "faults:\n"
+        "  - {kind: free_mass_jammed, onset: 2.000000001, duration: 1.5}\n"
+        "  - {kind: noise, channel: wrench, magnitude: 1e-3, onset: 1}\n"
+        "  - {kind: off, channel: drill_tool, onset: 0}\n"
+    )
+    assert read_scenario(path) == Scenario(
+        0,
+        (
+            ScheduledFault(0, None, Fault("off", "drill_tool")),
+            ScheduledFault(SECOND, None, Fault("noise", "wrench", 1e-3)),
+            ScheduledFault(2_000_000_001, 3_500_000_001, Fault("free_mass_jammed")),
+        ),
+    )
+
+
+def test_a_scenario_may_be_empty(file):
+    assert read_scenario(file("faults: []")) == Scenario(0, ())
+
+
+DRAWN = (
+    "{kind: lost_preload, magnitude: {uniform: [0.2, 0.4]}, "
+    "onset: {uniform: [1, 3]}, duration: {uniform: [0.5, 1.5]}}"
+)
+
+
+def test_the_same_seed_draws_the_same_within_the_bounds(file):
+    path = file(f"seed: 3\nfaults: [{DRAWN}]\n")
+    first = read_scenario(path)
+    assert first == read_scenario(path) == read_scenario(path, seed=3)
+    other = read_scenario(path, seed=4)
+    assert other.seed == 4
+    assert other.faults != first.faults
+    for (one,) in (first.faults, other.faults):
+        assert SECOND <= one.onset <= 3 * SECOND
+        assert one.clear is not None
+        assert 0.5 * SECOND <= one.clear - one.onset <= 1.5 * SECOND
+        assert 0.2 <= one.fault.magnitude <= 0.4
+
+
+def test_what_one_entry_draws_does_not_depend_on_the_others(file):
+    alone = read_scenario(file(f"faults: [{DRAWN}]"))
+    beside = read_scenario(
+        file(f"faults: [{DRAWN}, {{kind: choking, onset: {{uniform: [0, 9]}}}}]")
+    )
+    assert alone.faults[0] in beside.faults
+    fixed = read_scenario(file("faults: [" + DRAWN.replace("{uniform: [0.2, 0.4]}", "0.3") + "]"))
+    assert fixed.faults[0].onset == alone.faults[0].onset
+
+
+def test_one_fault_may_begin_when_the_last_of_its_kind_ends(file):
+    text = "faults: [{kind: choking, onset: 1, duration: 1}, {kind: choking, onset: 2}]"
+    first, second = read_scenario(file(text)).faults
+    assert first.clear == second.onset
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", " is not a scenario: it holds no mapping"),
+        ("- 1", " is not a scenario: it holds no mapping"),
+        ("{}", ": faults = None is not a list"),
+        ("faults: 3", ": faults = 3 is not a list"),
+        ("fault: []", ": 'fault' is not one of seed, faults"),
+        ("1: []", ": 1 is not one of seed, faults"),
+        ("{seed: -1, faults: []}", ": seed = -1 is not a whole number in its range [0, "),
+        ("{seed: 1.5, faults: []}", ": seed = 1.5 is not a whole number"),
+        ("{seed: true, faults: []}", ": seed = 'true' is not a whole number"),
+        (f"{{seed: {GREATEST_SEED + 1}, faults: []}}", ": seed = 9223372036854775808 is not"),
+        ("{seed: 0x" + "f" * 5000 + ", faults: []}", ": seed = a number too long to show is"),
+        ("faults: [3]", ": entry 1: 3 is not a mapping"),
+        ("faults: [{onset: 1}]", ": entry 1: kind is missing"),
+        ("faults: [{kind: choking}]", ": entry 1: onset is missing"),
+        ("faults: [{kind: choking, onset: 1, until: 3}]", ": entry 1: 'until' is not one of kind,"),
+        ("faults: [{kind: chocking, onset: 1}]", ": entry 1: fault kind = 'chocking' is not one"),
+        ("faults: [{kind: off, onset: 1}]", ": entry 1: channel of off = '' is not one of "),
+        ("faults: [{kind: off, channel: waveform, onset: 1}]", ": entry 1: off on waveform is ref"),
+        (
+            "faults: [{kind: choking, onset: 1}, {kind: hard_rock, onset: -1}]",
+            ": entry 2: onset = -1 s is outside its range [0, 1e+06] s",
+        ),
+        ("faults: [{kind: choking, onset: .nan}]", ": entry 1: onset = nan is not a number"),
+        ("faults: [{kind: choking, onset: .inf}]", ": entry 1: onset = inf s is outside its range"),
+        ("faults: [{kind: choking, onset: '1'}]", ": entry 1: onset = '1' is not a number"),
+        ("faults: [{kind: choking, onset: }]", ": entry 1: onset = None is not a number"),
+        (
+            "faults: [{kind: choking, onset: 1, duration: 0}]",
+            ": entry 1: duration = 0 s is outside its range [1e-09, 1e+06] s",
+        ),
+        (
+            "faults: [{kind: choking, onset: 1, magnitude: 2}]",
+            ": entry 1: magnitude of choking = 2 is outside its range (0, 1]",
+        ),
+        (
+            "faults: [{kind: choking, onset: 1, magnitude: .nan}]",
+            ": entry 1: magnitude of choking = nan is not a number",
+        ),
+        (
+            "faults: [{kind: off, channel: wrench, onset: 1, magnitude: 2}]",
+            ": entry 1: off on wrench has no magnitude",
+        ),
+        (
+            "faults: [{kind: choking, onset: {normal: [1, 2]}}]",
+            ": entry 1: onset = {'normal': [1, 2]} is neither a number nor uniform: [least, most]",
+        ),
+        ("faults: [{kind: choking, onset: {uniform: [1]}}]", ": entry 1: onset = {'uniform': [1]}"),
+        (
+            "faults: [{kind: choking, onset: {uniform: [3, 1]}}]",
+            ": entry 1: onset = uniform: [3, 1] has its least above its most",
+        ),
+        (
+            "faults: [{kind: choking, onset: {uniform: [-1, 1]}}]",
+            ": entry 1: onset, uniform, = -1 s is outside its range [0, 1e+06] s",
+        ),
+        (
+            "faults: [{kind: choking, onset: 2}, {kind: choking, onset: 1, duration: 1.5}]",
+            ": entry 1: choking begins while that of entry 2 lasts",
+        ),
+        (
+            "faults: [{kind: choking, onset: 2}, {kind: choking, onset: 3}]",
+            ": entry 2: choking begins while that of entry 1 lasts",
+        ),
+        ("faults: [", " is not YAML: while parsing"),
+        (b"\xff\xfe\x00\x01\xff", " is not YAML: "),
+        ("faults: [{kind: choking, kind: off, onset: 1}]", " is not YAML: a key stands twice in"),
+        ("faults: &a [*a]", " is not YAML: aliases are not allowed here"),
+        ("{a: &a {x: 1}, faults: [{<<: *a}]}", " is not YAML: aliases are not allowed here"),
+        ("faults: " + "[" * 20_000, " is not YAML: maximum recursion depth"),
+        ("faults: [2001-13-45]", " is not YAML: month must be in 1..12"),
+        ("seed: " + "9" * 5000, " is not YAML: Exceeds the limit"),
+        ("seed: !!int ''", " is not YAML: "),
+        ("seed: !!timestamp 'x'", " is not YAML: "),
+        ("!!python/object/apply:os.system ['true']", " is not YAML: could not determine"),
+        ("faults: [] #" + " " * MOST_BYTES, " is longer than the 100000 bytes that"),
+    ],
+    ids=itertools.count(),
+)
+def test_every_mistake_is_one_line_that_finds_it(file, text, complaint):
+    assert refusal(file(text)).startswith(complaint)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.0, True, "7", GREATEST_SEED + 1])
+def test_a_seed_that_is_none_is_refused(seed):
+    assert refusal(EXAMPLE, seed=seed).startswith(": seed = ")
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    assert refusal(tmp_path / "missing.yaml") == ": No such file or directory"
+    assert refusal(tmp_path) == ": Is a directory"
+    assert refusal("a\0b") == ": embedded null byte"
+    assert refusal(os.devnull) == " is not a scenario: it holds no mapping"
+    assert "is longer than" in refusal("/dev/zero")
+
+
+SCALARS = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=20),
+    st.dates(),
+    st.binary(max_size=5),
+    st.sampled_from([*KINDS, *CHANNELS, "seed", "faults", "uniform", 1.0, 2, 10**400]),
+)
+KEYS = st.one_of(
+    st.sampled_from(["kind", "channel", "magnitude", "onset", "duration", "uniform"]), SCALARS
+)
+VALUES = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner, max_size=3),
+    max_leaves=8,
+)
+NUMBERS = st.one_of(
+    st.floats(0, 10),
+    st.integers(0, 10),
+    st.fixed_dictionaries({"uniform": st.lists(st.floats(0, 10), min_size=1, max_size=3)}),
+    VALUES,
+)
+ENTRIES = st.fixed_dictionaries(
+    {"kind": st.sampled_from([*KINDS]), "onset": NUMBERS},
+    optional={
+        "channel": st.one_of(st.sampled_from([*CHANNELS]), VALUES),
+        "magnitude": NUMBERS,
+        "duration": NUMBERS,
+        "other": VALUES,
+    },
+)
+CONTENTS = st.one_of(
+    VALUES,
+    st.fixed_dictionaries(
+        {"faults": st.lists(ENTRIES, max_size=4)}, optional={"seed": st.integers(0) | VALUES}
+    ),
+)
+
+
+def usable(scenario):
+    latest: dict[tuple[str, str], int | None] = {}
+    onset = 0
+    for scheduled in scenario.faults:
+        key = (scheduled.fault.kind, scheduled.fault.channel)
+        end = latest.get(key, 0)
+        assert scheduled.onset >= onset
+        assert end is not None
+        assert scheduled.onset >= end
+        assert scheduled.clear is None or scheduled.clear > scheduled.onset
+        onset, latest[key] = scheduled.onset, scheduled.clear
+
+
+@given(content=CONTENTS)
+def test_any_content_is_a_usable_scenario_or_refused_in_one_line(content):
+    try:
+        scenario = parse_scenario(content, "file.yaml")
+    except FaultError as error:
+        refusal = str(error)
+    else:
+        usable(scenario)
+        assert parse_scenario(content, "file.yaml") == scenario
+        return
+    assert refusal.startswith("file.yaml")
+    assert "\n" not in refusal
+    assert len(refusal) < 500
+
+
+TAGS = ["int", "float", "bool", "timestamp", "binary", "null", "set", "omap", "pairs", "str"]
+
+
+@given(
+    text=st.one_of(
+        st.text(),
+        st.binary(),
+        st.builds("faults: [!!{} {!r}]".format, st.sampled_from(TAGS), st.text(max_size=8)),
+        st.text(alphabet="{}[]:,-&*!?|>'\"%@#~ \n\tkfo01._<=", max_size=60),
+    )
+)
+def test_any_text_is_a_usable_scenario_or_refused_in_one_line(tmp_path_factory, text):
+    path = tmp_path_factory.getbasetemp() / "fuzzed.yaml"
+    path.write_bytes(
+        text if isinstance(text, bytes) else text.encode("utf-8", errors="surrogatepass")
+    )
+    try:
+        scenario = read_scenario(path)
+    except FaultError as error:
+        refusal = str(error)
+    else:
+        usable(scenario)
+        return
+    assert refusal.startswith(str(path))
+    assert "\n" not in refusal

@@ -1,0 +1,360 @@
+"""What a channel says while it fails: only its measurements change, and never by chance."""
+
+import copy
+import itertools
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.model.segment import IMPACT
+from rpud_sim.simulation import Parameters, fields
+from rpud_sim.simulation.channels import CHANNELS
+from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.simulation.ledger import FaultRecord, Faults
+from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.signals import SignalFaults
+from rpud_sim.simulation.simulation import Simulation
+
+MILLISECOND = 1_000_000
+ORIGIN = 1_700_000_000_000_000_000  # stamps need not be simulation time
+SIGNAL = [name for name, kind in KINDS.items() if not kind.physical]
+
+
+@pytest.fixture(scope="module")
+def run():
+    """100 ms of every channel: (simulation time, message) by channel.
+
+    Before drilling, for in the rock the drill tool is at rest most of the time.
+    """
+    block = Simulation(Parameters(regime="free")).advance_to(100 * MILLISECOND)
+    times = [number * MILLISECOND for number in range(101)]
+    samples = block.sample(Times.from_nanoseconds(np.array(times)))
+    makers = {
+        "nodal_plane": fields.nodal_plane_fields,
+        "drill_tool": fields.drill_tool_fields,
+        "reacting_force": fields.reacting_force_fields,
+        "wrench": fields.wrench_fields,
+    }
+    messages = {
+        channel: [(time, make(samples, i, ORIGIN + time)) for i, time in enumerate(times)]
+        for channel, make in makers.items()
+    }
+    impacts = [fields.contact_force_fields(impact, ORIGIN) for impact in block.impacts]
+    messages["contact_force"] = [(fields.stamp_of(one) - ORIGIN, one) for one in impacts]
+    assert len(impacts) > 20
+    return messages
+
+
+def send(signals, channel, messages, records):
+    """Everything that the channel publishes, with the time at which it does."""
+    published = []
+    for time, message in messages:
+        published += [(time, out) for out in signals.apply(channel, time, message, records)]
+    return published
+
+
+def record(kind, channel, magnitude=math.nan, onset=0, clear=None, number=1):
+    return FaultRecord(number, Fault(kind, channel, magnitude), onset, clear)
+
+
+def leaves(message, path=()):
+    for name, value in message.items():
+        if isinstance(value, dict):
+            yield from leaves(value, (*path, name))
+        else:
+            yield (*path, name), value
+
+
+def main_values(published, channel):
+    main = CHANNELS[channel].numbers[0]
+    return np.array([dict(leaves(message))[main] for _, message in published])
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_the_table_of_channels_names_everything_that_is_measured(run, channel):
+    names = {path for path, _ in leaves(run[channel][0][1]) if path[0] != "header"}
+    table = CHANNELS[channel]
+    assert names - {("sequence",)} == {*table.numbers, *table.flags}
+
+
+def test_the_table_leaves_no_member_of_an_impact_out():
+    measured = {path[0] for path in CHANNELS["contact_force"].numbers}
+    assert measured <= {*IMPACT.names}
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_a_healthy_channel_publishes_the_very_message(run, channel):
+    other = "wrench" if channel != "wrench" else "drill_tool"
+    for records in ((), (record("off", other),), (record("off", channel, clear=0),)):
+        published = send(SignalFaults(), channel, run[channel], records)
+        assert all(
+            out is message for (_, out), (_, message) in zip(published, run[channel], strict=True)
+        )
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+@pytest.mark.parametrize("kind", SIGNAL)
+def test_a_fault_touches_measurements_alone_and_only_while_it_lasts(run, kind, channel):
+    untouched = copy.deepcopy(run[channel])
+    given = record(kind, channel, onset=30 * MILLISECOND, clear=60 * MILLISECOND)
+    published = send(SignalFaults(), channel, run[channel], (given,))
+    assert repr(untouched) == repr(run[channel])  # messages are copied, not changed
+    originals = {fields.stamp_of(message): message for _, message in run[channel]}
+    measured = {*CHANNELS[channel].numbers, *CHANNELS[channel].flags}
+    for _, out in published:
+        original = originals[fields.stamp_of(out)]
+        assert [path for path, _ in leaves(out)] == [path for path, _ in leaves(original)]
+        for (path, value), (_, true) in zip(leaves(out), leaves(original), strict=True):
+            assert path in measured or value == true
+            assert type(value) is type(true)
+        if not given.lasts_at(fields.stamp_of(out) - ORIGIN):
+            assert out is original
+    stamps = [fields.stamp_of(out) for _, out in published]
+    assert stamps == sorted(stamps)
+    # The fault is seen: something is missing, late or other than it was.
+    assert [out for _, out in published] != [message for _, message in run[channel]] or any(
+        fields.stamp_of(out) - ORIGIN != time for time, out in published
+    )
+
+
+def test_off_shows_as_a_gap_in_the_numbers_of_the_impacts(run):
+    given = record("off", "contact_force", onset=30 * MILLISECOND, clear=60 * MILLISECOND)
+    published = send(SignalFaults(), "contact_force", run["contact_force"], (given,))
+    sequences = [message["sequence"] for _, message in published]
+    lost = {
+        message["sequence"]
+        for time, message in run["contact_force"]
+        if 30 * MILLISECOND <= time < 60 * MILLISECOND
+    }
+    assert lost
+    assert sorted({*sequences} | lost) == list(range(len(run["contact_force"])))
+    assert not {*sequences} & lost
+
+
+def test_a_stuck_channel_repeats_what_it_said_last(run):
+    given = record("stuck", "drill_tool", onset=30 * MILLISECOND)
+    published = send(SignalFaults(), "drill_tool", run["drill_tool"], (given,))
+    before = run["drill_tool"][29][1]
+    assert len(published) == len(run["drill_tool"])
+    for _, message in published[30:]:
+        for name in ("displacement", "velocity", "in_contact"):
+            assert message[name] == before[name]
+
+
+def test_a_channel_that_is_stuck_from_the_start_repeats_its_first_message(run):
+    published = send(SignalFaults(), "wrench", run["wrench"], (record("stuck", "wrench"),))
+    assert len({*main_values(published, "wrench")}) == 1
+
+
+def test_garbage_is_now_and_then_not_finite_and_otherwise_of_any_size():
+    message = {"header": fields.header_fields(0, "rpud_mount"), "force": 20.0}
+    messages = [(time, message) for time in range(2000)]
+    published = send(
+        SignalFaults(), "reacting_force", messages, (record("garbage", "reacting_force"),)
+    )
+    values = main_values(published, "reacting_force")
+    assert np.isnan(values).any()
+    assert np.isposinf(values).any()
+    assert np.isneginf(values).any()
+    sizes = np.abs(values[np.isfinite(values)])
+    assert 0.85 < len(sizes) / len(values) < 0.95
+    assert np.mean(sizes > 1e100) > 0.2
+    assert np.mean(sizes < 1e-100) > 0.2
+
+
+def test_wrong_scales_every_measured_number(run):
+    published = send(
+        SignalFaults(), "contact_force", run["contact_force"], (record("wrong", "contact_force"),)
+    )
+    for (_, out), (_, true) in zip(published, run["contact_force"], strict=True):
+        for (name,) in CHANNELS["contact_force"].numbers:
+            assert out[name] == 0.5 * true[name]
+
+
+def steps(value_of, count):
+    return [
+        (
+            time,
+            {"header": fields.header_fields(ORIGIN + time, "rpud_mount"), "force": value_of(time)},
+        )
+        for time in (number * MILLISECOND for number in range(count))
+    ]
+
+
+def test_a_slow_channel_lets_one_message_out_in_a_period():
+    messages = steps(float, 100)
+    given = record("slow", "reacting_force", 20e-3, 5 * MILLISECOND, 50 * MILLISECOND)
+    published = send(SignalFaults(), "reacting_force", messages, (given,))
+    during = [time // MILLISECOND for time, _ in published if given.lasts_at(time)]
+    assert during == [5, 25, 45]
+    # It is the message itself that goes out, and afterwards every one.
+    assert all(out is messages[time // MILLISECOND][1] for time, out in published)
+    assert len(published) == 5 + 3 + 50
+
+
+@given(
+    period=st.integers(1, 30),
+    times=st.lists(st.integers(0, 100), unique=True, min_size=1).map(sorted),
+)
+def test_a_slow_channel_never_says_more_and_never_less(period, times):
+    message = {"header": fields.header_fields(0, "rpud_mount"), "force": 1.0}
+    messages = [(time * MILLISECOND, message) for time in times]
+    given = record("slow", "reacting_force", period * 1e-3)
+    published = send(SignalFaults(), "reacting_force", messages, (given,))
+    said = [time // MILLISECOND for time, _ in published]
+    assert said[0] == times[0]
+    assert all(after - before >= period for before, after in itertools.pairwise(said))
+    for time in times:  # what was lost came too early after one that went out
+        assert time in said or any(0 < time - other < period for other in said)
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_delayed_messages_come_late_in_order_and_all_of_them(run, channel):
+    signals = SignalFaults()
+    given = record("delayed", channel, 10e-3, onset=20 * MILLISECOND, clear=70 * MILLISECOND)
+    published = []
+    by_time = dict(run[channel])
+    for time in sorted({*by_time, *range(0, 101 * MILLISECOND, MILLISECOND)}):
+        if time in by_time:
+            published += [
+                (time, out) for out in signals.apply(channel, time, by_time[time], (given,))
+            ]
+        for late_channel, out in signals.release(time, (given,)):
+            assert late_channel == channel
+            published.append((time, out))
+    assert [id(out) for _, out in published] == [id(message) for _, message in run[channel]]
+    for time, out in published:
+        stamp = fields.stamp_of(out) - ORIGIN
+        if not given.lasts_at(stamp):
+            assert time == stamp
+        elif stamp < 60 * MILLISECOND:
+            assert stamp + 10 * MILLISECOND <= time < stamp + 11 * MILLISECOND
+        else:  # the end of the fault sets free what waits
+            assert 70 * MILLISECOND <= time < 71 * MILLISECOND
+
+
+def test_late_messages_come_although_the_channel_falls_silent():
+    signals = SignalFaults()
+    given = (record("delayed", "contact_force", 1.0),)
+    message = {"header": fields.header_fields(0, "rpud_mount"), "sequence": 0}
+    assert signals.apply("contact_force", 0, message, given) == []
+    assert signals.release(999_999_999, given) == []
+    assert signals.release(1_000_000_000, given) == [("contact_force", message)]
+    assert signals.release(2_000_000_000, given) == []
+
+
+def test_an_intermittent_channel_loses_its_share():
+    messages = steps(float, 2000)
+    given = record("intermittent", "reacting_force", 0.3)
+    kept = len(send(SignalFaults(), "reacting_force", messages, (given,)))
+    assert kept == pytest.approx(0.7 * 2000, abs=5 * math.sqrt(2000 * 0.3 * 0.7))
+
+
+def test_noise_has_its_standard_deviation_and_touches_the_main_quantity_alone():
+    messages = [
+        (
+            time,
+            {"header": fields.header_fields(time, "rpud_mount"), "position": 1.0, "velocity": 2.0},
+        )
+        for time in range(4000)
+    ]
+    published = send(
+        SignalFaults(), "nodal_plane", messages, (record("noise", "nodal_plane", 0.25),)
+    )
+    values = main_values(published, "nodal_plane")
+    assert values.mean() == pytest.approx(1.0, abs=5 * 0.25 / math.sqrt(4000))
+    assert values.std() == pytest.approx(0.25, rel=0.1)
+    assert all(message["velocity"] == 2.0 for _, message in published)
+
+
+def test_bias_is_added_to_the_force_along_the_drill(run):
+    given = (record("bias", "wrench", 3.0),)
+    published = send(SignalFaults(), "wrench", run["wrench"], given)
+    np.testing.assert_array_equal(
+        main_values(published, "wrench"), main_values(run["wrench"], "wrench") + 3.0
+    )
+    assert all(message["wrench"]["force"]["x"] == 0.0 for _, message in published)
+
+
+def test_faults_on_one_channel_act_in_the_order_of_injection():
+    messages = steps(lambda time: 10.0, 3)
+    bias = Fault("bias", "reacting_force", 1.0)
+    wrong = Fault("wrong", "reacting_force", 2.0)
+    for order, value in (((bias, wrong), 22.0), ((wrong, bias), 21.0)):
+        faults = Faults()
+        for fault in order:
+            faults.inject(0, fault)
+        for records in (faults.active, faults.active[::-1]):
+            published = send(SignalFaults(), "reacting_force", messages, records)
+            assert (main_values(published, "reacting_force") == value).all()
+
+
+def test_what_waited_passes_the_faults_behind_the_one_that_ended():
+    signals = SignalFaults()
+    delayed = record("delayed", "reacting_force", 1.0, clear=MILLISECOND, number=1)
+    bias = record("bias", "reacting_force", 1.0, number=2)
+    messages = steps(lambda time: 10.0, 2)
+    published = send(signals, "reacting_force", messages, (delayed, bias))
+    assert [(time, message["force"]) for time, message in published] == [
+        (MILLISECOND, 11.0),
+        (MILLISECOND, 11.0),
+    ]
+
+
+KINDS_ON_CHANNELS = st.tuples(st.sampled_from(SIGNAL), st.sampled_from(sorted(CHANNELS)))
+
+
+@st.composite
+def injections(draw):
+    found = []
+    for kind, channel in draw(st.lists(KINDS_ON_CHANNELS, unique=True, max_size=6)):
+        onset = draw(st.integers(0, 100)) * MILLISECOND
+        lasting = draw(st.one_of(st.none(), st.integers(1, 100)))
+        clear = None if lasting is None else onset + lasting * MILLISECOND
+        found.append(record(kind, channel, math.nan, onset, clear, len(found) + 1))
+    return tuple(found)
+
+
+def everything(run, seed, records, channels=tuple(CHANNELS)):
+    signals = SignalFaults(seed)
+    return {channel: send(signals, channel, run[channel], records) for channel in channels}
+
+
+@given(seed=st.integers(0, 2**63 - 1), records=injections())
+def test_the_same_seed_and_injections_give_the_same_bytes(run, seed, records):
+    first = everything(run, seed, records)
+    again = everything(run, seed, records)
+    assert pickle.dumps(first) == pickle.dumps(again)
+    # What happens on one channel does not depend on the others.
+    for channel in CHANNELS:
+        own = tuple(one for one in records if one.fault.channel == channel)
+        alone = everything(run, seed, own, (channel,))
+        assert repr(alone[channel]) == repr(first[channel])
+
+
+@pytest.mark.parametrize("kind", ["garbage", "intermittent", "noise"])
+def test_another_seed_and_another_number_draw_otherwise(run, kind):
+    def noise(seed, number):
+        return repr(everything(run, seed, (record(kind, "wrench", number=number),), ("wrench",)))
+
+    assert len({noise(0, 1), noise(1, 1), noise(0, 2)}) == 3
+
+
+@given(records=injections())
+def test_no_message_is_lost_or_doubled_unless_a_fault_loses_it(run, records):
+    signals = SignalFaults()
+    for channel, messages in run.items():
+        published = send(signals, channel, messages, records)
+        # With all faults over, everything that waited is out.
+        published += [(0, out) for name, out in signals.release(10**18, ()) if name == channel]
+        stamps = [fields.stamp_of(out) for _, out in published]
+        assert stamps == sorted({*stamps})
+        if not any(
+            one.fault.channel == channel and one.fault.kind in ("off", "slow", "intermittent")
+            for one in records
+        ):
+            assert stamps == [fields.stamp_of(message) for _, message in messages]

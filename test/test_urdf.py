@@ -1,0 +1,177 @@
+"""The URDF describes the drill that is simulated: its frames, joints, masses and sections."""
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import yaml
+
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.fields import (
+    JOINTS,
+    MOUNT_FRAME,
+    NODAL_PLANE_FRAME,
+    TOOL_TIP_FRAME,
+)
+from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.simulation import Simulation
+
+ROOT = Path(__file__).resolve().parent.parent
+ROBOT = ElementTree.parse(ROOT / "urdf" / "rpud.urdf").getroot()
+LINKS = {link.get("name"): link for link in ROBOT.findall("link")}
+JOINT = {joint.get("name"): joint for joint in ROBOT.findall("joint")}
+PARAMETERS = preset("drilling")
+FREE_MASS_FRAME = "rpud_free_mass"
+
+
+def numbers(element, name):
+    text = "0 0 0" if element is None else element.get(name, "0 0 0")
+    return [float(word) for word in text.split()]
+
+
+def height(element):
+    """Give how far along z an element is from the frame it is given in, with parallel axes."""
+    origin = element.find("origin")
+    x, y, z = numbers(origin, "xyz")
+    assert (x, y) == (0.0, 0.0)
+    assert numbers(origin, "rpy") == [0.0, 0.0, 0.0]
+    return z
+
+
+def cylinders(link, kind="visual"):
+    """Give the cylinders of a link as (radius, length, height of the middle), along z."""
+    found = []
+    for element in LINKS[link].findall(kind):
+        cylinder = element.find("geometry/cylinder")
+        if cylinder is not None:
+            size = float(cylinder.get("radius")), float(cylinder.get("length"))
+            found.append((*size, height(element)))
+    return sorted(found, key=lambda cylinder: cylinder[2])
+
+
+def mass(link):
+    return float(LINKS[link].find("inertial/mass").get("value"))
+
+
+def moments(link):
+    inertia = LINKS[link].find("inertial/inertia")
+    assert [float(inertia.get(name)) for name in ("ixy", "ixz", "iyz")] == [0.0, 0.0, 0.0]
+    return [float(inertia.get(name)) for name in ("ixx", "iyy", "izz")]
+
+
+def solid(parts):
+    """Give centre and moments about it for coaxial cylinders (mass, radius, length, height)."""
+    centre = sum(m * z for m, _, _, z in parts) / sum(m for m, *_ in parts)
+    across = sum(m * ((3 * r * r + h * h) / 12 + (z - centre) ** 2) for m, r, h, z in parts)
+    return centre, [across, across, sum(m * r * r / 2 for m, r, _, _ in parts)]
+
+
+def test_it_is_one_tree_from_the_base():
+    children = [joint.find("child").get("link") for joint in JOINT.values()]
+    parents = [joint.find("parent").get("link") for joint in JOINT.values()]
+    assert len(LINKS) == len(ROBOT.findall("link"))
+    assert len(JOINT) == len(ROBOT.findall("joint")) == len(LINKS) - 1
+    assert sorted([*children, "rpud_base"]) == sorted(LINKS)
+    assert set(parents) == {"rpud_base", MOUNT_FRAME}
+
+
+def test_the_mount_is_where_an_arm_attaches_and_its_axis_is_the_arm_s():
+    joint = JOINT["rpud_base_joint"]
+    assert joint.get("type") == "fixed"
+    assert joint.find("child").get("link") == MOUNT_FRAME
+    assert height(joint) == 0.0
+    # A root with an inertia is what robot_state_publisher complains of.
+    assert LINKS["rpud_base"].find("inertial") is None
+
+
+def test_each_joint_that_moves_is_published_and_carries_the_frame_of_the_messages():
+    moving = {
+        name: joint.find("child").get("link")
+        for name, joint in JOINT.items()
+        if joint.get("type") == "prismatic"
+    }
+    frames = (NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME)
+    assert moving == dict(zip(JOINTS, frames, strict=True))
+    for name in JOINTS:
+        assert JOINT[name].find("parent").get("link") == MOUNT_FRAME
+        assert numbers(JOINT[name].find("axis"), "xyz") == [0.0, 0.0, 1.0]
+
+
+def test_the_bodies_just_touch_where_every_joint_is_zero():
+    faces = []
+    for name in JOINTS:
+        base = height(JOINT[name])
+        parts = cylinders(JOINT[name].find("child").get("link"))
+        faces.append((base + parts[0][2] - parts[0][1] / 2, base + parts[-1][2] + parts[-1][1] / 2))
+    (_, actuator_tip), (top, bottom), (tool_face, tool_end) = faces
+    assert actuator_tip == pytest.approx(top, abs=1e-12)
+    assert bottom == pytest.approx(tool_face, abs=1e-12)
+    assert tool_end == pytest.approx(height(JOINT[JOINTS[2]]), abs=1e-12)
+
+
+def test_the_drill_tool_has_the_sections_of_the_paper():
+    sections = [
+        (PARAMETERS.section_1_area, PARAMETERS.section_1_length),
+        (PARAMETERS.section_2_area, PARAMETERS.section_2_length),
+    ]
+    for kind in ("visual", "collision"):
+        found = [(math.pi * r * r, length) for r, length, _ in cylinders(TOOL_TIP_FRAME, kind)]
+        assert np.array(found) == pytest.approx(np.array(sections), rel=1e-5)
+
+
+def test_masses_are_those_of_the_paper_and_nothing_is_added():
+    found = {name for name, link in LINKS.items() if link.find("inertial") is not None}
+    assert found == {NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME}
+    assert mass(NODAL_PLANE_FRAME) == PARAMETERS.rpud_mass
+    assert mass(FREE_MASS_FRAME) == PARAMETERS.free_mass
+    assert mass(TOOL_TIP_FRAME) == PARAMETERS.drill_tool_mass
+
+
+@pytest.mark.parametrize("link", [NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME])
+def test_moments_of_inertia_are_those_of_the_shape(link):
+    parts = cylinders(link)
+    if link == NODAL_PLANE_FRAME:
+        parts = parts[:1]  # the thin tip in front of the housing counts as massless
+    volumes = [math.pi * r * r * length for r, length, _ in parts]
+    weighed = [
+        (mass(link) * volume / sum(volumes), *part)
+        for volume, part in zip(volumes, parts, strict=True)
+    ]
+    centre, expected = solid(weighed)
+    assert height(LINKS[link].find("inertial")) == pytest.approx(centre, abs=1e-7)
+    assert moments(link) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+@pytest.mark.parametrize("weight_on_bit", [0.0, 10.0, 100.0])
+def test_the_limits_cover_what_the_drill_does(regime, weight_on_bit):
+    """Ten seconds of the paper's drill, at every tenth of a millisecond."""
+    simulation = Simulation(preset(regime).replace(weight_on_bit=weight_on_bit))
+    samples = simulation.advance_to(10 * 10**9).sample(Times.from_grid(0, 100_000, 10_000))
+    channels = (
+        (samples.nodal_plane_position, samples.nodal_plane_velocity, samples.reacting_force),
+        (samples.free_mass_position, samples.free_mass_velocity, 0.0),
+        (samples.drill_tool_displacement, samples.drill_tool_velocity, 0.0),
+    )
+    for name, (position, velocity, effort) in zip(JOINTS, channels, strict=True):
+        limit = JOINT[name].find("limit")
+        assert np.min(position) > float(limit.get("lower"))
+        assert np.max(position) < float(limit.get("upper"))
+        assert np.max(np.abs(velocity)) < float(limit.get("velocity"))
+        assert np.max(np.abs(effort)) < float(limit.get("effort"))
+
+
+def test_rviz_is_shown_frames_and_topics_that_exist():
+    manager = yaml.safe_load((ROOT / "config" / "display.rviz").read_text())[
+        "Visualization Manager"
+    ]
+    assert manager["Global Options"]["Fixed Frame"] in LINKS
+    topics = {
+        value["Value"]
+        for display in manager["Displays"]
+        for name, value in display.items()
+        if name.endswith("Topic")
+    }
+    assert topics == {"robot_description", "wrench"}
