@@ -61,18 +61,6 @@ class Configuration:
             voltage,
         )
 
-    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-        """Refuse a key that stands twice: the first value would be lost silently."""
-        seen = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    raise yaml.MarkedYAMLError(
-                        None, None, f"{key.value} is given twice", key.start_mark
-                    )
-                seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
 
 def check_flag(name: str, value: Any) -> bool:
     """Return the value if it is a truth value.
@@ -83,21 +71,6 @@ def check_flag(name: str, value: Any) -> bool:
     if not isinstance(value, bool):
         raise ParameterError(f"{name} = {shown(value)} is not true or false")
     return value
-
-
-def read_yaml(path: str | Path) -> Any:
-    """Return the content of a YAML file.
-
-    Raises:
-        ParameterError: if the file cannot be read or is not YAML.
-    """
-    try:
-        return yaml.load(Path(path).read_text(encoding="utf-8"), _Loader)
-    except OSError as error:
-        raise ParameterError(f"{path}: {error.strerror}") from None
-    # PyYAML gives values that look like a number or a date and are none to Python as they are.
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ParameterError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
 
 
 def read_parameter_file(path: str | Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rpud_sim.analysis.sweep.errors import SweepError
 from rpud_sim.simulation import NAMES, QUANTITIES, ParameterError, Parameters, Quantity, preset
-from rpud_sim.simulation.configuration import read_yaml
+from rpud_sim.simulation.yaml_files import read_yaml
 
 DESIGNS = ("grid", "latin_hypercube", "sobol")
 SCALES = ("linear", "log")
