@@ -294,3 +294,22 @@ def test_more_weight_on_bit_pushes_harder():
         statistics.add(simulation.advance_to(simulation.time + 4 * SECOND))
         means.append(statistics.figures()["reacting_force_mean"])
     assert means[1] > means[0] + 5.0
+
+
+@settings(max_examples=25)
+@given(regimes, moments, st.permutations([WeightOnBit(7.0), OFF, WeightOnBit(31.0)]))
+def test_the_order_of_commands_for_different_things_at_one_instant_changes_no_bit(
+    parameters, moment, given_commands
+):
+    def trajectory(commands_in_order):
+        simulation = Simulation(parameters)
+        blocks = [simulation.advance_to(moment)]
+        for command in commands_in_order:
+            simulation.apply(command)
+        return collect([*blocks, simulation.advance_to(SECOND // 3)])
+
+    weights_first = sorted(given_commands, key=lambda command: isinstance(command, Drive))
+    segments, impacts = trajectory(given_commands)
+    others, other_impacts = trajectory(weights_first)
+    assert same(segments, others)
+    assert same(impacts, other_impacts)
