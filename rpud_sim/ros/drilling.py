@@ -273,8 +273,8 @@ class Drilling:
             f"drilling: regime {parameters.regime}, weight on bit {parameters.weight_on_bit:g} N, "
             f"drive {'on' if settings.configuration.drive_enabled else 'off'}"
         )
-        self._playing = self._source.follows or not settings.start_paused
         self._outputs.begin(self._source.wait(self._stop, self._requests.serve))
+        self._playing = self._source.follows or not settings.start_paused
         if self._playing:
             self._pacer.start(self._simulation.time, self._source.resume(self._simulation.time))
         self._account.finish()
