@@ -8,7 +8,8 @@ import platform
 import sys
 from pathlib import Path
 
-from bench.measure import MEASUREMENTS, Row
+from bench.measure import MEASUREMENTS
+from bench.row import Row
 from bench.sweep import sweeps
 
 

@@ -37,6 +37,7 @@ from rpud_sim.model.segment import (
     motion_at,
 )
 from rpud_sim.model.tolerances import (
+    LEAST_DEFORMATION,
     LONGEST_SEGMENT,
     LONGEST_STANDSTILL,
     SAME_VELOCITY,
@@ -112,7 +113,9 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
             impacts[count] = impact
             count += 1
     if drill.in_rock:
-        state.tool_at_rest = not in_contact and state.u_dt <= 0.0
+        slow = abs(state.v_dt) <= SAME_VELOCITY
+        unbent = state.u_dt <= (LEAST_DEFORMATION if slow else 0.0)
+        state.tool_at_rest = not in_contact and unbent
         if state.tool_at_rest:
             state.u_dt = 0.0
             state.v_dt = 0.0

@@ -56,6 +56,6 @@ def record_to_fault(record: FaultRecord, origin: int) -> FaultMessage:
 
 def faults_to_message(ledger: FaultLedger, time: int, origin: int) -> FaultsMessage:
     """Convert the ledger as it is at a simulation time."""
-    message = filled(FaultsMessage(), fields.faults_header_fields(ledger, time, origin))
-    message.faults = [record_to_fault(record, origin) for record in ledger.records]
-    return message
+    values = fields.faults_fields(ledger, time, origin)
+    values["faults"] = [filled(FaultMessage(), fault) for fault in values["faults"]]
+    return filled(FaultsMessage(), values)

@@ -238,6 +238,10 @@ def fault_fields(record: FaultRecord, origin: int) -> Fields:
     }
 
 
-def faults_header_fields(ledger: Faults, time: int, origin: int) -> Fields:
-    """Fields of ``rpud_msgs/Faults`` at a simulation time, but for the faults themselves."""
-    return {"header": header_fields(origin + time, MOUNT_FRAME), "forgotten": ledger.forgotten}
+def faults_fields(ledger: Faults, time: int, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/Faults`` at a simulation time."""
+    return {
+        "header": header_fields(origin + time, MOUNT_FRAME),
+        "faults": [fault_fields(record, origin) for record in ledger.records],
+        "forgotten": ledger.forgotten,
+    }
