@@ -58,6 +58,12 @@ soak: DURATION = 1800
 soak: install/.package ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
 	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
 
+.PHONY: fuzz
+fuzz: N = 100000
+fuzz: SEED = 0
+fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and say what came of them
+	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --seed $(SEED)
+
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)
 	toolchain/lock.sh
