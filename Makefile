@@ -33,7 +33,7 @@ picture: install/.package ## Drill and record to BAG for 3 s, and draw it as doc
 ##@ Develop
 .PHONY: test
 test: install/.package ## Run every test; PYTEST_ARGS passes on options
-	@$(WITH_ENV) python -m pytest $(PYTEST_ARGS)
+	@$(WITH_ENV) python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 .PHONY: lint
 lint: install/.package .venv/.lint ## Check style, types, the rules of import and package.xml
