@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from rpud_sim.bag import Message, TopicSummary
+from rpud_sim.bag import Message, Topic, TopicSummary
 from rpud_sim.ros.qos import replay_offer
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
@@ -19,15 +19,29 @@ CLOCK = "/clock"
 
 
 class Replayer(Node):
-    """Publishes messages of a bag. It spins in no executor.
+    """Publishes messages of a bag.
 
-    Publishers: `topics`, with their types and the QoS they were offered with; /clock where
-    `with_clock`. Topics whose type is not installed are left out, with a warning.
+    Publishers: `topics`, with their types and the QoS they were offered with, under other names by
+    `remappings` as `OLD:=NEW`; /clock where `with_clock`. Topics whose type is not installed, or
+    not that of the topic with which they would share a name, are left out, with a warning.
+    Services: those of `ReplayServices`, from when it is given a playback to control.
     """
 
-    def __init__(self, topics: Iterable[TopicSummary], *, with_clock: bool) -> None:
-        super().__init__("replayer", start_parameter_services=False)
+    def __init__(
+        self,
+        topics: Iterable[TopicSummary],
+        *,
+        with_clock: bool,
+        remappings: Iterable[str] = (),
+    ) -> None:
+        rules = [word for rule in remappings for word in ("--remap", rule)]
+        super().__init__(
+            "replayer",
+            cli_args=["--ros-args", *rules] if rules else None,
+            start_parameter_services=False,
+        )
         self._replayed: dict[str, Publisher] = {}
+        self._types: dict[str, str] = {}  # by the names that they are published with
         self._clock_message = Clock()
         self._clock_publisher: Publisher | None = None
         if with_clock:
@@ -42,12 +56,19 @@ class Replayer(Node):
                 if summary.topic.serialization_format != "cdr":
                     raise UnknownTypeError(f"it is in {summary.topic.serialization_format!r}")
                 message = message_class(summary.topic.type)
+                self._check_name(summary.topic)
             except UnknownTypeError as error:
                 self.get_logger().warning(f"not replayed: {summary.topic.name}: {error}")
                 continue
             self._replayed[summary.topic.name] = self.create_publisher(
                 message, summary.topic.name, replay_offer(summary.topic.offered_qos)
             )
+
+    def _check_name(self, topic: Topic) -> None:
+        name = self.resolve_topic_name(topic.name)
+        other = self._types.setdefault(name, topic.type)
+        if other != topic.type:
+            raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")
 
     @property
     def topic_names(self) -> list[str]:
