@@ -14,7 +14,7 @@ CLOCK_RATE = 40.0
 FASTEST_RATE = 1e6
 """The greatest rate of a replay [times real time]; publishing is slower than that."""
 DISCOVERY_TIME = 3.5
-"""How long a replay waits for subscribers unasked [s]; the middleware announces itself every 3 s."""
+"""How long a replay waits for subscribers unasked [s]; Fast DDS announces itself every 3 s."""
 
 _NAME = r"(/[A-Za-z_][A-Za-z0-9_]*)+"
 _REMAPPING = re.compile(f"{_NAME}:={_NAME}")

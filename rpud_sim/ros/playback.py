@@ -183,7 +183,7 @@ class Playback:
         first, last = self._plan.first, self._plan.last
         if position > last:
             raise RefusedError(
-                f"time = {position / NANOSECONDS:.9f} s is after the end, {last / NANOSECONDS:.9f} s"
+                f"time = {position / NANOSECONDS:.3f} s is after the last, {last / NANOSECONDS:.3f} s"
             )
         position = max(first, position)
         self._open(position)

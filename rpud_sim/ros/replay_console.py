@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 from types import TracebackType
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
@@ -65,7 +66,7 @@ class ReplayConsole:
         """Wait a moment for keys and do what they say; show where the playback is."""
         for key in self._keyboard.read(_LOOK_PERIOD):
             try:
-                self._thread.do(lambda playback, key=key: _press(playback, key))
+                self._thread.do(partial(_press, key))
             except (RefusedError, StoppedError) as error:
                 self._logger.warning(str(error))
         if not self._bar.disable:
@@ -74,7 +75,7 @@ class ReplayConsole:
             self._bar.set_postfix_str(f"{state}, {playback.published} messages")
 
 
-def _press(playback: Playback, key: str) -> None:
+def _press(key: str, playback: Playback) -> None:
     if key == " ":
         playback.toggle_paused()
     elif key in ("right", "n"):

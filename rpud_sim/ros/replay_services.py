@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from types import ModuleType
 from typing import Any
 
 from rclpy.node import Node
@@ -16,41 +15,51 @@ from rpud_sim.ros.playback_thread import PlaybackThread
 from rpud_sim.ros.requests import StoppedError
 
 
-class ReplayServices:
-    """`~/pause`, `resume`, `toggle_paused`, `is_paused`, `get_rate`, `set_rate`, `seek`,
-    `play_next`, `burst`, `stop` and `play`, with names and meanings of `ros2 bag play`.
+def _seek(playback: Playback, request: Any) -> None:
+    playback.seek(int(request.time.sec) * NANOSECONDS + int(request.time.nanosec))
 
-    Where the package rosbag2_interfaces is installed the types are its own. Elsewhere they are
-    std_srvs/Trigger and those of rpud_msgs, which also say why something is refused, and there is
-    no `play`: it begins a replay that has ended, which ends this program.
+
+def _play(playback: Playback, request: Any) -> None:
+    raise RefusedError("the replay has begun")
+
+
+# What they return are fields of the response.
+_ACTIONS: dict[str, Callable[[Playback, Any], dict[str, Any] | None]] = {
+    "pause": lambda playback, request: playback.pause(),
+    "resume": lambda playback, request: playback.resume(),
+    "toggle_paused": lambda playback, request: playback.toggle_paused(),
+    "is_paused": lambda playback, request: {"paused": playback.paused},
+    "get_rate": lambda playback, request: {"rate": playback.rate},
+    "set_rate": lambda playback, request: playback.set_rate(request.rate),
+    "seek": _seek,
+    "play_next": lambda playback, request: playback.play_next(),
+    "burst": lambda playback, request: {"actually_burst": playback.burst(request.num_messages)},
+    "stop": lambda playback, request: playback.stop(),
+    "play": _play,
+}
+
+
+class ReplayServices:
+    """Services below the node's name, with the names and meanings that `ros2 bag play` has.
+
+    They are `pause`, `resume`, `toggle_paused`, `is_paused`, `get_rate`, `set_rate`, `seek`,
+    `play_next`, `burst`, `stop` and `play`. Where the package rosbag2_interfaces is installed the
+    types are its own. Elsewhere they are std_srvs/Trigger and those of rpud_msgs, which also say
+    why something is refused, and there is no `play`: it is refused while a replay runs, and the
+    program ends with its replay.
     """
 
     def __init__(self, node: Node, thread: PlaybackThread) -> None:
         self._thread = thread
         self._logger = node.get_logger()
-        handlers: dict[str, Callable[[Any], dict[str, Any]]] = {
-            "pause": lambda request: self._do(Playback.pause),
-            "resume": lambda request: self._do(Playback.resume),
-            "toggle_paused": lambda request: self._do(Playback.toggle_paused),
-            "is_paused": lambda request: {"paused": thread.do(lambda playback: playback.paused)},
-            "get_rate": lambda request: {"rate": thread.do(lambda playback: playback.rate)},
-            "set_rate": lambda request: self._do(lambda playback: playback.set_rate(request.rate)),
-            "seek": lambda request: self._do(lambda playback: playback.seek(_stamp(request.time))),
-            "play_next": lambda request: self._do(Playback.play_next),
-            "burst": self._burst,
-            "stop": lambda request: self._do(Playback.stop),
-            "play": self._play,
-        }
-        types = _types(list(handlers))
-        for name, kind in types.items():
-            node.create_service(kind, f"~/{name}", self._answering(name, handlers[name]))
+        for name, kind in service_types().items():
+            node.create_service(kind, f"~/{name}", self._answering(name))
 
-    def _answering(
-        self, name: str, handler: Callable[[Any], dict[str, Any]]
-    ) -> Callable[[Any, Any], Any]:
+    def _answering(self, name: str) -> Callable[[Any, Any], Any]:
         def answer(request: Any, response: Any) -> Any:
             try:
-                fields = {"success": True, **handler(request)}
+                result = self._thread.do(lambda playback: _ACTIONS[name](playback, request))
+                fields = {"success": True, **(result or {})}
             except (RefusedError, StoppedError) as error:
                 reason = "the replay has ended" if isinstance(error, StoppedError) else str(error)
                 self._logger.warning(f"{name} is refused: {reason}")
@@ -62,31 +71,18 @@ class ReplayServices:
 
         return answer
 
-    def _do(self, action: Callable[[Playback], None]) -> dict[str, Any]:
-        self._thread.do(action)
-        return {}
 
-    def _burst(self, request: Any) -> dict[str, Any]:
-        count = int(request.num_messages)
-        return {"actually_burst": self._thread.do(lambda playback: playback.burst(count))}
-
-    def _play(self, request: Any) -> dict[str, Any]:
-        raise RefusedError("the replay has begun")
-
-
-def _types(names: list[str]) -> dict[str, Any]:
+def service_types() -> dict[str, Any]:
+    """Give the types of the services by their names: rosbag2's own, where they are installed."""
     try:
-        rosbag2: ModuleType = importlib.import_module("rosbag2_interfaces.srv")
+        rosbag2 = importlib.import_module("rosbag2_interfaces.srv")
     except ImportError:
-        return {
-            name: getattr(own, _type_name(name), Trigger) for name in names if name != "play"
+        triggers = dict.fromkeys(("pause", "resume", "toggle_paused", "play_next", "stop"), Trigger)
+        return triggers | {
+            "is_paused": own.IsPaused,
+            "get_rate": own.GetRate,
+            "set_rate": own.SetRate,
+            "seek": own.Seek,
+            "burst": own.Burst,
         }
-    return {name: getattr(rosbag2, _type_name(name)) for name in names}
-
-
-def _type_name(name: str) -> str:
-    return name.title().replace("_", "")
-
-
-def _stamp(time: Any) -> int:
-    return int(time.sec) * NANOSECONDS + int(time.nanosec)
+    return {name: getattr(rosbag2, name.title().replace("_", "")) for name in _ACTIONS}

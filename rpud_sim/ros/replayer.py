@@ -57,11 +57,26 @@ def main() -> None:
     """Run the executable; ROS arguments follow `--ros-args`."""
     parser = argparse.ArgumentParser(prog="replayer", description=__doc__)
     add_replay_arguments(parser)
+    words, ros_arguments = _without_ros_arguments(sys.argv[1:])
     try:
-        words = remove_ros_args(sys.argv)[1:]
+        remove_ros_args(ros_arguments)
     except RuntimeError as error:
         parser.error(str(error))
-    sys.exit(run(parser.parse_args(words), sys.argv))
+    sys.exit(run(parser.parse_args(words), ros_arguments))
+
+
+def _without_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:
+    """Split words into our own and those from `--ros-args` to `--`.
+
+    rclpy would take the rules of our own --remap for ROS arguments as well.
+    """
+    own, ros = list(words), []
+    while "--ros-args" in own:
+        begin = own.index("--ros-args")
+        end = own.index("--", begin) + 1 if "--" in own[begin:] else len(own)
+        ros += own[begin:end]
+        del own[begin:end]
+    return own, ros
 
 
 def _chosen(bag: BagReader, arguments: argparse.Namespace) -> list[TopicSummary]:
