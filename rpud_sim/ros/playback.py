@@ -14,6 +14,7 @@ from rpud_sim.ros.lateness import Lateness
 from rpud_sim.ros.replaying import Timeline
 
 NANOSECONDS = 1_000_000_000
+_BEHIND = NANOSECONDS // 20  # later than this, messages come as fast as they can
 _LOOP_PAUSE = NANOSECONDS // 10  # between two passes, so that a bag of one message is no flood
 
 
@@ -35,8 +36,8 @@ class Messages(Protocol):
 class Outputs(Protocol):
     """Where a playback goes."""
 
-    def publish(self, message: Message) -> None:
-        """Publish a message."""
+    def publish(self, message: Message, *, hurried: bool) -> None:
+        """Publish a message; where it is `hurried`, nothing but the listeners paces it."""
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns]."""
@@ -138,7 +139,7 @@ class Playback:
             self._tick += self._plan.tick or inf
         else:
             self.lateness.add(now - due)
-            self._publish_next()
+            self._publish_next(hurried=now - due > _BEHIND)
         return 0.0
 
     def stop(self) -> None:
@@ -183,7 +184,8 @@ class Playback:
         first, last = self._plan.first, self._plan.last
         if position > last:
             raise RefusedError(
-                f"time = {position / NANOSECONDS:.3f} s is after the last, {last / NANOSECONDS:.3f} s"
+                f"time = {position / NANOSECONDS:.3f} s is after the last, "
+                f"{last / NANOSECONDS:.3f} s"
             )
         position = max(first, position)
         self._open(position)
@@ -203,7 +205,7 @@ class Playback:
         self._timeline = self._timeline.seek(self._clock(), time_of_next)
         if self._plan.tick is not None:
             self._outputs.publish_clock(time_of_next)
-        self._publish_next()
+        self._publish_next(hurried=True)
 
     def burst(self, count: int) -> int:
         """Publish the next `count` messages now, all for 0; return how many there were.
@@ -236,9 +238,9 @@ class Playback:
         if message is not None and message.log_time <= self._plan.last:
             self._next = message
 
-    def _publish_next(self) -> None:
+    def _publish_next(self, *, hurried: bool) -> None:
         assert self._next is not None
-        self._outputs.publish(self._next)
+        self._outputs.publish(self._next, hurried=hurried)
         self.published += 1
         self._take_next()
 

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
+from math import inf
 
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from rpud_sim.bag import Message, Topic, TopicSummary
-from rpud_sim.ros.qos import replay_offer
+from rpud_sim.ros.qos import REPLAY_DEPTH, replay_offer
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 CLOCK = "/clock"
+_LONGEST_WAIT = 5_000_000_000  # for listeners of a replay in a hurry [ns]
 
 
 class Replayer(Node):
@@ -42,6 +44,8 @@ class Replayer(Node):
         )
         self._replayed: dict[str, Publisher] = {}
         self._types: dict[str, str] = {}  # by the names that they are published with
+        self._hurried: dict[str, int] = {}  # messages that nobody may have confirmed
+        self._room: dict[str, float] = {}  # how many of them there may be
         self._clock_message = Clock()
         self._clock_publisher: Publisher | None = None
         if with_clock:
@@ -60,8 +64,19 @@ class Replayer(Node):
             except UnknownTypeError as error:
                 self.get_logger().warning(f"not replayed: {summary.topic.name}: {error}")
                 continue
-            self._replayed[summary.topic.name] = self.create_publisher(
-                message, summary.topic.name, replay_offer(summary.topic.offered_qos)
+            offer = replay_offer(summary.topic.offered_qos)
+            name = summary.topic.name
+            self._replayed[name] = self.create_publisher(message, name, offer)
+            self._hurried[name] = 0
+            # Of a latched topic only the last ones are meant to be kept.
+            latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
+            self._room[name] = inf if latched else min(offer.depth, REPLAY_DEPTH) // 2
+
+    def _await_listeners(self, name: str) -> None:
+        if not self._replayed[name].wait_for_all_acked(Duration(nanoseconds=_LONGEST_WAIT)):
+            self._room[name] = inf
+            self.get_logger().warning(
+                f"a subscriber of {name} does not keep up; it is not waited for any more"
             )
 
     def _check_name(self, topic: Topic) -> None:
@@ -84,9 +99,20 @@ class Replayer(Node):
             if not publisher.get_subscription_count()
         ]
 
-    def publish(self, message: Message) -> None:
-        """Publish a message as it was serialized."""
+    def publish(self, message: Message, *, hurried: bool = False) -> None:
+        """Publish a message as it was serialized.
+
+        Where messages are `hurried`, reliable listeners are given the time to have them all before
+        the oldest would be overwritten.
+        """
         self._replayed[message.topic].publish(message.data)
+        if not hurried:
+            self._hurried[message.topic] = 0
+            return
+        self._hurried[message.topic] += 1
+        if self._hurried[message.topic] >= self._room[message.topic]:
+            self._hurried[message.topic] = 0
+            self._await_listeners(message.topic)
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns] on /clock."""

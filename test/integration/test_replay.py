@@ -8,11 +8,14 @@ import select
 import signal
 import struct
 import termios
+import time
 
 import pytest
+import rclpy
 from builtin_interfaces.msg import Time
 from drill_client import Client, nanoseconds
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sample_bags import SECOND, START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
 from std_msgs.msg import String
@@ -36,8 +39,8 @@ def bag(tmp_path):
             )
         writer.write("/rpud/chat", serialized_string("hello"), START, START)
         for number in range(40):
-            time = START + number * STEP
-            writer.write(REPLAYED, serialized_string(str(number)), time, time)
+            due = START + number * STEP
+            writer.write(REPLAYED, serialized_string(str(number)), due, due)
     return tmp_path / "bag"
 
 
@@ -160,6 +163,37 @@ def test_topics_are_renamed_and_left_out(process, bag, audience):
     process.wait_for_line("replayed 21 messages")
     audience.until(lambda: heard == list(range(10, 31)))
     assert audience.numbers == []
+
+
+def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
+    talk = Topic("/long", STRING, STRING_HASH, (RecordedProfile(),))
+    count = 12_000
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic(talk, STRING_DEFINITION)
+        for number in range(count):
+            writer.write("/long", serialized_string(str(number)), START + number * SECOND, START)
+    # It keeps what comes, until there is no more room, and takes it more slowly than it is sent.
+    node = rclpy.create_node("slow", context=audience.node.context)
+    subscription = node.create_subscription(
+        String, "/long", lambda message: None, QoSProfile(depth=100_000), raw=True
+    )
+    process = process("replayer", tmp_path / "bag", "--rate", "1e6")
+    heard = []
+
+    def take():
+        for _ in range(100):
+            if taken := subscription.handle.take_message(String, True):
+                heard.append(taken[0])
+        time.sleep(0.01)
+        return len(heard) == count
+
+    deadline = time.monotonic() + 30.0
+    while not take():
+        assert time.monotonic() < deadline
+    node.destroy_node()
+    numbers = [int(deserialize_message(data, String).data) for data in heard]
+    assert numbers == list(range(count))
+    assert process.wait() == 0
 
 
 def test_two_types_do_not_share_a_name(process, audience, tmp_path):

@@ -24,6 +24,7 @@ class Stage:
     def __init__(self, offsets, **plan):
         self.now = NOW
         self.sent = []
+        self.hurried = []
         self.ticks = []
         self.bag = [Message("/a", START + offset, START, b"") for offset in sorted(offsets)]
         self.opened = []
@@ -37,7 +38,8 @@ class Stage:
         self.opened.append(Reading(m for m in self.bag if m.log_time >= position))
         return self.opened[-1]
 
-    def publish(self, message):
+    def publish(self, message, *, hurried):
+        self.hurried.append(hurried)
         self.sent.append((message.log_time - START, self.now - NOW))
 
     def publish_clock(self, bag_time):
@@ -273,6 +275,17 @@ def test_lateness_is_measured():
     stage.now += SECOND
     stage.run()
     assert stage.playback.lateness.greatest == pytest.approx(0.5)
+
+
+def test_what_nothing_paces_is_hurried():
+    stage = Stage([0, SECOND, 2 * SECOND])
+    stage.run(0.5)
+    stage.now += SECOND
+    stage.run()
+    assert stage.hurried == [False, True, False]
+    stage = Stage([0, SECOND, 2 * SECOND], paused=True)
+    stage.playback.burst(0)
+    assert stage.hurried == [True, True, True]
 
 
 def test_a_stop_ends_it():
