@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any
 
 from rclpy.node import Node
-from rpud_msgs import srv as own
 from std_srvs.srv import Trigger
 
 from rpud_sim.ros.playback import NANOSECONDS, Playback, RefusedError
@@ -73,16 +73,22 @@ class ReplayServices:
 
 
 def service_types() -> dict[str, Any]:
-    """Give the types of the services by their names: rosbag2's own, where they are installed."""
+    """Give the types of the services by their names, of the packages that are installed."""
+    if rosbag2 := _installed("rosbag2_interfaces.srv"):
+        return {name: getattr(rosbag2, _type_name(name)) for name in _ACTIONS}
+    types = dict.fromkeys(("pause", "resume", "toggle_paused", "play_next", "stop"), Trigger)
+    if own := _installed("rpud_msgs.srv"):
+        for name in ("is_paused", "get_rate", "set_rate", "seek", "burst"):
+            types[name] = getattr(own, _type_name(name))
+    return types
+
+
+def _installed(module: str) -> ModuleType | None:
     try:
-        rosbag2 = importlib.import_module("rosbag2_interfaces.srv")
+        return importlib.import_module(module)
     except ImportError:
-        triggers = dict.fromkeys(("pause", "resume", "toggle_paused", "play_next", "stop"), Trigger)
-        return triggers | {
-            "is_paused": own.IsPaused,
-            "get_rate": own.GetRate,
-            "set_rate": own.SetRate,
-            "seek": own.Seek,
-            "burst": own.Burst,
-        }
-    return {name: getattr(rosbag2, name.title().replace("_", "")) for name in _ACTIONS}
+        return None
+
+
+def _type_name(name: str) -> str:
+    return name.title().replace("_", "")
