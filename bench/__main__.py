@@ -9,12 +9,13 @@ import sys
 from pathlib import Path
 
 from bench.measure import MEASUREMENTS, Row
+from bench.replay import replay
 
 
 def main() -> None:
     """Measure, print the table, and write it."""
     rows: list[Row] = []
-    for measure in MEASUREMENTS:
+    for measure in (*MEASUREMENTS, replay):
         print(f"measuring: {measure.__doc__}", file=sys.stderr)
         rows.extend(measure())
     machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
