@@ -6,6 +6,7 @@ SHELL := /bin/bash
 DURATION ?= 10
 BAG ?= bags/$(shell date +%Y-%m-%d-%H%M%S)
 PYTEST_ARGS ?=
+KILLS ?= 1000
 
 # An installed ROS is used in place of the wheels. ROS_PREFIX= (empty) asks for the wheels all the same.
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
@@ -44,8 +45,13 @@ format: .venv/.lint ## Format the code and mend what ruff can
 	@.venv/bin/ruff check --fix
 
 .PHONY: bench
-bench: install/.package ## Run the benchmarks
+bench: install/.package .venv/.bench ## Run the benchmarks; installs MuJoCo to compare with
 	@$(WITH_ENV) python -m bench
+
+.PHONY: kills
+kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each
+	@$(WITH_ENV) python test/kills.py --count $(KILLS) && \
+	  python test/kills.py --count $(KILLS) --max-loss 1 --live
 
 .PHONY: soak
 soak: DURATION = 1800
@@ -82,6 +88,10 @@ help: ## Show this help
 	@touch $@
 
 .venv/.lint: toolchain/requirements/lint.lock .venv/.installed
+	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@touch $@
+
+.venv/.bench: toolchain/requirements/bench.lock .venv/.installed
 	@$(PIP_INSTALL) --only-binary :all: -r $<
 	@touch $@
 

@@ -22,7 +22,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rpud_msgs.msg import ContactForce
 
-from bench.measure import Row, row
+from bench.row import Row, row
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.ros.stopping import StopRequest

@@ -13,12 +13,12 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from geometry_msgs.msg import WrenchStamped
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
@@ -49,12 +49,16 @@ TELEMETRY = {
 STREAMS = {"waveform": Waveform, "trajectory": Trajectory}
 STARTING = 60.0  # that the drill may take until it is heard [s]
 STOPPING = 30.0  # that a process may take to end [s]
+_TAKE_PERIOD = 0.005  # [s]
 _DEEP = QoSProfile(depth=5000)
 _LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Listener:
     """Hears every topic of a drill and keeps nothing but counts, and one arrival per second.
+
+    Messages are taken in batches: an executor costs so much more for each that on a busy machine
+    the listener would be what loses them.
 
     Args:
         node: to subscribe with; its namespace is the drill's.
@@ -66,18 +70,43 @@ class Listener:
         self.arrivals: list[tuple[int, int]] = []  # stamp and arrival of each second's soonest [ns]
         self._second = -1
         self._start: int | None = None
-        for name, kind in TELEMETRY.items():
-            node.create_subscription(kind, name, self._counter(name), _DEEP)
-        node.create_subscription(NodalPlane, "nodal_plane", self._on_nodal_plane, _DEEP)
-        node.create_subscription(ContactForce, "contact_force", self._on_contact_force, _DEEP)
-        node.create_subscription(Waveform, "waveform", self._on_waveform, _DEEP)
-        node.create_subscription(Trajectory, "trajectory", self._on_trajectory, _DEEP)
-        node.create_subscription(Status, "status", self._on_status, _LATCHED)
+        self._hear = {
+            **{name: (kind, self._on_telemetry) for name, kind in TELEMETRY.items()},
+            "contact_force": (ContactForce, self._on_contact_force),
+            "waveform": (Waveform, self._on_waveform),
+            "trajectory": (Trajectory, self._on_trajectory),
+            "status": (Status, self._on_status),
+        }
+        self._subscriptions = {
+            name: node.create_subscription(
+                kind, name, lambda _: None, _LATCHED if name == "status" else _DEEP
+            )
+            for name, (kind, _) in self._hear.items()
+        }
 
     @property
     def stopped(self) -> bool:
         """Whether the drill has said that it ended."""
         return self.status is not None and self.status.state == Status.STATE_STOPPED
+
+    def take(self) -> int:
+        """Hear what has come since the last call, and return how many messages that was."""
+        count = 0
+        for name, subscription in self._subscriptions.items():
+            kind, hear = self._hear[name]
+            handle = subscription.handle
+            with handle:
+                while (taken := handle.take_message(kind, False)) is not None:
+                    hear(name, *taken)
+                    count += 1
+        return count
+
+    def take_until(self, condition: Callable[[], bool], seconds: float) -> None:
+        """Hear until a condition holds, but not longer than this."""
+        end = time.monotonic() + seconds
+        while not condition() and time.monotonic() < end:
+            self.take()
+            time.sleep(_TAKE_PERIOD)
 
     def number(self, stamp: int) -> int:
         """Return the number of the sample at a stamp [ns], counted from the first one heard."""
@@ -85,28 +114,30 @@ class Listener:
             self._start = stamp
         return round((stamp - self._start) * TELEMETRY_RATE / NANOSECONDS)
 
-    def _counter(self, name: str) -> Any:
-        tally = self.tallies[name]
-        return lambda message: tally.add(self.number(_stamp(message)))
+    def _on_telemetry(self, name: str, message: Any, info: Any) -> None:
+        stamp = _stamp(message)
+        self.tallies[name].add(self.number(stamp))
+        if name != "nodal_plane":
+            return
+        # When it came to this process, however much later it is heard.
+        waited = time.time_ns() - info["received_timestamp"]
+        arrival = time.monotonic_ns() - waited
+        if arrival // NANOSECONDS != self._second:
+            self._second = arrival // NANOSECONDS
+            self.arrivals.append((stamp, arrival))
+        elif arrival - stamp < self.arrivals[-1][1] - self.arrivals[-1][0]:
+            self.arrivals[-1] = stamp, arrival
 
-    def _on_nodal_plane(self, message: NodalPlane) -> None:
-        now, stamp = time.monotonic_ns(), _stamp(message)
-        if now // NANOSECONDS != self._second:
-            self._second = now // NANOSECONDS
-            self.arrivals.append((stamp, now))
-        elif now - stamp < self.arrivals[-1][1] - self.arrivals[-1][0]:
-            self.arrivals[-1] = stamp, now
+    def _on_contact_force(self, name: str, message: ContactForce, info: Any) -> None:
+        self.tallies[name].add(message.sequence)
 
-    def _on_contact_force(self, message: ContactForce) -> None:
-        self.tallies["contact_force"].add(message.sequence)
+    def _on_waveform(self, name: str, message: Waveform, info: Any) -> None:
+        self.tallies[name].add(message.sequence, len(message.reacting_force))
 
-    def _on_waveform(self, message: Waveform) -> None:
-        self.tallies["waveform"].add(message.sequence, len(message.reacting_force))
+    def _on_trajectory(self, name: str, message: Trajectory, info: Any) -> None:
+        self.tallies[name].add(message.sequence, len(message.duration))
 
-    def _on_trajectory(self, message: Trajectory) -> None:
-        self.tallies["trajectory"].add(message.sequence, len(message.duration))
-
-    def _on_status(self, message: Status) -> None:
+    def _on_status(self, name: str, message: Status, info: Any) -> None:
         self.status = message
 
 
@@ -187,8 +218,6 @@ def soak(duration: float, bag: str | None = None) -> Result:
     namespace = f"/soak_{os.getpid()}"  # two at once do not meet
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # Ctrl-C is ours to handle
     node = rclpy.create_node("listener", namespace=namespace)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
     listener = Listener(node)
     processes: list[Watched] = []
     loads: list[float] = []
@@ -199,14 +228,14 @@ def soak(duration: float, bag: str | None = None) -> Result:
         drill = Watched("drill", "drill_node", "--ros-args", "-r", f"__ns:={namespace}")
         processes.append(drill)
         tallies = listener.tallies.values()
-        _spin_until(executor, lambda: all(tally.messages for tally in tallies), STARTING)
+        listener.take_until(lambda: all(tally.messages for tally in tallies), STARTING)
         drill.check_running()
         if not listener.arrivals:
             raise RuntimeError(f"the drill was not heard within {STARTING:g} s")
-        _watch(executor, duration, processes, loads)
+        _watch(listener, duration, processes, loads)
         drill.interrupt()
-        _spin_until(executor, lambda: listener.stopped, STOPPING)
-        _spin_until(executor, lambda: False, 1.0)  # what is still on its way
+        listener.take_until(lambda: listener.stopped, STOPPING)
+        listener.take_until(lambda: False, 1.0)  # what is still on its way
         ends = []
         for process in reversed(processes):
             if process is not drill:
@@ -247,21 +276,14 @@ def _verdicts(
     ]
 
 
-def _spin_until(executor: SingleThreadedExecutor, condition: Any, seconds: float) -> None:
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.05)
-
-
 def _watch(
-    executor: SingleThreadedExecutor, duration: float, processes: list[Watched], loads: list[float]
+    listener: Listener, duration: float, processes: list[Watched], loads: list[float]
 ) -> None:
     """Listen, and sample every second."""
     start = time.monotonic()
     with tqdm(total=round(duration), unit=" s", delay=2.0, disable=None, leave=False) as bar:
         for second in range(round(duration) + 1):
-            while time.monotonic() < start + second:
-                executor.spin_once(timeout_sec=0.05)
+            listener.take_until(lambda: False, start + second - time.monotonic())
             for process in processes:
                 process.sample()
             loads.append(os.getloadavg()[0])

@@ -10,8 +10,17 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from rpud_sim.ros.drill_node import DrillNode
-from rpud_sim.ros.parameters import CHOICES, FLAGS, NUMBERS, Settings
-from rpud_sim.simulation import QUANTITIES, preset
+from rpud_sim.ros.parameters import (
+    ALL_NAMES,
+    ALL_QUANTITIES,
+    CHANGEABLE,
+    CHOICES,
+    FLAGS,
+    TEXTS,
+    Settings,
+)
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import Configuration
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
@@ -78,24 +87,34 @@ def test_console_blocks_hold_only_what_cannot_run_here():
             assert words[0] in ("ros2", "source"), line
 
 
-def test_the_table_of_parameters_is_that_of_the_code():
-    drilling, free, settings = preset("drilling"), preset("free"), Settings(preset("drilling"))
+def test_the_tables_of_parameters_are_those_of_the_code():
+    def shown(name, settings):
+        value = settings.value(name)
+        if isinstance(value, bool):
+            return str(value).lower()
+        return value or "none" if isinstance(value, str) else f"{value:g}"
+
+    drilling = Settings()
+    free = Settings(Configuration(preset("free")))
     expected = []
-    for name, quantity in QUANTITIES.items():
-        values = getattr(drilling, name), getattr(free, name)
-        default = (
-            f"{values[0]:g}" if values[0] == values[1] else "{:g} (free: {:g})".format(*values)
-        )
-        expected.append([name, default, quantity.range, quantity.description])
-    for name, (description, choices) in CHOICES.items():
-        expected.append([name, getattr(drilling, name), " or ".join(choices), description])
-    for name, description in FLAGS.items():
-        default = str(getattr(settings, name)).lower()
-        expected.append([name, default, "true or false", description])
-    for name, quantity in NUMBERS.items():
-        default = f"{getattr(settings, name):g}"
-        expected.append([name, default, quantity.range, quantity.description])
-    assert rows("Parameters")[1:] == expected
+    for name in ALL_NAMES:
+        default = shown(name, drilling)
+        if name != "regime" and shown(name, free) != default:
+            default += f" (free: {shown(name, free)})"
+        if name in ALL_QUANTITIES:
+            allowed, meaning = ALL_QUANTITIES[name].range, ALL_QUANTITIES[name].description
+        elif name in CHOICES:
+            meaning, choices = CHOICES[name]
+            allowed = " or ".join(choices)
+        elif name in FLAGS:
+            allowed, meaning = "true or false", FLAGS[name]
+        else:
+            allowed, meaning = "a path", TEXTS[name]
+        changes = "yes" if name in CHANGEABLE else ""
+        expected.append([name, default, allowed, changes, meaning])
+    text = (ROOT / "docs" / "parameters.md").read_text()
+    found = [cells(line) for line in text.splitlines() if line.startswith("| `")]
+    assert found == expected
 
 
 @pytest.fixture
@@ -103,7 +122,9 @@ def node():
     rclpy.init()
     clock = Parameter("publish_clock", value=True)
     node = DrillNode(namespace="/rpud", parameter_overrides=[clock])
+    node.trigger_configure()
     yield node
+    node.trigger_cleanup()
     node.destroy_node()
     rclpy.shutdown()
 
@@ -123,6 +144,17 @@ def test_the_table_of_topics_is_that_of_the_node(node):
     expected = {topic: offer for topic, offer in found.items() if topic not in own}
     table = {row[0]: (row[1], row[3]) for row in rows("Topics")[1:]}
     assert table == expected
+
+
+def test_the_table_of_services_is_that_of_the_node(node):
+    found = {
+        service.service_name.removeprefix("/rpud/"): (
+            f"{service.srv_type.__module__.partition('.')[0]}/{service.srv_type.__name__}"
+        )
+        for service in node.services
+        if "drill_node/" not in service.service_name
+    }
+    assert {row[0]: row[1] for row in rows("As a device under test")[1:]} == found
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)

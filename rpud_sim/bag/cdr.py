@@ -2,23 +2,47 @@
 
 from __future__ import annotations
 
+import struct
 from array import array
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.interfaces import Nodetype
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+
+from rpud_sim.bag.errors import BagFormatError
+
+DEFINITION_LIMIT = 256 * 2**10
+"""Greatest definition of a type, with all that it needs [characters]."""
+
+_WRITTEN_OUT_LIMIT = 10_000
 
 
 class Codec:
     """Encodes and decodes the messages of one type, given its complete `ros2msg` definition."""
 
     def __init__(self, type_name: str, definition: str) -> None:
-        """Compile the definition; `type_name` is like `std_msgs/msg/Header`."""
+        """Compile the definition; `type_name` is like `std_msgs/msg/Header`.
+
+        Raises BagFormatError where the definition is not one, or lacks a type.
+        """
         self._type = type_name
         self._store = get_typestore(Stores.EMPTY)
-        self._store.register(get_types_from_msg(definition, type_name))
+        if len(definition) > DEFINITION_LIMIT:
+            raise BagFormatError(
+                f"the definition of {type_name:.80} has {len(definition)} characters; "
+                f"at most {DEFINITION_LIMIT} are read"
+            )
+        with self._clear_errors("definition"):
+            types = get_types_from_msg(definition, type_name)
+            if sum(map(_written_out, types.values())) > _WRITTEN_OUT_LIMIT:
+                raise ValueError(f"arrays have more than {_WRITTEN_OUT_LIMIT} elements together")
+            self._store.register(types)
+            self._store.get_msgdef(type_name)
 
     @property
     def type_hash(self) -> str:
@@ -26,17 +50,58 @@ class Codec:
         return str(self._store.hash_rihs01(self._type))
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:
-        """Serialize the values of all fields: messages are mappings, sequences `array.array`."""
+        """Serialize the values of all fields.
+
+        Messages are mappings, sequences `array.array`, those of messages or texts lists.
+        """
         return bytes(self._store.serialize_cdr(_to_object(fields), self._type))
 
     def decode(self, data: bytes) -> Any:
-        """Deserialize into an object with the fields as attributes, sequences as NumPy arrays."""
-        return self._store.deserialize_cdr(data, self._type)
+        """Deserialize into an object with the fields as attributes, sequences as NumPy arrays.
+
+        Raises BagFormatError where the data is not of this type.
+        """
+        with self._clear_errors("message"):
+            return self._store.deserialize_cdr(data, self._type)
+
+    @contextmanager
+    def _clear_errors(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except (
+            AssertionError,
+            LookupError,
+            MemoryError,
+            OverflowError,
+            RecursionError,
+            SerdeError,
+            TypeError,
+            TypesysError,
+            ValueError,
+            struct.error,
+        ) as error:
+            reason = " ".join(f"{error!r:.200}".split())
+            raise BagFormatError(
+                f"a {what} of {self._type:.80} cannot be understood: {reason}"
+            ) from error
+
+
+def _written_out(kind: Any) -> int:
+    """Count the elements of arrays that the library writes out as code, one after the other."""
+    count = 0
+    for _, (node, description) in kind[1]:
+        if node == Nodetype.ARRAY:
+            (element, item), length = description
+            if element == Nodetype.NAME or item[0] in ("string", "wstring"):
+                count += length
+    return count
 
 
 def _to_object(value: Any) -> Any:
     if isinstance(value, Mapping):
         return SimpleNamespace(**{name: _to_object(item) for name, item in value.items()})
+    if isinstance(value, list):
+        return [_to_object(item) for item in value]
     if isinstance(value, array):
         return np.asarray(value)
     return value

@@ -42,8 +42,8 @@ def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
     """
     try:
         return {topic: _losses(json.loads(text)) for topic, text in record.items()}
-    except (KeyError, TypeError, ValueError) as error:
-        raise BagFormatError(f"the record {RECORD_NAME} is unreadable: {error!r}") from error
+    except (KeyError, OverflowError, RecursionError, TypeError, ValueError) as error:
+        raise BagFormatError(f"the record {RECORD_NAME} is unreadable: {error!r:.200}") from error
 
 
 def _losses(value: Mapping[str, int | None]) -> Losses:

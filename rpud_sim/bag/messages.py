@@ -7,23 +7,28 @@ that a reader neither stalls for long nor holds more than the chunks that overla
 from __future__ import annotations
 
 import heapq
-import struct
-import zlib
+from array import array
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import BinaryIO
 
-import lz4.frame
-import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Chunk, ChunkIndex
 
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.records import (
+    MESSAGE,
+    RECORD,
+    parse,
+    read_record,
+    records_in,
+    uncompressed,
+)
 
-_RECORD = struct.Struct("<BQ")  # opcode, length of the content
-_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+OVERLAP_LIMIT = 4 * 128 * 2**20
+"""Bytes of chunks that may be open at once, because they overlap in time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +43,13 @@ class Message:
 
 @dataclass(frozen=True)
 class Source:
-    """Messages in the order of their log times, none of them before `start_time` [ns]."""
+    """Messages in the order of their log times, none of them before `start_time` [ns].
+
+    `size` is what they take in memory while they are open [bytes].
+    """
 
     start_time: int
+    size: int
     open: Callable[[], Iterator[Message]]
 
 
@@ -51,42 +60,62 @@ def chunk_messages(
 
     `topics` names the wanted channels. Raises BagFormatError where the chunk is damaged.
     """
-    stream.seek(index.chunk_start_offset + _RECORD.size)
-    data = _uncompressed(Chunk.read(ReadDataStream(stream)))
-    entries = []
-    offset = 0
-    while offset < len(data):
-        opcode, length = _RECORD.unpack_from(data, offset)
-        content = offset + _RECORD.size
-        offset = content + length
-        if offset > len(data):
-            raise BagFormatError("a record reaches beyond its chunk")
-        if opcode != Opcode.MESSAGE:
-            continue
-        channel, _, log_time, _ = _MESSAGE.unpack_from(data, content)
-        if channel in topics and log_time >= start_time:
-            entries.append((log_time, content, offset))
-    entries.sort()
-    for log_time, content, end in entries:
-        channel, _, _, publish_time = _MESSAGE.unpack_from(data, content)
-        yield Message(topics[channel], log_time, publish_time, data[content + _MESSAGE.size : end])
+    start = index.chunk_start_offset
+    chunk = parse(read_record(stream, start, start + index.chunk_length))
+    if not isinstance(chunk, Chunk) or chunk.uncompressed_size != index.uncompressed_size:
+        raise BagFormatError("a chunk is not what its index says")
+    data = uncompressed(chunk)
+    del chunk
+    yield from messages_in(data, topics, start_time)
+
+
+def messages_in(data: bytes, topics: Mapping[int, str], start_time: int) -> Iterator[Message]:
+    """Yield the messages of a chunk's data from `start_time` [ns] on, by their log times.
+
+    Raises BagFormatError where the data is damaged.
+    """
+    times, places = array("Q"), array("Q")  # a tuple for each message would weigh more than it
+    for opcode, start, _ in records_in(data):
+        if opcode == Opcode.MESSAGE:
+            channel, _, log_time, _ = MESSAGE.unpack_from(data, start)
+            if channel in topics and log_time >= start_time:
+                times.append(log_time)
+                places.append(start)
+    order: Sequence[int] = range(len(times))
+    if any(before > after for before, after in pairwise(times)):
+        order = sorted(order, key=times.__getitem__)
+    for number in order:
+        start = places[number]
+        channel, _, log_time, publish_time = MESSAGE.unpack_from(data, start)
+        _, length = RECORD.unpack_from(data, start - RECORD.size)
+        content = data[start + MESSAGE.size : start + length]
+        yield Message(topics[channel], log_time, publish_time, content)
 
 
 def merged(sources: Iterable[Source]) -> Iterator[Message]:
     """Yield the messages of all sources in the order of their log times.
 
     A source is opened when nothing older is left; messages of equal time keep the sources' order.
+    Raises BagFormatError where more than OVERLAP_LIMIT would be open at once.
     """
     pending = deque(sorted(sources, key=lambda source: source.start_time))
-    opened = 0
+    sizes: list[int] = []  # of all that were opened, by their numbers
+    total = 0
     queue: list[tuple[int, int, Message, Iterator[Message]]] = []
     while pending or queue:
         while pending and (not queue or pending[0].start_time <= queue[0][0]):
-            messages = pending.popleft().open()
+            source = pending.popleft()
+            if queue and total + source.size > OVERLAP_LIMIT:
+                raise BagFormatError(
+                    f"more than {OVERLAP_LIMIT} bytes of chunks overlap in time, "
+                    "too much to put their messages in order"
+                )
+            messages = source.open()
             for message in messages:
-                heapq.heappush(queue, (message.log_time, opened, message, messages))
+                heapq.heappush(queue, (message.log_time, len(sizes), message, messages))
+                total += source.size
                 break
-            opened += 1
+            sizes.append(source.size)
         if not queue:
             continue
         _, number, message, messages = queue[0]
@@ -96,17 +125,4 @@ def merged(sources: Iterable[Source]) -> Iterator[Message]:
             break
         else:
             heapq.heappop(queue)
-
-
-def _uncompressed(chunk: Chunk) -> bytes:
-    if chunk.compression == "":
-        data = chunk.data
-    elif chunk.compression == "zstd":
-        data = zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
-    elif chunk.compression == "lz4":
-        data = lz4.frame.decompress(chunk.data)
-    else:
-        raise BagFormatError(f"a chunk has the unknown compression {chunk.compression!r}")
-    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
-        raise BagFormatError("the checksum of a chunk is wrong")
-    return data
+            total -= sizes[number]

@@ -8,8 +8,10 @@ there, so every field is always written.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -22,6 +24,13 @@ RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
 VERSION = 9
 
+SIZE_LIMIT = 8 * 2**20
+"""Greatest metadata: its characters, and _NODE_SIZE for each value, where aliases count in full."""
+
+_NODE_SIZE = 32
+_DEPTH_LIMIT = 32
+_LONG_NUMBER = re.compile(r"[-+0-9_.:]{65,}")  # in sixties, `1:1:1`, it takes very long to read
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _OUTER_KEY = "rosbag2_bagfile_information"
 
 
@@ -145,6 +154,16 @@ def load_offered_qos(text: str) -> tuple[QosProfile, ...]:
     return profiles_from_yaml(_load(text))
 
 
+def read_document(path: Path) -> BagMetadata:
+    """Read the file `metadata.yaml` at `path`.
+
+    Raises BagFormatError where it is not one, and OSError.
+    """
+    if path.stat().st_size > SIZE_LIMIT:
+        raise BagFormatError(f"it has more than {SIZE_LIMIT} bytes")
+    return metadata_from_document(path.read_text(encoding="utf-8"))
+
+
 def _from_mapping(value: Any) -> BagMetadata:
     try:
         return BagMetadata(
@@ -174,8 +193,8 @@ def _from_mapping(value: Any) -> BagMetadata:
             storage_identifier=str(value["storage_identifier"]),
             version=int(value["version"]),
         )
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BagFormatError(f"the rosbag2 metadata is unreadable: {error!r}") from error
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+        raise BagFormatError(f"the rosbag2 metadata is unreadable: {error!r:.200}") from error
 
 
 def _topic(value: Mapping[str, Any]) -> Topic:
@@ -200,7 +219,37 @@ def _dump(value: Any) -> str:
 
 def _load(text: str) -> Any:
     try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError) as error:
+        _check_size(text)
+        return yaml.load(text, Loader=_LOADER)
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
         line = " ".join(str(error).split())
         raise BagFormatError(f"the rosbag2 metadata is not YAML: {line}") from error
+
+
+def _check_size(text: str) -> None:
+    """Refuse what a few bytes of YAML can make large: aliases of aliases, nesting, long numbers."""
+    size = 0
+    sizes: dict[str, int] = {}  # of what anchors name, complete
+    inside: list[tuple[str | None, int]] = []  # anchor and size so far of open collections
+    for event in yaml.parse(text, Loader=_LOADER):
+        if isinstance(event, yaml.AliasEvent):
+            # What is inside itself is not complete, and has no end.
+            size += sizes.get(event.anchor or "", SIZE_LIMIT + 1)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            inside.append((event.anchor, size))
+            size += _NODE_SIZE
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = inside.pop()
+            if anchor is not None:
+                sizes[anchor] = size - before
+        elif isinstance(event, yaml.ScalarEvent):
+            size += _NODE_SIZE + len(event.value)
+            if event.anchor is not None:
+                sizes[event.anchor] = _NODE_SIZE + len(event.value)
+            if event.implicit[0] and _LONG_NUMBER.fullmatch(event.value):
+                raise BagFormatError(f"the rosbag2 metadata has a number {event.value[:20]}...")
+        if size > SIZE_LIMIT or len(inside) > _DEPTH_LIMIT:
+            raise BagFormatError(
+                f"the rosbag2 metadata is larger than {SIZE_LIMIT} or nested deeper than "
+                f"{_DEPTH_LIMIT}"
+            )

@@ -67,7 +67,7 @@ def profiles_from_yaml(value: Any) -> tuple[QosProfile, ...]:
     if not value:
         return ()
     if not isinstance(value, Sequence) or isinstance(value, str):
-        raise BagFormatError(f"offered_qos_profiles is {value!r}; it must be a list")
+        raise BagFormatError(f"offered_qos_profiles is {value!r:.80}; it must be a list")
     return tuple(_profile_from_mapping(item) for item in value)
 
 
@@ -84,9 +84,9 @@ def _profile_from_mapping(item: Any) -> QosProfile:
             liveliness_lease_duration=_duration_from_mapping(item["liveliness_lease_duration"]),
             avoid_ros_namespace_conventions=bool(item["avoid_ros_namespace_conventions"]),
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, OverflowError, TypeError, ValueError) as error:
         raise BagFormatError(
-            f"a profile of offered_qos_profiles is unreadable: {error!r}"
+            f"a profile of offered_qos_profiles is unreadable: {error!r:.200}"
         ) from error
 
 

@@ -13,7 +13,7 @@ from rpud_sim.bag.errors import BagFormatError, BagNotFoundError
 from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
 from rpud_sim.bag.losses import Losses, losses_from_record
 from rpud_sim.bag.messages import Message, merged
-from rpud_sim.bag.metadata import FILE_NAME, metadata_from_document
+from rpud_sim.bag.metadata import FILE_NAME, read_document
 from rpud_sim.bag.storage_file import StorageFile, TopicSummary, clear_errors
 
 
@@ -31,7 +31,7 @@ class BagReader:
         try:
             self._files = [
                 self._open_files.enter_context(StorageFile(file))
-                for file in _storage_files(self._path)
+                for file in storage_files(self._path)
             ]
         except BaseException:
             self.close()
@@ -139,7 +139,7 @@ class BagReader:
         )
 
 
-def _storage_files(path: Path) -> list[Path]:
+def storage_files(path: Path) -> list[Path]:
     """Name the MCAP files of a bag, in the order of its metadata."""
     if path.is_file():
         return [path]
@@ -152,21 +152,24 @@ def _storage_files(path: Path) -> list[Path]:
             raise BagNotFoundError(f"{path} holds neither {FILE_NAME} nor an MCAP file")
         return files
     with clear_errors(document):
-        metadata = metadata_from_document(document.read_text(encoding="utf-8"))
+        metadata = read_document(document)
     if metadata.storage_identifier != "mcap":
         raise BagFormatError(
-            f"{document}: storage is {metadata.storage_identifier!r}; only 'mcap' is read"
+            f"{document}: storage is {metadata.storage_identifier!r:.80}; only 'mcap' is read"
         )
     if metadata.compression_mode.lower() not in ("", "none"):
         raise BagFormatError(
-            f"{document}: compression_mode is {metadata.compression_mode!r}; "
+            f"{document}: compression_mode is {metadata.compression_mode!r:.80}; "
             "only compression of MCAP chunks is read"
         )
-    return [path / _inside(name, document) for name in metadata.relative_file_paths]
+    names = [_inside(name, document) for name in metadata.relative_file_paths]
+    if len(set(names)) < len(names):
+        raise BagFormatError(f"{document}: a file is named twice")
+    return [path / name for name in names]
 
 
-def _inside(name: str, document: Path) -> str:
+def _inside(name: str, document: Path) -> PurePosixPath:
     pure = PurePosixPath(name)
     if pure.is_absolute() or ".." in pure.parts:
-        raise BagFormatError(f"{document}: the file {name!r} is outside of the bag")
-    return name
+        raise BagFormatError(f"{document}: the file {name!r:.200} is outside of the bag")
+    return pure

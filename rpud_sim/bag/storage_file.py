@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -12,18 +13,34 @@ from typing import BinaryIO
 
 import zstandard
 from mcap.exceptions import McapError
-from mcap.reader import NonSeekingReader, SeekingReader
-from mcap.records import Channel, ChunkIndex, MessageIndex, Schema, Statistics
-from mcap.stream_reader import StreamReader
-from mcap.summary import Summary
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    Metadata,
+    Schema,
+    Statistics,
+)
 
 from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError
 from rpud_sim.bag.losses import Losses
-from rpud_sim.bag.messages import Message, Source, chunk_messages
+from rpud_sim.bag.messages import Message, Source, chunk_messages, messages_in
 from rpud_sim.bag.metadata import Topic, load_offered_qos
+from rpud_sim.bag.records import (
+    MAGIC,
+    MESSAGE,
+    message_index_times,
+    parse,
+    read_record,
+    uncompressed,
+)
+from rpud_sim.bag.summary import read_summary
+
+RECORDS_LIMIT = 64 * 2**20
+"""Bytes that all metadata records of one name may have together."""
 
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
-_MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True)
@@ -46,6 +63,8 @@ class TopicSummary:
         """Mean rate from the first to the last message [Hz]; 0 where there are fewer than two."""
         if self.first_time is None or self.last_time is None or self.last_time <= self.first_time:
             return 0.0
+        if self.message_count < 2:  # the statistics may contradict the message indexes
+            return 0.0
         return (self.message_count - 1) * 1e9 / (self.last_time - self.first_time)
 
 
@@ -58,18 +77,17 @@ class StorageFile:
     def __init__(self, path: Path) -> None:
         self._path = path
         with clear_errors(path):
+            if path.exists() and not path.is_file():  # to open a FIFO may take forever
+                raise BagFormatError(f"{path} is not a file")
             self._stream: BinaryIO = path.open("rb")
         try:
             with clear_errors(path):
-                self.size = path.stat().st_size
+                self.size = os.fstat(self._stream.fileno()).st_size
                 self._check_ends()
-                # No record is longer than the file, whatever its length field says.
-                self._reader = SeekingReader(self._stream, record_size_limit=self.size)
-                summary = self._reader.get_summary()
-            if summary is None or summary.statistics is None:
+                self._index = read_summary(self._stream, self.size)
+            if self._index.statistics is None:
                 raise BagFormatError(f"{path} has no summary section with statistics")
-            self._index: Summary = summary
-            self.statistics: Statistics = summary.statistics
+            self.statistics: Statistics = self._index.statistics
         except BaseException:
             self._stream.close()
             raise
@@ -86,6 +104,11 @@ class StorageFile:
         return self._index.channels
 
     @property
+    def schemas(self) -> dict[int, Schema]:
+        """The schemas by their numbers."""
+        return self._index.schemas
+
+    @property
     def chunk_indexes(self) -> list[ChunkIndex]:
         """Where the chunks are; empty in a file without chunks."""
         return self._index.chunk_indexes
@@ -97,8 +120,17 @@ class StorageFile:
 
     def records(self, name: str) -> Iterator[dict[str, str]]:
         """Yield the metadata records of that name."""
+        offsets = {index.offset for index in self._index.metadata_indexes if index.name == name}
+        total = 0
         with clear_errors(self._path):
-            for record in self._reader.iter_metadata():
+            for offset in sorted(offsets):
+                found = read_record(self._stream, offset, self.size)
+                record = parse(found)
+                total += len(found.content)
+                if not isinstance(record, Metadata):
+                    raise BagFormatError("a metadata record is not where it should be")
+                if total > RECORDS_LIMIT:
+                    raise BagFormatError(f"the records {name} have more than {RECORDS_LIMIT} bytes")
                 if record.name == name:
                     yield record.metadata
 
@@ -136,6 +168,7 @@ class StorageFile:
         if not self.chunk_indexes:
             yield Source(
                 self.statistics.message_start_time,
+                0,
                 lambda: self._guarded(self._unchunked(wanted, start_time)),
             )
         for index in self.chunk_indexes:
@@ -144,7 +177,11 @@ class StorageFile:
                 offsets and wanted.keys().isdisjoint(offsets)
             ):
                 continue
-            yield Source(index.message_start_time, partial(self._chunk, index, wanted, start_time))
+            yield Source(
+                index.message_start_time,
+                index.uncompressed_size,
+                partial(self._chunk, index, wanted, start_time),
+            )
 
     def _chunk(
         self, index: ChunkIndex, wanted: dict[int, str], start_time: int
@@ -156,16 +193,22 @@ class StorageFile:
             yield from messages
 
     def _unchunked(self, wanted: dict[int, str], start_time: int) -> Iterator[Message]:
+        offset = len(MAGIC)
         with self._path.open("rb") as stream:
-            reader = NonSeekingReader(stream, record_size_limit=self.size)
-            for _, _, message in reader.iter_messages(log_time_order=False, starting_at=start_time):
-                if message.channel_id in wanted:
-                    yield Message(
-                        wanted[message.channel_id],
-                        message.log_time,
-                        message.publish_time,
-                        message.data,
-                    )
+            while True:
+                record = read_record(stream, offset, self.size - len(MAGIC))
+                offset = record.end
+                if record.opcode == Opcode.DATA_END:
+                    return
+                if record.opcode == Opcode.CHUNK:
+                    chunk = parse(record)
+                    assert isinstance(chunk, Chunk)
+                    yield from messages_in(uncompressed(chunk), wanted, start_time)
+                if record.opcode == Opcode.MESSAGE:
+                    channel, _, log_time, publish_time = MESSAGE.unpack_from(record.content)
+                    if channel in wanted and log_time >= start_time:
+                        data = record.content[MESSAGE.size :]
+                        yield Message(wanted[channel], log_time, publish_time, data)
 
     def _time_span(self, channels: set[int]) -> tuple[int | None, int | None]:
         """Find the first and last log time of channels, in as few message indexes as it takes."""
@@ -180,34 +223,30 @@ class StorageFile:
         for index in sorted(holding, key=lambda index: index.message_start_time):
             if earliest and index.message_start_time >= min(earliest):
                 break
-            earliest.append(min(self._log_times(index, channels)))
+            earliest += self._extremes(index, channels)[:1]
         latest: list[int] = []
         for index in sorted(holding, key=lambda index: index.message_end_time, reverse=True):
             if latest and index.message_end_time <= max(latest):
                 break
-            latest.append(max(self._log_times(index, channels)))
-        return min(earliest), max(latest)
+            latest += self._extremes(index, channels)[1:]
+        return min(earliest, default=None), max(latest, default=None)
 
-    def _log_times(self, index: ChunkIndex, channels: set[int]) -> list[int]:
-        times = []
+    def _extremes(self, index: ChunkIndex, channels: set[int]) -> list[int]:
+        """Find the first and the last log time of channels in a chunk; none where it has none."""
+        extremes: list[int] = []
         for channel, offset in index.message_index_offsets.items():
-            if channel not in channels:
-                continue
-            self._stream.seek(offset)
-            reader = StreamReader(self._stream, skip_magic=True, record_size_limit=self.size)
-            record = next(reader.records)
-            if not isinstance(record, MessageIndex):
-                raise BagFormatError(
-                    f"{self._path}: a chunk's message index is not where it should be"
-                )
-            times += [log_time for log_time, _ in record.records]
-        return times
+            if channel in channels:
+                _, times = message_index_times(read_record(self._stream, offset, self.size))
+                for time in times:
+                    first, last = extremes or (time, time)
+                    extremes = [min(time, first), max(time, last)]
+        return extremes
 
     def _check_ends(self) -> None:
-        if self._stream.read(len(_MAGIC)) != _MAGIC:
+        if self._stream.read(len(MAGIC)) != MAGIC:
             raise BagFormatError(f"{self._path} is not an MCAP file")
-        self._stream.seek(max(0, self.size - len(_MAGIC)))
-        if self.size < 2 * len(_MAGIC) or self._stream.read() != _MAGIC:
+        self._stream.seek(max(0, self.size - len(MAGIC)))
+        if self.size < 2 * len(MAGIC) or self._stream.read() != MAGIC:
             raise BagFormatError(f"{self._path} is cut off: it was not closed, or lost its end")
         self._stream.seek(0)
 

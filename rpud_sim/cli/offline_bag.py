@@ -6,7 +6,6 @@ import os
 import sys
 from collections.abc import Iterator
 
-import numpy as np
 from tqdm import tqdm
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
@@ -14,18 +13,19 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.simulation import Parameters, fields
-from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.block import boundaries_until, boundary
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.telemetry import TELEMETRY_RATE, Entry, Telemetry
 
 NAMESPACE = "/rpud"
-TELEMETRY_RATE = 100  # Hz
-SAMPLE_RATE = 50_000  # of the waveform [Hz]
-BLOCK_RATE = 20  # blocks of waveform and trajectory a second [Hz]
 
 TYPES = {
     "contact_force": "rpud_msgs/msg/ContactForce",
     "drill_tool": "rpud_msgs/msg/DrillTool",
+    "faults": "rpud_msgs/msg/Faults",
     "joint_states": "sensor_msgs/msg/JointState",
     "nodal_plane": "rpud_msgs/msg/NodalPlane",
     "reacting_force": "rpud_msgs/msg/ReactingForce",
@@ -37,6 +37,7 @@ TYPES = {
 # As discovery tells them of the node's publishers.
 _OFFER = QosProfile()
 _LATCHED_OFFER = QosProfile(durability="transient_local")
+_LATCHED = ("status", "faults")
 
 # The bag's clock is the simulation's: nothing is late, and there is nobody to command.
 _ACCOUNT = {
@@ -51,94 +52,75 @@ _ACCOUNT = {
     "lag": 0.0,
 }
 
-_Entry = tuple[int, str, fields.Fields]  # stamp [ns], topic, what the message says
-
 
 def write_offline_bag(
-    path: str | os.PathLike[str], parameters: Parameters, duration: float, phase: float = 0.0
+    path: str | os.PathLike[str],
+    configuration: Configuration | Parameters,
+    duration: float,
+    phase: float = 0.0,
+    scenario: Scenario | None = None,
+    seed: int = 0,
 ) -> None:
-    """Simulate and write what the drill node would publish.
+    """Simulate and write what the drill node would publish; messages have the times of that.
 
     Args:
         path: folder of the new bag.
-        parameters: of the drill.
+        configuration: of the drill, or its parameters alone.
         duration: simulated time [s].
         phase: of the vibration at time zero [cycles].
+        scenario: faults that come by themselves.
+        seed: of faulty signals.
 
     Raises:
         BagError: if the bag cannot be written.
         EngineError: if the simulation cannot go on.
+        FaultError: if a fault of the scenario cannot be honoured.
     """
+    simulation = Simulation(configuration, phase, scenario)
+    telemetry = Telemetry()
+    telemetry.reseed(seed)
     definitions = {name: find_definition(type_name) for name, type_name in TYPES.items()}
     codecs = {name: Codec(TYPES[name], text) for name, text in definitions.items()}
     with BagWriter(path) as bag:
         for name, type_name in TYPES.items():
-            offer = _LATCHED_OFFER if name == "status" else _OFFER
+            offer = _LATCHED_OFFER if name in _LATCHED else _OFFER
             topic = Topic(f"{NAMESPACE}/{name}", type_name, find_type_hash(type_name), (offer,))
             bag.add_topic(topic, definitions[name])
-        for stamp, name, values in _messages(parameters, duration, phase):
-            bag.write(f"{NAMESPACE}/{name}", codecs[name].encode(values), stamp, stamp)
+        for time, name, values in _messages(simulation, telemetry, duration):
+            bag.write(f"{NAMESPACE}/{name}", codecs[name].encode(values), time, time)
         losses = {f"{NAMESPACE}/{name}": Losses() for name in TYPES}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
 
 
-def _messages(parameters: Parameters, duration: float, phase: float) -> Iterator[_Entry]:
+def _messages(simulation: Simulation, telemetry: Telemetry, duration: float) -> Iterator[Entry]:
     """Yield what the node publishes during a run, block by block."""
-    simulation = Simulation(parameters, phase)
     end = round(duration * NANOSECONDS)
-    segments = 0
     # A bar appears only on a terminal, and only for what takes longer than two seconds.
     with tqdm(
         total=duration, unit=" s", delay=2.0, disable=None, leave=False, file=sys.stderr
     ) as bar:
+        yield _faults(simulation)
         yield _status(simulation, "running")
         while simulation.time < end:
-            number = simulation.time * BLOCK_RATE // NANOSECONDS + 1
-            block = simulation.advance_to(min(number * NANOSECONDS // BLOCK_RATE, end))
-            entries = [*_telemetry(block), *_impacts(block), *_waveform(block)]
-            for values in fields.trajectory_fields(block, segments, 0):
-                entries.append((fields.stamp_of(values), "trajectory", values))
-            segments += len(block.segments)
+            active = simulation.faults.active
+            number = boundaries_until(simulation.time, TELEMETRY_RATE) + 1
+            block = simulation.advance_to(min(boundary(number, TELEMETRY_RATE), end))
+            yield from telemetry.take(block, simulation.faults.since(block.start))
+            if simulation.faults.active is not active:
+                yield _faults(simulation)
             if block.end % NANOSECONDS == 0:
-                entries.append(_status(simulation, "running"))
-            yield from sorted(entries, key=lambda entry: entry[0])
+                yield _status(simulation, "running")
             bar.update((block.end - block.start) / NANOSECONDS)
+        yield from telemetry.flush()
         yield _status(simulation, "stopped")
 
 
-def _telemetry(block: Block) -> Iterator[_Entry]:
-    """Yield the samples due after the block's start and until its end."""
-    numbers = np.arange(
-        block.start * TELEMETRY_RATE // NANOSECONDS + 1,
-        block.end * TELEMETRY_RATE // NANOSECONDS + 1,
-    )
-    stamps = numbers * NANOSECONDS // TELEMETRY_RATE
-    samples = block.sample(Times.from_nanoseconds(stamps))
-    for index, stamp in enumerate(stamps.tolist()):
-        yield stamp, "nodal_plane", fields.nodal_plane_fields(samples, index, stamp)
-        yield stamp, "drill_tool", fields.drill_tool_fields(samples, index, stamp)
-        yield stamp, "reacting_force", fields.reacting_force_fields(samples, index, stamp)
-        yield stamp, "wrench", fields.wrench_fields(samples, index, stamp)
-        yield stamp, "joint_states", fields.joint_state_fields(samples, index, stamp)
+def _faults(simulation: Simulation) -> Entry:
+    time = simulation.time
+    return time, "faults", fields.faults_fields(simulation.faults, time, 0)
 
 
-def _impacts(block: Block) -> Iterator[_Entry]:
-    for impact in block.impacts:
-        values = fields.contact_force_fields(impact, 0)
-        yield fields.stamp_of(values), "contact_force", values
-
-
-def _waveform(block: Block) -> Iterator[_Entry]:
-    """Yield the block's samples as one message."""
-    numbers = block.grid(SAMPLE_RATE)
-    if numbers:
-        samples = block.sample(Times.from_grid(numbers.start, len(numbers), SAMPLE_RATE))
-        stamp = numbers.start * NANOSECONDS // SAMPLE_RATE
-        values = fields.waveform_fields(samples, stamp, numbers.start, SAMPLE_RATE)
-        yield stamp, "waveform", values
-
-
-def _status(simulation: Simulation, state: str) -> _Entry:
+def _status(simulation: Simulation, state: str) -> Entry:
     values = fields.status_fields(
         simulation.time,
         state,

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib
 import json
 import sys
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
+
+if TYPE_CHECKING:
+    from rpud_sim.simulation.configuration import Configuration
+    from rpud_sim.simulation.scenario import Scenario
 
 HELP = "run the drill offline, faster than real time, and print its figures"
 EXAMPLE = "rpud simulate --regime drilling --duration 20 --set weight_on_bit=20 --json"
@@ -26,8 +31,12 @@ _UNITS = {
     "contact_duration_mean": "s",
     "kinetic_energy_rate": "W",
     "reacting_force_mean": "N",
+    "depth": "m",
+    "penetration_rate": "m/s",
     "real_time_factor": "",
 }
+# Parameters of the node that act here as well.
+_NODE_NAMES = ("drive_enabled", "scenario")
 
 
 def _number_or_text(kind: type) -> Callable[[str], Any]:
@@ -63,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seed",
         type=_number_or_text(int),
         metavar="S",
-        help="seed of the initial phases",
+        help="seed of the initial phases, and of the scenario in place of its own",
     )
     parser.add_argument(
         "--bag", metavar="DIR", help="write the run as a bag with the topics of the node"
@@ -73,33 +82,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and print the figures; give the exit code."""
+    _load_numba()
     from rpud_sim.model.engine import EngineError
     from rpud_sim.simulation import ParameterError
-    from rpud_sim.simulation.configuration import to_parameters
 
+    failures: tuple[type[Exception], ...] = (EngineError,)
+    if arguments.bag:  # only then, for it takes long to load
+        from rpud_sim.bag import BagError
+
+        failures = (BagError, EngineError)
     try:
         _check(arguments)
-        values = chosen_values(arguments)
         _refuse_assignments_to_the_node(arguments)
-        parameters = to_parameters(values)
+        figures = _simulate(arguments)
     except ParameterError as error:
         return _fail(error, 2)
-    try:
-        if arguments.bag:
-            from rpud_sim.bag import BagError
-            from rpud_sim.cli.offline_bag import write_offline_bag
-
-            try:
-                write_offline_bag(
-                    arguments.bag, parameters, arguments.duration, _phases(arguments)[0]
-                )
-            except BagError as error:
-                return _fail(error, 1)
-        figures = _figures(arguments, parameters)
-    except EngineError as error:
+    except failures as error:
         return _fail(error, 1)
     print(json.dumps(figures, indent=2) if arguments.json else _table(figures))
     return 0
+
+
+def _load_numba() -> None:
+    """Load what Numba needs, but for SciPy.
+
+    It would look there for linear algebra, which no kernel of ours uses: a fifth of the start.
+    """
+    if "scipy" not in sys.modules:
+        sys.modules["scipy"] = None  # type: ignore[assignment]
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            del sys.modules["scipy"]
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -120,33 +134,65 @@ def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
 
     for text in arguments.assignments:
         name, _ = parse_assignment(text)
-        if name in NODE_NAMES:
+        if name in NODE_NAMES and name not in _NODE_NAMES:
             raise ParameterError(f"{name} is a parameter of the drill node alone: see rpud run")
 
 
-def _phases(arguments: argparse.Namespace) -> tuple[float, ...]:
+def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Write the bag, if one is asked for, and return the figures."""
+    from rpud_sim.simulation.configuration import to_configuration
     from rpud_sim.simulation.ensemble import initial_phases
 
-    return initial_phases(arguments.repeat, arguments.seed)
+    values = chosen_values(arguments)
+    configuration = to_configuration(values)
+    scenario = _scenario(values.get("scenario", ""), arguments.seed)
+    phases = initial_phases(arguments.repeat, arguments.seed)
+    if arguments.bag:
+        from rpud_sim.cli.offline_bag import write_offline_bag
+
+        seed = arguments.seed or 0
+        write_offline_bag(
+            arguments.bag, configuration, arguments.duration, phases[0], scenario, seed
+        )
+    figures = _figures(arguments, configuration, phases, scenario)
+    figures["scenario"] = values.get("scenario") or None
+    return figures
 
 
-def _figures(arguments: argparse.Namespace, parameters: Any) -> dict[str, Any]:
+def _scenario(path: Any, seed: int | None) -> Scenario | None:
+    from rpud_sim.simulation import ParameterError, shown
+    from rpud_sim.simulation.scenario import read_scenario
+
+    if not isinstance(path, str):
+        raise ParameterError(f"scenario = {shown(path)} is not a text")
+    return read_scenario(path, seed) if path else None
+
+
+def _figures(
+    arguments: argparse.Namespace,
+    configuration: Configuration,
+    phases: Sequence[float],
+    scenario: Scenario | None,
+) -> dict[str, Any]:
     from tqdm import tqdm
 
     from rpud_sim.simulation.ensemble import run_ensemble
 
-    total = arguments.duration * arguments.repeat
+    duration = arguments.duration
+    total = duration * arguments.repeat
     # A bar appears only on a terminal, and only for what takes longer than two seconds.
     with tqdm(total=total, unit=" s", delay=2.0, disable=None, leave=False, file=sys.stderr) as bar:
-        ensemble = run_ensemble(parameters, arguments.duration, _phases(arguments), bar.update)
+        ensemble = run_ensemble(configuration, duration, phases, bar.update, scenario)
     figures: dict[str, Any] = dict(ensemble.mean())
     figures["real_time_factor"] = ensemble.real_time_factor
-    figures["regime"] = parameters.regime
+    figures["regime"] = configuration.parameters.regime
     figures["repeat"] = arguments.repeat
     figures["seed"] = arguments.seed
     if arguments.repeat > 1:
         figures["standard_error"] = ensemble.standard_error()
-    figures["parameters"] = dataclasses.asdict(parameters)
+    figures["parameters"] = dataclasses.asdict(configuration.parameters)
+    figures["actuator"] = dataclasses.asdict(configuration.actuator)
+    figures["rock"] = dataclasses.asdict(configuration.rock)
     return figures
 
 
@@ -154,6 +200,8 @@ def _table(figures: dict[str, Any]) -> str:
     errors = figures.get("standard_error", {})
     lines = []
     for name, unit in _UNITS.items():
+        if name not in figures:
+            continue
         value = figures[name]
         text = "-" if value is None else f"{value:.6g}"
         if errors.get(name) is not None:

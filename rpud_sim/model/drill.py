@@ -8,6 +8,10 @@ from rpud_sim.model.contact import EffectiveTool, printed_tool, rayleigh_tool, s
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.suspension import damping_coefficient
 
+# Of a tool that rock or cuttings grip, before it drills (seating.py) and with a jammed free mass:
+# assumed, the tables' value for the drill tool before drilling.
+ROCK_DAMPING_RATIO = 0.5
+
 
 class Drill(NamedTuple):
     """Constants of the drill in SI units.
@@ -15,6 +19,9 @@ class Drill(NamedTuple):
     While the free mass touches the drill tool, the tool counts as ``tool_mass`` on
     ``tool_spring_rate`` with ``tool_damping``: m_dt on the restoring spring before drilling (eq.
     (14)), m_eff,dt on the tool's own elasticity during drilling (eq. (29)).
+
+    A jammed free mass is wedged to the drill tool by cuttings: from its next contact with the tool
+    on, both are one body that only the actuator strikes.
     """
 
     rpud_mass: float
@@ -29,6 +36,7 @@ class Drill(NamedTuple):
     drill_tool_restitution: float
     gravity: float
     in_rock: bool
+    jammed: bool
 
 
 def effective_tool(parameters: Parameters) -> EffectiveTool:
@@ -43,18 +51,23 @@ def effective_tool(parameters: Parameters) -> EffectiveTool:
     return model(k_1, k_2, m_1, m_2)
 
 
-def derive(parameters: Parameters) -> Drill:
-    """Return the constants that the engine needs."""
+def derive(parameters: Parameters, jammed: bool = False) -> Drill:
+    """Return the constants that the engine needs.
+
+    Args:
+        parameters: of the drill.
+        jammed: whether cuttings wedge the free mass to the drill tool. In the rock they then damp
+            the tool, which otherwise has no damping in a contact (eq. (29)).
+    """
     effective = effective_tool(parameters)
     in_rock = parameters.regime == "drilling"
     if in_rock:
-        tool_mass, tool_damping, tool_spring_rate = effective.mass, 0.0, effective.spring_rate
+        tool_mass, tool_spring_rate = effective.mass, effective.spring_rate
+        damping_ratio = ROCK_DAMPING_RATIO if jammed else 0.0
     else:
         tool_mass = parameters.drill_tool_mass
         tool_spring_rate = parameters.restoring_spring_rate
-        tool_damping = damping_coefficient(
-            parameters.drill_tool_damping_ratio, tool_mass, tool_spring_rate
-        )
+        damping_ratio = parameters.drill_tool_damping_ratio
     return Drill(
         rpud_mass=parameters.rpud_mass,
         rpud_damping=damping_coefficient(
@@ -63,13 +76,14 @@ def derive(parameters: Parameters) -> Drill:
         load_spring_rate=parameters.load_spring_rate,
         free_mass=parameters.free_mass,
         tool_mass=tool_mass,
-        tool_damping=tool_damping,
+        tool_damping=damping_coefficient(damping_ratio, tool_mass, tool_spring_rate),
         tool_spring_rate=tool_spring_rate,
         tool_elasticity=effective.spring_rate,
         actuator_restitution=parameters.actuator_restitution,
         drill_tool_restitution=parameters.drill_tool_restitution,
         gravity=parameters.gravity,
         in_rock=in_rock,
+        jammed=jammed,
     )
 
 

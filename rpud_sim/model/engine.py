@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from rpud_sim.model.drill import STATE, Drill, derive
 from rpud_sim.model.events import FULL, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.records import join
+from rpud_sim.model.seating import seating
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.model.tolerances import LONGEST_STANDSTILL
 
@@ -32,6 +35,9 @@ class Engine:
         self, parameters: Parameters, initial_phase: float = 0.0, drive: bool = True
     ) -> None:
         self._drill = derive(parameters)
+        self._target = self._drill
+        # Constants that the drill will have, and from when on.
+        self._seating: deque[tuple[tuple[int, float], Drill]] = deque()
         self._state = np.zeros(1, STATE)
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
@@ -58,6 +64,47 @@ class Engine:
         Raises:
             EngineError: if events follow each other without time passing.
         """
+        while self._seating and self._seating[0][0] <= (seconds, fraction):
+            time, drill = self._seating.popleft()
+            self._advance(*time)
+            state = self._state[0]
+            commands = (
+                float(state["weight_on_bit"]),
+                float(state["target_amplitude"]),
+                float(state["frequency"]),
+            )
+            self._interrupt(*time, drill, commands)
+        self._advance(seconds, fraction)
+
+    def change(
+        self, seconds: int, fraction: float, drill: Drill, commands: tuple[float, float, float]
+    ) -> None:
+        """Advance to a time and go on from there with other commands, and with another drill.
+
+        Positions and velocities and the phase of the vibration stay continuous; the amplitude
+        changes when the vibration next passes through zero. A free drill tool takes a while to be
+        held by the rock (see seating.py).
+
+        Args:
+            seconds: whole seconds of the time, not before the last one.
+            fraction: the rest of it [s].
+            drill: the constants from there on.
+            commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz].
+
+        Raises:
+            EngineError: if events follow each other without time passing.
+        """
+        self.advance(seconds, fraction)
+        if drill != self._target:
+            self._target = drill
+            self._seating.clear()
+            for delay, step in seating(self._drill, drill):
+                whole, rest = divmod(fraction + delay, 1.0)
+                self._seating.append(((seconds + int(whole), rest), step))
+            self._drill = self._seating.popleft()[1]
+        self._interrupt(seconds, fraction, self._drill, commands)
+
+    def _advance(self, seconds: int, fraction: float) -> None:
         status = FULL
         while status == FULL:
             segments = np.empty(_CAPACITY, SEGMENT)
@@ -78,28 +125,16 @@ class Engine:
             values = dict(zip(STATE.names or (), self._state[0].tolist(), strict=True))
             raise EngineError(f"more than {LONGEST_STANDSTILL} events at one instant: {values}")
 
-    def change(
+    def _interrupt(
         self, seconds: int, fraction: float, drill: Drill, commands: tuple[float, float, float]
     ) -> None:
-        """Advance to a time and go on from there with other commands, and with another drill.
-
-        Positions and velocities and the phase of the vibration stay continuous; the amplitude
-        changes when the vibration next passes through zero.
-
-        Args:
-            seconds: whole seconds of the time, not before the last one.
-            fraction: the rest of it [s].
-            drill: the constants from there on.
-            commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz].
-        """
-        self.advance(seconds, fraction)
         self._drill = drill
         state = self._state[0]
         time = float(seconds - state["seconds"]) + (fraction - state["fraction"])
         segments = np.empty(1, SEGMENT)
         impacts = np.empty(2, IMPACT)
         count = interrupt(
-            self._drill,
+            drill,
             self._state,
             self._open_segment,
             self._open_impact,

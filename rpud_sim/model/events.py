@@ -37,6 +37,7 @@ from rpud_sim.model.segment import (
     motion_at,
 )
 from rpud_sim.model.tolerances import (
+    LEAST_DEFORMATION,
     LONGEST_SEGMENT,
     LONGEST_STANDSTILL,
     SAME_VELOCITY,
@@ -100,7 +101,9 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
         event |= EVENT_ACTUATOR_IMPACT
     if collisions.drill_tool_struck:
         event |= EVENT_DRILL_TOOL_IMPACT
-    if state.impact_open and (collisions.drill_tool_struck or not in_contact):
+    over = collisions.drill_tool_struck or not in_contact or not drill.in_rock
+    over = over or (drill.jammed and collisions.actuator_struck)
+    if state.impact_open and over:
         impacts[count] = impact
         count += 1
         state.impact_open = 0
@@ -110,7 +113,9 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
             impacts[count] = impact
             count += 1
     if drill.in_rock:
-        state.tool_at_rest = not in_contact and state.u_dt <= 0.0
+        slow = abs(state.v_dt) <= SAME_VELOCITY
+        unbent = state.u_dt <= (LEAST_DEFORMATION if slow else 0.0)
+        state.tool_at_rest = not in_contact and unbent
         if state.tool_at_rest:
             state.u_dt = 0.0
             state.v_dt = 0.0
@@ -235,6 +240,8 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     state.target_amplitude = amplitude
     state.frequency = frequency
     set_constants(drill, segment)
+    if not drill.in_rock:
+        state.tool_at_rest = 0
     count = settle(drill, state, impact, impacts, 0, 0, 0, EVENT_COMMAND)
     open_segment(drill, state, segment)
     return count

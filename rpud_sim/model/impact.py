@@ -1,7 +1,8 @@
 """The impact in progress: from the blow on the drill tool to the end of that contact.
 
 An impact ends when the contact opens, when the free mass strikes the drill tool anew (the actuator
-drove it while it was still there), or when the contact has come to rest.
+drove it while it was still there), or when the contact has come to rest. It also ends when the
+actuator strikes a free mass that is jammed on the drill tool, and when the rock is left.
 """
 
 import math
@@ -10,7 +11,13 @@ from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.motion import CONTACT_BOTH
-from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at, nodal_plane_integral
+from rpud_sim.model.segment import (
+    CONTACT_DRILL_TOOL,
+    drill_tool_motion,
+    motion_at,
+    nodal_plane_integral,
+)
+from rpud_sim.model.suspension import decaying_part
 from rpud_sim.model.vibration import TWO_PI
 
 # Samples of the contact force in which its maximum is sought while all three bodies are in contact.
@@ -29,14 +36,17 @@ def tip_integral(segment, time):
 @compiled
 def contact_impulse(segment, time):
     """Momentum that the drill tool receives in the first part of a segment in contact [N s]."""
-    _, _, _, _, u_start, v_start, _, _ = motion_at(segment, 0.0)
-    _, _, _, _, u_end, v_end, _, _ = motion_at(segment, time)
     if segment.contact == CONTACT_BOTH:
+        _, _, _, _, u_start, v_start, _, _ = motion_at(segment, 0.0)
+        _, _, _, _, u_end, v_end, _, _ = motion_at(segment, time)
         return (
             segment.drill_tool_mass * (v_end - v_start)
             + segment.drill_tool_damping * (u_end - u_start)
             + segment.drill_tool_spring_rate * tip_integral(segment, time)
         )
+    motion = drill_tool_motion(segment)
+    _, v_start = decaying_part(motion, 0.0)
+    _, v_end = decaying_part(motion, time)
     return segment.free_mass * (segment.gravity * time - (v_end - v_start))
 
 
@@ -47,10 +57,12 @@ def greatest_contact_force(segment, time):
     end, _ = force_on_drill_tool(segment, time)
     greatest = max(start, end)
     if segment.contact == CONTACT_DRILL_TOOL:
-        # Eq. (38): compression is greatest where the closed form's phase is zero.
+        # Eq. (38): the force is greatest where the acceleration is least; without damping that is
+        # where the closed form's phase is zero.
         w = segment.drill_tool_angular_frequency
         angle = math.atan2(segment.drill_tool_sine, segment.drill_tool_cosine)
-        if angle < 0.0:
+        angle += 1.5 * math.pi - 3.0 * math.atan2(w, -segment.drill_tool_decay_rate)
+        while angle < 0.0:
             angle += TWO_PI
         if angle < w * time:
             force, _ = force_on_drill_tool(segment, angle / w)
@@ -85,7 +97,7 @@ def open_impact(drill, state, impact, collisions):
     peak_force, duration, _ = half_sine_impulse(
         drill.free_mass,
         drill.tool_mass,
-        drill.drill_tool_restitution,
+        0.0 if drill.jammed else drill.drill_tool_restitution,
         collisions.impact_velocity,
         drill.tool_elasticity,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import reprlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,14 @@ CONTACT_MODELS = ("printed", "rayleigh")
 
 class ParameterError(ValueError):
     """A parameter that cannot be used; its text names parameter, value, unit and allowed range."""
+
+
+def shown(value: Any) -> str:
+    """A value as text that is short and one line, whatever it is."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # an integer with more digits than Python writes
+        return "a number too long to show"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,9 +66,9 @@ class Quantity:
         above = number > self.minimum if self.exclusive else number >= self.minimum
         under = number < self.maximum if self.below else number <= self.maximum
         if not (math.isfinite(number) and above and under):
-            shown = f"{number:g}" if isinstance(value, float) else repr(value)
+            text = f"{number:g}" if isinstance(value, float) else shown(value)
             unit = f" {self.unit}" if self.unit else ""
-            raise ParameterError(f"{name} = {shown}{unit} is outside its range {self.range}")
+            raise ParameterError(f"{name} = {text}{unit} is outside its range {self.range}")
         return number
 
 
@@ -70,7 +79,7 @@ def check_choice(name: str, value: Any, choices: tuple[str, ...]) -> str:
         ParameterError: if it is not.
     """
     if not (isinstance(value, str) and value in choices):
-        raise ParameterError(f"{name} = {value!r} is not one of {', '.join(choices)}")
+        raise ParameterError(f"{name} = {shown(value)} is not one of {', '.join(choices)}")
     return value
 
 

@@ -5,6 +5,7 @@
         actuator and free mass collide by eqs. (4)-(7)
         free mass and drill tool collide by eqs. (11)-(13), or share their momentum by eq. (21) in
         the rock
+    a jammed free mass that touches the drill tool is one body with it
     keep the contacts that would close again at once, if their forces then push
 
 A free mass that chatters comes to rest in finite time. That is recognised when its next bounce
@@ -91,15 +92,23 @@ def exchange_momentum(drill, state, closed):
     impact_velocity = 0.0
     energy = 0.0
     impulse = 0.0
+    struck_mass = drill.free_mass
+    wedged = drill.jammed and closed & CONTACT_DRILL_TOOL
+    if wedged:
+        struck_mass += drill.tool_mass
+        if state.v_fm < state.v_dt:
+            state.v_fm = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
+            state.v_dt = state.v_fm
     for count in range(MOST_COLLISIONS):
         approaching = False
-        if closed & CONTACT_ACTUATOR and v_ut - state.v_fm > SAME_VELOCITY:
+        joining = wedged and state.v_fm - state.v_dt > SAME_VELOCITY
+        if closed & CONTACT_ACTUATOR and v_ut - state.v_fm > SAME_VELOCITY and not joining:
             approaching = True
             actuator_struck = True
             restitution = drill.actuator_restitution if count < MOST_COLLISIONS - 1 else 0.0
-            v_ut, state.v_fm = collide(
-                drill.rpud_mass, v_ut, drill.free_mass, state.v_fm, restitution
-            )
+            v_ut, state.v_fm = collide(drill.rpud_mass, v_ut, struck_mass, state.v_fm, restitution)
+            if wedged:
+                state.v_dt = state.v_fm
         if closed & CONTACT_DRILL_TOOL and state.v_fm - state.v_dt > SAME_VELOCITY:
             approaching = True
             before = state.v_fm
@@ -107,7 +116,9 @@ def exchange_momentum(drill, state, closed):
                 impact_velocity = state.v_fm - state.v_dt
                 energy = 0.5 * drill.free_mass * before * before
             drill_tool_struck = True
-            restitution = 0.0 if drill.in_rock else drill.drill_tool_restitution
+            restitution = drill.drill_tool_restitution
+            if drill.in_rock or wedged:
+                restitution = 0.0
             state.v_fm, state.v_dt = collide(
                 drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt, restitution
             )
@@ -129,8 +140,9 @@ def tip_acceleration(drill, state, contact):
     displacement, velocity = decaying_part(motion, 0.0)
     acceleration, _ = decaying_derivatives(motion, displacement, velocity)
     omega = TWO_PI * state.frequency
-    in_phase, _ = harmonic_vibration(motion.vibration_sine + state.amplitude, 0.0, state.phase)
-    in_quadrature, _ = harmonic_vibration(motion.vibration_cosine, 0.0, state.phase + 0.25)
+    angle = TWO_PI * state.phase
+    in_phase = (motion.vibration_sine + state.amplitude) * math.sin(angle)
+    in_quadrature = motion.vibration_cosine * math.cos(angle)
     return acceleration - omega * omega * (in_phase + in_quadrature)
 
 
@@ -162,7 +174,7 @@ def returns_at_once(separation, closing_acceleration):
 
 @compiled
 def hold_both(drill, state, v_ut, v_hv, stay):
-    """Keep all three bodies together if both contacts push.
+    """Keep all three bodies together if both contacts push; one that is jammed need not.
 
     Args:
         drill: the constants.
@@ -191,7 +203,7 @@ def hold_both(drill, state, v_ut, v_hv, stay):
         + drill.tool_mass * (state.v_dt - together) ** 2
     )
     caged = energy < min(on_tool, on_tip) * LOWEST_BOUNCE
-    if pushes(on_tool) and pushes(on_tip) and (stay or caged):
+    if (drill.jammed or pushes(on_tool)) and pushes(on_tip) and (stay or caged):
         state.v_fm = together
         state.v_dt = together
         return True
@@ -251,8 +263,17 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck):
         return 0
     u_hv, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
     v_ut = state.v_np + v_hv
-    tip = tip_acceleration(drill, state, 0)
-    tool = tool_acceleration(drill, state, 0)
+    tip = tip_acceleration(drill, state, 0) if closed & CONTACT_ACTUATOR else 0.0
+    if drill.jammed and closed & CONTACT_DRILL_TOOL:
+        wedged = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
+        if (
+            closed & CONTACT_ACTUATOR
+            and returns_at_once(state.v_fm - v_ut, tip - wedged)
+            and hold_both(drill, state, v_ut, v_hv, True)
+        ):
+            return CONTACT_BOTH
+        return CONTACT_DRILL_TOOL
+    tool = tool_acceleration(drill, state, 0) if closed & CONTACT_DRILL_TOOL else 0.0
     on_tip = closed & CONTACT_ACTUATOR and returns_at_once(state.v_fm - v_ut, tip - drill.gravity)
     behind = max(tip, drill.gravity) if on_tip else drill.gravity
     on_tool = closed & CONTACT_DRILL_TOOL and returns_at_once(

@@ -86,11 +86,11 @@ def first_root(segment, end, limit):
     bounds = guard_bounds(segment, end)
     bound = max(bounds.second, LEAST_BOUND)
     third_bound = max(bounds.third, LEAST_BOUND)
-    envelope_bound = max(bounds.envelope_second, LEAST_BOUND)
+    slow_bound = max(bounds.slow_second, LEAST_BOUND)
     allowance = allowance_of(end)
     time = 0.0
     for _ in range(LONGEST_SEARCH):
-        value, slope, curvature, envelope, envelope_slope = guard_at(segment, end, time)
+        value, slope, curvature, slow, slow_slope = guard_at(segment, end, time)
         # The guard is certain to rise to `crest` before it can fall.
         crest = value + max(slope, 0.0) ** 2 / (2.0 * bound)
         if crest > allowance:
@@ -99,8 +99,9 @@ def first_root(segment, end, limit):
         step = max(
             safe_step(value, slope, bound), convex_step(value, slope, curvature, third_bound)
         )
+        envelope = slow - bounds.vibration
         if envelope > 0.0:
-            step = max(step, safe_step(envelope, envelope_slope, envelope_bound))
+            step = max(step, safe_step(envelope, slow_slope, slow_bound))
         if slope >= 0.0:
             step = max(step, 10.0 * TIME_RESOLUTION)
         elif value <= 0.0 or step < TIME_RESOLUTION:
@@ -166,9 +167,13 @@ def next_event(drill, state, segment):
             event = END_AMPLITUDE
     contact = state.contact
     if contact == CONTACT_BOTH:
-        duration, event = sooner_release(segment, duration, event)
+        if drill.jammed:
+            duration, event = sooner(segment, END_ACTUATOR_RELEASE, duration, event)
+        else:
+            duration, event = sooner_release(segment, duration, event)
         return event, duration
-    if contact == CONTACT_DRILL_TOOL and segment.drill_tool_decay_rate == 0.0:
+    wedged = drill.jammed and contact & CONTACT_DRILL_TOOL
+    if contact == CONTACT_DRILL_TOOL and not wedged and segment.drill_tool_decay_rate == 0.0:
         root = release_time(
             segment.drill_tool_cosine,
             segment.drill_tool_sine,
@@ -183,7 +188,7 @@ def next_event(drill, state, segment):
         if root < duration:
             duration = root
             event = END_DRILL_TOOL_IMPACT
-    else:
+    elif not wedged:
         end = END_DRILL_TOOL_IMPACT
         if contact & CONTACT_DRILL_TOOL:
             end = END_DRILL_TOOL_RELEASE

@@ -28,6 +28,9 @@ SAME_ACCELERATION = 1e-6
 # An approach that is this near to its root is an event [s].
 TIME_RESOLUTION = 1e-16
 
+# A slow drill tool in the rock that is nearer to zero is at rest there [m].
+LEAST_DEFORMATION = 1e-14
+
 # No segment is longer than this [s]: what is known ahead stays bounded, and bodies at rest are
 # still reported.
 LONGEST_SEGMENT = 0.01

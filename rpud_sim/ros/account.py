@@ -38,6 +38,7 @@ class Account:
         self._telemetry_rate = settings.telemetry_rate
         self._outputs = outputs
         self._inbox = inbox
+        self._command_topics = [node.resolve_topic_name(topic) for topic in _COMMAND_TOPICS]
         self._last: Report | None = None
         self.begin()
 
@@ -105,7 +106,7 @@ class Account:
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
             commands_lost=control.commands_lost,
-            commanders=max(self._node.count_publishers(topic) for topic in _COMMAND_TOPICS),
+            commanders=max(map(self._node.count_publishers, self._command_topics)),
             messages_dropped=self._outputs.dropped,
             **drill_fields(simulation),
             timing=timing,

@@ -9,6 +9,8 @@ from math import isfinite
 
 DEFAULT_NAMESPACE = "/rpud"
 COMPRESSIONS = ("none", "zstd")
+MAX_LOSS = 1.0
+"""Seconds of messages that a crash of the recorder may cost, where `--max-loss` names none."""
 CLOCK_RATE = 40.0
 """Rate of `/clock` where `--clock` names none [Hz]."""
 FASTEST_RATE = 1e6
@@ -74,6 +76,18 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
         type=number("s", above=0),
         metavar="S",
         help="stop after that many seconds (default: at SIGINT or SIGTERM)",
+    )
+    parser.add_argument(
+        "--max-loss",
+        type=number("s", above=0),
+        default=MAX_LOSS,
+        metavar="S",
+        help="seconds of messages that a crash may cost at most (default: %(default)g)",
+    )
+    parser.add_argument(
+        "--until-eof",
+        action="store_true",
+        help="stop also where standard input ends, as it does with the program that holds it open",
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -15,6 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rpud_sim.ros import standard_services
 from rpud_sim.ros.declaration import changed_values, check_changes, declare_settings
 from rpud_sim.ros.drilling import Drilling
 from rpud_sim.ros.fault_services import FaultServices
@@ -25,7 +27,9 @@ from rpud_sim.ros.pacing import NANOSECONDS
 from rpud_sim.ros.parameters import Settings
 from rpud_sim.ros.publishers import DrillPublishers
 from rpud_sim.ros.report import Report
+from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.simulation_services import SimulationServices
+from rpud_sim.ros.standard_services import StandardServices
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import compile_kernels
@@ -50,7 +54,8 @@ class DrillNode(ManagedNode):
 
     Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
     ``simulation/get_state``, ``simulation/set_state``, ``simulation/step``, ``simulation/run_to``,
-    ``simulation/reset`` (rpud_msgs), and those of a managed node.
+    ``simulation/reset`` (rpud_msgs), those of a managed node, and where it is installed those of
+    ``simulation_interfaces``.
 
     Parameters: those of ``rpud_sim.ros.parameters.ALL_NAMES``; ``CHANGEABLE`` says which of them
     may be set while it runs.
@@ -79,6 +84,8 @@ class DrillNode(ManagedNode):
         self._simulation_services = SimulationServices(
             self, lambda: self.drilling, self._origin, self._ask_to_quit
         )
+        if standard_services.INSTALLED:
+            StandardServices(self, self._simulation_services, self._settings.telemetry_rate)
         FaultServices(self, lambda: self.drilling, self._origin, self._inbox.refuse_request)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
@@ -173,6 +180,11 @@ class DrillNode(ManagedNode):
         return TransitionCallbackReturn.SUCCESS
 
     @told
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take back what a transition that failed has left; it can be configured again."""
+        return self.on_cleanup(state)
+
+    @told
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the drilling and the node."""
         self._gate.open(False)
@@ -192,6 +204,9 @@ class DrillNode(ManagedNode):
         return int(self.get_clock().now().nanoseconds)
 
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+        if self._drilling is not None and any(change.name == "use_sim_time" for change in changes):
+            reason = "use_sim_time is read-only until the drill is cleaned up"
+            return SetParametersResult(successful=False, reason=reason)
         return check_changes(self._settings, changes)
 
     def _take_parameters(self, changes: list[Parameter]) -> None:
@@ -200,8 +215,9 @@ class DrillNode(ManagedNode):
             return
         settings = self._settings = self._gate.settings = self._settings.replace(values)
         drilling = self.drilling
-        if drilling is not None and not drilling.finished:
-            drilling.request(lambda: drilling.configure(settings))
+        if drilling is not None:
+            with contextlib.suppress(StoppedError):  # there is nothing left to change
+                drilling.request(lambda: drilling.configure(settings))
 
 
 def main() -> None:
@@ -250,11 +266,14 @@ def spin(
     """
     executor = MultiThreadedExecutor(_THREADS)
     executor.add_node(node)
-    node.start()
     try:
+        node.start()
         while not (stop.requested or node.finished):
             executor.spin_once(timeout_sec=0.1)
             show(node.report)
+    except RuntimeError as error:
+        print(f"drill_node: {error}", file=sys.stderr)
+        return 1
     finally:
         node.stop()
         executor.shutdown(timeout_sec=1.0)

@@ -12,11 +12,12 @@ from rclpy.node import Node
 
 from rpud_sim.ros.account import Account
 from rpud_sim.ros.inbox import Inbox
-from rpud_sim.ros.pacing import Pacer, boundaries_until, boundary
+from rpud_sim.ros.pacing import Pacer
 from rpud_sim.ros.parameters import Settings
 from rpud_sim.ros.publishers import DrillPublishers
 from rpud_sim.ros.requests import Requests
 from rpud_sim.ros.time_source import TimeSource
+from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.ensemble import initial_phases
 from rpud_sim.simulation.simulation import Simulation
@@ -99,12 +100,18 @@ class Drilling:
         return self._at_start
 
     @property
+    def stepping(self) -> bool:
+        """Whether a step is under way."""
+        return self._goal is not None
+
+    @property
     def follows_clock(self) -> bool:
         """Whether its time is that of another source of ``/clock``."""
         return self._source.follows
 
     def announce(self) -> None:
         """Publish the first status: it is there, and inactive."""
+        self._outputs.begin(self._source.begin())
         self._account.report("inactive", self._simulation, self._control)
 
     def start(self) -> None:
@@ -175,6 +182,8 @@ class Drilling:
 
     def step(self, until: int) -> Future[int]:
         """Let a paused simulation go on to a simulation time [ns]; the result is that time."""
+        if self._take_commands():  # they were given before
+            self._report()
         self._goal = until
         self._step = Future()
         return self._step
@@ -193,8 +202,12 @@ class Drilling:
 
     def configure(self, settings: Settings) -> None:
         """Take settings that differ in what may change while the drill runs."""
-        if settings.real_time_factor != self._settings.real_time_factor:
-            self._pacer.start(self._simulation.time, factor=settings.real_time_factor)
+        if self._factor(settings) != self._factor(self._settings):
+            self._pacer.start(
+                self._simulation.time,
+                self._source.resume(self._simulation.time),
+                self._factor(settings),
+            )
             if not self._playing:
                 self._pacer.stop()
         self._settings = settings
@@ -217,7 +230,7 @@ class Drilling:
         if state:
             active = self._control.active
             self._begin(active)
-            self._outputs.begin(self._source.begin() if time else self._outputs.origin + now)
+            self._outputs.begin(self._source.begin(None if time else self._outputs.origin + now))
             self._account.begin()
         elif time:
             self._outputs.move(self._source.begin() - now)
@@ -228,6 +241,9 @@ class Drilling:
 
     def _begin(self, active: bool = True) -> None:
         settings = self._settings
+        self._pacer = Pacer(
+            settings.telemetry_rate, self._factor(settings), schedule=self._source.schedule
+        )
         phase = initial_phases(1, self._seed or None)[0]
         self._simulation = Simulation(
             settings.configuration, phase, settings.read_scenario(self._seed)
@@ -257,14 +273,11 @@ class Drilling:
             f"drilling: regime {parameters.regime}, weight on bit {parameters.weight_on_bit:g} N, "
             f"drive {'on' if settings.configuration.drive_enabled else 'off'}"
         )
-        self._outputs.begin(self._source.wait(self._stop))
-        self._playing = not settings.start_paused
-        self._pacer = Pacer(
-            settings.telemetry_rate, settings.real_time_factor, schedule=self._source.schedule
-        )
+        self._outputs.begin(self._source.wait(self._stop, self._requests.serve))
+        self._playing = self._source.follows or not settings.start_paused
         if self._playing:
-            self._pacer.start(0, self._source.resume(0))
-        self._account.begin()
+            self._pacer.start(self._simulation.time, self._source.resume(self._simulation.time))
+        self._account.finish()
         self._publish_faults()
         self._report()
         while not self._stop.is_set() and self._simulation.time < self._end:
@@ -274,8 +287,9 @@ class Drilling:
             if self._goal is None and not self._playing:
                 self._stand_still()
             elif remaining > 0.0:
-                self._wake.wait(min(remaining, _LONGEST_WAIT))
-                self._wake.clear()
+                if self._account.due():
+                    self._report()
+                self._wait(remaining)
             else:
                 self._advance(until)
         self._outputs.flush()
@@ -296,13 +310,19 @@ class Drilling:
     def _stand_still(self) -> None:
         if self._take_commands() or self._account.due():
             self._report()
-        self._wake.wait(_LONGEST_WAIT)
+        self._wait(_LONGEST_WAIT)
+
+    def _wait(self, seconds: float) -> None:
+        self._wake.wait(min(seconds, _LONGEST_WAIT))
         self._wake.clear()
+
+    def _factor(self, settings: Settings) -> float:
+        return 1.0 if self._source.follows else settings.real_time_factor
 
     def _advance(self, until: int) -> None:
         block = self._simulation.advance_to(until)
         # Where nothing paces it, its listeners do.
-        self._outputs.patient = self._goal is not None or self._settings.real_time_factor == 0.0
+        self._outputs.patient = self._goal is not None or self._factor(self._settings) == 0.0
         self._outputs.publish_block(block, self._simulation.faults.since(block.start))
         self._publish_faults()
         self._account.add(block)
@@ -310,10 +330,12 @@ class Drilling:
             self._logger.warning(refusal)
         commanded = self._take_commands()
         self._pacer.finish(until)
-        if commanded or self._account.due():
-            self._report()
-        if self._goal is not None and until >= self._goal:
+        reached = self._goal is not None and until >= self._goal
+        if reached:
             self._goal = None
+        if commanded or reached or self._account.due():
+            self._report()
+        if reached:
             self._step.set_result(until)
 
     def _take_commands(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any
 
@@ -11,12 +12,12 @@ from rpud_msgs.srv import ClearFault, InjectFault, ListFaults
 from std_srvs.srv import SetBool
 
 from rpud_sim.ros.drilling import Drilling
-from rpud_sim.ros.messages import record_to_fault
+from rpud_sim.ros.messages import message_to_fault, record_to_fault
 from rpud_sim.ros.pacing import NANOSECONDS
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.channels import CHANNELS
-from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.faults import FaultError
 from rpud_sim.simulation.simulation import Simulation
 
 _NOT_ACTIVATED = "the node has not been activated"
@@ -56,9 +57,7 @@ class FaultServices:
         def act(simulation: Simulation) -> None:
             if duration < 0:
                 raise FaultError(f"duration = {duration / NANOSECONDS:g} s is less than zero")
-            wanted = request.fault
-            fault = Fault(wanted.kind, wanted.channel, wanted.magnitude)
-            response.number = simulation.inject(fault, duration)
+            response.number = simulation.inject(message_to_fault(request.fault), duration)
 
         return self._answer(response, act)
 
@@ -84,7 +83,8 @@ class FaultServices:
 
         drilling = self._drilling()
         if drilling is not None:
-            drilling.request(lambda: act(drilling.simulation))
+            with contextlib.suppress(StoppedError):  # nothing lasts any more
+                drilling.request(lambda: act(drilling.simulation))
         response.channels = list(CHANNELS)
         return response
 

@@ -35,13 +35,13 @@ class Inbox:
         self._notify = notify
 
     def begin(self) -> None:
-        """Count from zero again."""
+        """Count from zero again, and forget what waits: it was meant for what was before."""
+        self._waiting.clear()
         self.accepted = 0
         self.rejected = 0
 
     def accept(self, command: WeightOnBit | Drive) -> None:
         """Queue a command for the next block boundary."""
-        self.accepted += 1
         self._waiting.append(command)
         self._notify()
 
@@ -68,8 +68,9 @@ class Inbox:
             self._logger.warning("more is refused in this second; commands are counted")
 
     def take(self) -> list[WeightOnBit | Drive]:
-        """Return the commands that wait, in order."""
+        """Return the commands that wait, in order; from now on they count as accepted."""
         commands = []
         while self._waiting:
             commands.append(self._waiting.popleft())
+        self.accepted += len(commands)
         return commands

@@ -5,12 +5,15 @@ Stamps and origins, the stamp of simulation time zero, are integer nanoseconds.
 
 from __future__ import annotations
 
+import math
 from typing import TypeVar
 
 from builtin_interfaces.msg import Time
-from rpud_msgs.msg import Fault, Faults
+from rpud_msgs.msg import Fault as FaultMessage
+from rpud_msgs.msg import Faults as FaultsMessage
 
 from rpud_sim.simulation import fields
+from rpud_sim.simulation.faults import KINDS, Fault
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.ledger import Faults as FaultLedger
 
@@ -32,13 +35,27 @@ def nanoseconds_to_time(nanoseconds: int) -> Time:
     return filled(Time(), fields.time_fields(nanoseconds))
 
 
-def record_to_fault(record: FaultRecord, origin: int) -> Fault:
+def message_to_fault(message: FaultMessage) -> Fault:
+    """Convert what shall be injected.
+
+    A magnitude of zero, what a message holds that nobody filled, stands for the kind's default
+    where zero is no magnitude of its own.
+
+    Raises:
+        FaultError: if there is no such fault.
+    """
+    kind = KINDS.get(message.kind)
+    unfilled = message.magnitude == 0.0 and kind is not None and not kind.takes_zero
+    return Fault(message.kind, message.channel, math.nan if unfilled else message.magnitude)
+
+
+def record_to_fault(record: FaultRecord, origin: int) -> FaultMessage:
     """Convert one record of the ledger."""
-    return filled(Fault(), fields.fault_fields(record, origin))
+    return filled(FaultMessage(), fields.fault_fields(record, origin))
 
 
-def faults_to_message(ledger: FaultLedger, time: int, origin: int) -> Faults:
+def faults_to_message(ledger: FaultLedger, time: int, origin: int) -> FaultsMessage:
     """Convert the ledger as it is at a simulation time."""
-    message = filled(Faults(), fields.faults_header_fields(ledger, time, origin))
-    message.faults = [record_to_fault(record, origin) for record in ledger.records]
-    return message
+    values = fields.faults_fields(ledger, time, origin)
+    values["faults"] = [filled(FaultMessage(), fault) for fault in values["faults"]]
+    return filled(FaultsMessage(), values)

@@ -13,6 +13,7 @@ from rpud_sim.simulation import (
     REGIMES,
     ParameterError,
     Quantity,
+    shown,
 )
 from rpud_sim.simulation.actuator import ACTUATOR_MODELS, ACTUATOR_QUANTITIES
 from rpud_sim.simulation.configuration import (
@@ -165,7 +166,7 @@ def check_settings(values: Mapping[str, Any]) -> Settings:
         elif name in NUMBERS:
             checked[name] = NUMBERS[name].check(name, values[name])
         elif not isinstance(values[name], str):
-            raise ParameterError(f"{name} = {values[name]!r} is not a text")
+            raise ParameterError(f"{name} = {shown(values[name])} is not a text")
         else:
             checked[name] = values[name]
     for name in WHOLE:

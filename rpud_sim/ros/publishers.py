@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -26,14 +26,11 @@ from rpud_msgs.msg import (
 from sensor_msgs.msg import JointState
 
 from rpud_sim.ros.messages import faults_to_message, filled, nanoseconds_to_time
-from rpud_sim.ros.pacing import boundaries_until, boundary
 from rpud_sim.ros.parameters import Settings
-from rpud_sim.simulation import fields
-from rpud_sim.simulation.block import Block, join_blocks
+from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.ledger import Faults as FaultLedger
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
-from rpud_sim.simulation.signals import SignalFaults
+from rpud_sim.simulation.telemetry import Entry, Telemetry
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
@@ -66,12 +63,6 @@ TOPICS: dict[str, tuple[type, QoSProfile]] = {
 }
 # Of the others the last message is what counts.
 _COMPLETE = [name for name, (_, qos) in TOPICS.items() if qos.depth >= STREAM_QOS.depth]
-_TELEMETRY = (
-    ("nodal_plane", fields.nodal_plane_fields),
-    ("drill_tool", fields.drill_tool_fields),
-    ("reacting_force", fields.reacting_force_fields),
-    ("wrench", fields.wrench_fields),
-)
 
 # A simulation that nothing paces waits for its listeners when this share of a depth is used up, but
 # not longer than this for one that does not answer [s].
@@ -92,27 +83,26 @@ class DrillPublishers:
 
     def __init__(self, node: Node, settings: Settings) -> None:
         self._node = node
-        self._rate = settings.telemetry_rate
-        self._sample_rate = settings.sample_rate
-        self._stream_period = round(settings.block_duration * settings.telemetry_rate)
-        self._origin = 0
-        self._segments = 0
-        self._pending: list[Block] = []
         self._dropped = 0
-        self._signals = SignalFaults()
         self._faults: object = None
         self._unacknowledged = Counter[str]()
         self.patient = False
         self._topics = {
             name: node.create_publisher(kind, name, qos) for name, (kind, qos) in TOPICS.items()
         }
+        self._telemetry = Telemetry(
+            settings.telemetry_rate,
+            settings.sample_rate,
+            settings.block_duration,
+            wanted=lambda name: self._topics[name].get_subscription_count() > 0,
+        )
         if settings.publish_clock:
             self._topics["/clock"] = node.create_publisher(Clock, "/clock", CLOCK_QOS)
 
     @property
     def origin(self) -> int:
         """Stamp of simulation time zero [ns]."""
-        return self._origin
+        return self._telemetry.origin
 
     @property
     def dropped(self) -> int:
@@ -121,19 +111,17 @@ class DrillPublishers:
 
     def begin(self, origin: int) -> None:
         """Begin with simulation time zero, whose stamp this is [ns]."""
-        self._origin = origin
-        self._segments = 0
+        self._telemetry.begin(origin)
         self._faults = None
-        self._pending.clear()
 
     def move(self, origin: int) -> None:
         """Give simulation time zero another stamp [ns]."""
-        self._origin = origin
+        self._telemetry.move(origin)
         self._faults = None
 
     def reseed(self, seed: int) -> None:
         """Forget the state of faulty signals, and draw with this seed from now on."""
-        self._signals = SignalFaults(seed)
+        self._telemetry.reseed(seed)
 
     def publish_block(self, block: Block, faults: Sequence[FaultRecord]) -> None:
         """Publish what a block brings: its impacts, the sample at its end, its share of streams.
@@ -142,42 +130,20 @@ class DrillPublishers:
             block: at most one telemetry period long.
             faults: that lasted in it, or in a part of it.
         """
-        signal_faults = [record for record in faults if record.fault.channel]
         if "/clock" in self._topics:
-            stamp = nanoseconds_to_time(self._origin + block.end)
+            stamp = nanoseconds_to_time(self.origin + block.end)
             self._publish("/clock", Clock(clock=stamp))
-        for impact in block.impacts:
-            values = fields.contact_force_fields(impact, self._origin)
-            began = max(block.start, fields.stamp_of(values) - self._origin)
-            self._send("contact_force", values, began, signal_faults)
-        number = boundaries_until(block.end, self._rate)
-        at_boundary = boundary(number, self._rate) == block.end
-        if at_boundary:
-            self._publish_telemetry(block, signal_faults)
-        for channel, values in self._signals.release(block.end, signal_faults):
-            self._fill(channel, values)
-        self._pending.append(block)
-        if at_boundary and number % self._stream_period == 0:
-            self.flush()
+        self._send(self._telemetry.take(block, faults))
 
     def flush(self) -> None:
         """Publish the waveform and the trajectory up to the end of the last block."""
-        if not self._pending:
-            return
-        block = join_blocks(self._pending)
-        self._pending.clear()
-        self._publish_waveform(block)
-        count = len(block.segments)
-        if count and self._topics["trajectory"].get_subscription_count():
-            for values in fields.trajectory_fields(block, self._segments, self._origin):
-                self._fill("trajectory", values)
-        self._segments += count
+        self._send(self._telemetry.flush())
 
     def publish_faults(self, ledger: FaultLedger, time: int) -> None:
         """Publish the ground truth of faults at a simulation time [ns], if it has changed."""
         if ledger.active is not self._faults:
             self._faults = ledger.active
-            self._publish("faults", faults_to_message(ledger, time, self._origin))
+            self._publish("faults", faults_to_message(ledger, time, self.origin))
 
     def publish_status(self, status: Status) -> None:
         """Publish a status."""
@@ -201,31 +167,9 @@ class DrillPublishers:
             self._node.destroy_publisher(publisher)
         self._topics.clear()
 
-    def _publish_telemetry(self, block: Block, faults: Sequence[FaultRecord]) -> None:
-        stamp = self._origin + block.end
-        samples = block.sample(Times.from_nanoseconds(block.end))
-        for name, make in _TELEMETRY:
-            self._send(name, make(samples, 0, stamp), block.end, faults)
-        if self._topics["joint_states"].get_subscription_count():
-            self._fill("joint_states", fields.joint_state_fields(samples, 0, stamp))
-
-    def _publish_waveform(self, block: Block) -> None:
-        rate = self._sample_rate
-        numbers = block.grid(rate)
-        if numbers and self._topics["waveform"].get_subscription_count():
-            samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
-            stamp = self._origin + numbers.start * NANOSECONDS // rate
-            self._fill("waveform", fields.waveform_fields(samples, stamp, numbers.start, rate))
-
-    def _send(
-        self, channel: str, values: fields.Fields, time: int, faults: Sequence[FaultRecord]
-    ) -> None:
-        """Publish a sensor's message, or what its faults make of it."""
-        for changed in self._signals.apply(channel, time, values, faults):
-            self._fill(channel, changed)
-
-    def _fill(self, name: str, values: fields.Fields) -> None:
-        self._publish(name, filled(TOPICS[name][0](), values))
+    def _send(self, entries: Iterable[Entry]) -> None:
+        for _, name, values in entries:
+            self._publish(name, filled(TOPICS[name][0](), values))
 
     def _publish(self, name: str, message: Any) -> None:
         try:

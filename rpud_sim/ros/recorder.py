@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+import threading
 import time
 
 import rclpy
@@ -13,10 +15,11 @@ from rclpy.utilities import remove_ros_args
 
 from rpud_sim.bag import BagError, BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
+from rpud_sim.bag.recovery import RECORDING_RECORD
 from rpud_sim.ros.arguments import add_record_arguments
 from rpud_sim.ros.progress import ProgressLine
 from rpud_sim.ros.recorder_node import Recorder
-from rpud_sim.ros.recording import MessageQueue, WritingThread
+from rpud_sim.ros.recording import MessageQueue, NamedRecord, WritingThread
 from rpud_sim.ros.stopping import StopRequest
 
 SKIPPED_RECORD = "rpud_skipped"
@@ -59,12 +62,15 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
     messages = MessageQueue()
     node = Recorder(messages, arguments.topics, arguments.namespace)
     with BagWriter(arguments.out, compression=arguments.compression) as bag:
-        writing = WritingThread(messages, bag, stop.request)
+        bag.add_record(RECORDING_RECORD, {"max_loss": str(arguments.max_loss)})
+        writing = WritingThread(messages, bag, arguments.max_loss, stop.request)
         writing.start()
+        if arguments.until_eof:
+            threading.Thread(target=_wait_for_eof, args=(stop,), daemon=True).start()
         began = time.monotonic()
         try:
             with ProgressLine(bag.path.name) as progress:
-                _collect(node, bag, stop, arguments.duration, progress)
+                _collect(node, messages, bag, stop, arguments.duration, progress)
             _drain(node)
             node.finish()
         finally:
@@ -77,11 +83,24 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
     if writing.error is not None:
         raise writing.error
     print(_summary(node, bag, time.monotonic() - began), flush=True)
+    if writing.exposure > arguments.max_loss:
+        print(
+            f"a crash might have cost {writing.exposure:.1f} s, more than --max-loss "
+            f"{arguments.max_loss:g} s: the disk was too slow",
+            flush=True,
+        )
     return 0
+
+
+def _wait_for_eof(stop: StopRequest) -> None:
+    while os.read(sys.stdin.fileno(), 4096):
+        pass
+    stop.request()
 
 
 def _collect(
     node: Recorder,
+    messages: MessageQueue,
     bag: BagWriter,
     stop: StopRequest,
     duration: float | None,
@@ -91,10 +110,15 @@ def _collect(
     looked = float("-inf")
     ready_at = began + _DISCOVERY
     ready = False
+    losses = node.losses
     while not stop.requested:
         now = time.monotonic()
         if now >= looked + _GRAPH_PERIOD:
             looked = now
+            if any(item.total != 0 for item in node.losses.values()) and node.losses != losses:
+                # They are in the bag before its end, should that never come.
+                losses = node.losses
+                messages.keep(NamedRecord(RECORD_NAME, losses_to_record(losses)))
             if node.discover() and not ready:
                 ready_at = now if node.complete else now + _SETTLING
         more = node.take()

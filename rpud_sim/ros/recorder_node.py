@@ -19,8 +19,9 @@ from rclpy.validate_topic_name import validate_topic_name
 from rpud_sim.bag import BagError, Message, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import Losses
+from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.ros.qos import is_satisfied, recorded_profile, request_for
-from rpud_sim.ros.recording import Declaration, MessageQueue, SequenceGaps
+from rpud_sim.ros.recording import Declaration, MessageQueue
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _BATCH = 1000  # messages of one topic taken at once, so that a fast one does not starve the rest

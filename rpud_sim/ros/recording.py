@@ -1,22 +1,17 @@
-"""The recorder's parts that need no ROS: queue, writing thread, and the count of losses."""
+"""The recorder's parts that need no ROS: its queue and its writing thread."""
 
 from __future__ import annotations
 
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rpud_sim.bag import BagError, BagWriter, Message, Topic
 
 QUEUE_CAPACITY = 256 * 2**20
 """Bytes that may wait to be written."""
-
-FLUSH_PERIOD = 1.0
-"""How long a message may be in memory alone before it is on the disk [s]."""
-
-_SEQUENCES = 64  # of one topic; those of publishers that left are forgotten at last
 
 
 @dataclass(frozen=True)
@@ -25,6 +20,17 @@ class Declaration:
 
     topic: Topic
     definition: str
+
+
+@dataclass(frozen=True)
+class NamedRecord:
+    """Named text to keep in the bag."""
+
+    name: str
+    content: Mapping[str, str]
+
+
+Item = Message | Declaration | NamedRecord
 
 
 class MessageQueue:
@@ -36,7 +42,7 @@ class MessageQueue:
 
     def __init__(self, capacity: int = QUEUE_CAPACITY) -> None:
         self._capacity = capacity
-        self._items: queue.SimpleQueue[Message | Declaration | None] = queue.SimpleQueue()
+        self._items: queue.SimpleQueue[Item | None] = queue.SimpleQueue()
         self._put_bytes = 0
         self._got_bytes = 0
 
@@ -53,11 +59,15 @@ class MessageQueue:
         """Append a topic's declaration; there is always room for it."""
         self._items.put(declaration)
 
+    def keep(self, record: NamedRecord) -> None:
+        """Append a record; there is always room for it."""
+        self._items.put(record)
+
     def close(self) -> None:
         """Append the end."""
         self._items.put(None)
 
-    def get(self, timeout: float) -> Message | Declaration | None:
+    def get(self, timeout: float) -> Item | None:
         """Give the next item, or None at the end. Raises queue.Empty after `timeout` seconds."""
         item = self._items.get(timeout=max(0.0, timeout))
         if isinstance(item, Message):
@@ -66,20 +76,30 @@ class MessageQueue:
 
 
 class WritingThread(threading.Thread):
-    """Writes what is in the queue until its end, and flushes it to the disk each FLUSH_PERIOD.
+    """Writes what is in the queue until its end, and has it on the disk within `max_loss` seconds.
 
-    Where writing fails, `error` holds why, `on_error` is called once, and the rest of the queue is
-    left. The bag itself is for others to close when the thread has ended.
+    Half of that time a message waits for others in its chunk; the rest is left for the disk.
+    `exposure` is how long a message was in memory alone at most [s], by its log time: more than
+    `max_loss` where the disk is too slow. Where writing fails, `error` holds why, `on_error` is
+    called once, and the rest of the queue is left. The bag itself is for others to close when the
+    thread has ended.
     """
 
     def __init__(
-        self, messages: MessageQueue, bag: BagWriter, on_error: Callable[[], None]
+        self,
+        messages: MessageQueue,
+        bag: BagWriter,
+        max_loss: float,
+        on_error: Callable[[], None],
     ) -> None:
         super().__init__(name="bag writer")
         self.error: BagError | None = None
+        self.exposure = 0.0
         self._messages = messages
         self._bag = bag
         self._on_error = on_error
+        self._period = 0.5 * max_loss
+        self._oldest: int | None = None  # log time of a message that may not be on the disk [ns]
 
     def run(self) -> None:
         """Write until the queue ends or the disk fails."""
@@ -90,48 +110,33 @@ class WritingThread(threading.Thread):
             self._on_error()
 
     def _write(self) -> None:
-        flush_at = time.monotonic() + FLUSH_PERIOD
+        flush_at = time.monotonic() + self._period
         while True:
             try:
                 item = self._messages.get(flush_at - time.monotonic())
             except queue.Empty:
-                item = None
+                pass
             else:
                 if item is None:
                     return
-            if isinstance(item, Message):
-                self._bag.write(item.topic, item.data, item.log_time, item.publish_time)
-            elif item is not None:
-                self._bag.add_topic(item.topic, item.definition)
-            if time.monotonic() >= flush_at:
-                self._bag.flush()
-                flush_at = time.monotonic() + FLUSH_PERIOD
+                self._add(item)
+            now = time.monotonic()
+            if now >= flush_at:
+                self._flush()
+                flush_at = now + self._period
 
-
-class SequenceGaps:
-    """Counts messages that never arrived, by the numbers that publishers give their messages.
-
-    Messages do not say who sent them. With one publisher the count is exact. With several, a
-    number that continues none of the sequences heard so far is a gap in the one just below it,
-    unless there are more publishers than sequences: then it begins a new one.
-    """
-
-    def __init__(self, publisher_count: Callable[[], int]) -> None:
-        """`publisher_count` gives the number of publishers now; it is asked at gaps only."""
-        self.missing = 0
-        self._publisher_count = publisher_count
-        self._last: list[int] = []  # of each sequence; the one heard last is at the end
-
-    def note(self, number: int) -> None:
-        """Note the number of a message that arrived."""
-        last = self._last
-        if number - 1 in last:
-            last.remove(number - 1)
+    def _add(self, item: Item) -> None:
+        if isinstance(item, Message):
+            if self._oldest is None:
+                self._oldest = item.log_time
+            self._bag.write(item.topic, item.data, item.log_time, item.publish_time)
+        elif isinstance(item, Declaration):
+            self._bag.add_topic(item.topic, item.definition)
         else:
-            below = max((before for before in last if before < number), default=None)
-            if below is not None and len(last) >= self._publisher_count():
-                self.missing += number - below - 1
-                last.remove(below)
-        last.append(number)
-        if len(last) > _SEQUENCES:
-            del last[0]
+            self._bag.add_record(item.name, item.content)
+
+    def _flush(self) -> None:
+        self._bag.flush()
+        if self._oldest is not None:
+            self.exposure = max(self.exposure, 1e-9 * (time.time_ns() - self._oldest))
+            self._oldest = None

@@ -38,9 +38,9 @@ class RecorderProcess:
         self._process = subprocess.Popen(
             [
                 *(sys.executable, "-m", "rpud_sim.cli.main", "record"),
-                *("--out", bag, "--namespace", namespace),
+                *("--out", bag, "--namespace", namespace, "--until-eof"),
             ],
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,  # it ends with this process, whatever ends that
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

@@ -70,6 +70,11 @@ class SimulationServices:
         ):
             node.create_service(kind, f"simulation/{name}", handler, callback_group=group)
 
+    def controls_time(self) -> bool:
+        """Whether the time can be paused and stepped, and is not that of another's ``/clock``."""
+        drilling = self._drilling()
+        return drilling is None or not drilling.follows_clock
+
     def get_state(self, request: Any, response: Any) -> Any:
         """Answer which state it is in."""
         drilling = self._drilling()
@@ -122,9 +127,13 @@ class SimulationServices:
             )
 
         def begin() -> Any:
-            if drilling.playing or drilling.at_start:
-                state = "playing" if drilling.playing else "stopped"
-                raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
+            for holds, state in (
+                (drilling.playing, "playing"),
+                (drilling.at_start, "stopped"),
+                (drilling.stepping, "stepping already"),
+            ):
+                if holds:
+                    raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
             until = until_of(drilling)
             now = drilling.simulation.time
             if not now < until <= now + LONGEST_STEP * NANOSECONDS:
@@ -176,7 +185,7 @@ class SimulationServices:
             )
 
         def act() -> None:
-            if _state_of(drilling) == state:
+            if _state_of(drilling) == state and not drilling.stepping:
                 already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
                 raise RefusedError(already, "it is in that state already")
             {STOPPED: drilling.halt, PLAYING: drilling.play, PAUSED: drilling.pause}[state]()

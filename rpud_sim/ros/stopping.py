@@ -35,6 +35,7 @@ class StopRequest:
     ) -> None:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
+        self._requested = True  # so that no thread writes to what is closed
         os.close(self._reading)
         os.close(self._writing)
 

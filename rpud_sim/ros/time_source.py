@@ -49,19 +49,30 @@ class TimeSource:
         """The time that a schedule follows [ns]; None for the monotonic clock."""
         return self._now if self._follows else None
 
-    def wait(self, stop: threading.Event) -> int:
-        """Wait until there is a time, and return the stamp of simulation time zero, now [ns]."""
+    def wait(self, stop: threading.Event, serve: Callable[[], None]) -> int:
+        """Wait until there is a time, and return the stamp of simulation time zero, now [ns].
+
+        Args:
+            stop: ends the wait.
+            serve: called again and again meanwhile.
+        """
         if self._follows and self._now() == 0:
             self._logger.info("waiting for /clock, as use_sim_time is set")
             while self._now() == 0 and not stop.wait(0.01):
-                pass
+                serve()
         return self.begin()
 
-    def begin(self) -> int:
-        """Return the stamp of simulation time zero [ns], if it is now."""
+    def begin(self, origin: int | None = None) -> int:
+        """Begin anew, and return the stamp of simulation time zero [ns].
+
+        Args:
+            origin: that stamp; now if None, which is zero where the node is the source.
+        """
         self._went_back.clear()
-        self._origin = 0 if self._publishes else self._now()
-        return self._origin
+        if origin is None:
+            origin = 0 if self._publishes else self._now()
+        self._origin = origin
+        return origin
 
     def resume(self, time: int) -> int | None:
         """Return when on the schedule a simulation time [ns] is due; None for now."""

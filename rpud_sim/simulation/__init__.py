@@ -11,6 +11,7 @@ from rpud_sim.model.parameters import (
     Quantity,
     check_choice,
     preset,
+    shown,
 )
 from rpud_sim.model.segment import CONSTANTS, EVENT_ACTUATOR_IMPACT, SEGMENT
 
@@ -28,4 +29,5 @@ __all__ = [
     "Quantity",
     "check_choice",
     "preset",
+    "shown",
 ]

@@ -8,7 +8,7 @@ import math
 import sys
 from collections.abc import Mapping
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, check_choice
+from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, check_choice, shown
 from rpud_sim.simulation.commands import NOMINAL_VOLTAGE, Drive
 from rpud_sim.simulation.sampling import NANOSECONDS
 
@@ -82,7 +82,7 @@ class ActuatorParameters:
             object.__setattr__(self, name, quantity.check(name, getattr(self, name)))
         check_choice("actuator_model", self.actuator_model, ACTUATOR_MODELS)
         if not isinstance(self.heating, bool):
-            raise ParameterError(f"heating = {self.heating!r} is not true or false")
+            raise ParameterError(f"heating = {shown(self.heating)} is not true or false")
         if self.heating and self.actuator_model != "resonance":
             raise ParameterError("heating = True needs actuator_model = resonance")
 

@@ -12,6 +12,16 @@ from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.sampling import NANOSECONDS, Samples, Times, sample
 
 
+def boundary(number: int, rate: int) -> int:
+    """Simulation time at which a block of 1 / rate ends [ns], exact for any whole rate [Hz]."""
+    return number * NANOSECONDS // rate
+
+
+def boundaries_until(time: int, rate: int) -> int:
+    """Number of the last block boundary at or before a simulation time [ns]."""
+    return ((time + 1) * rate - 1) // NANOSECONDS
+
+
 @dataclasses.dataclass(frozen=True)
 class Block:
     """What happened between two times, immutable.

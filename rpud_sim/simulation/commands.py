@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity
+from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, shown
 
 VOLTAGE = Quantity("V", "amplitude of the voltage on the piezoelectric stack", 0.0, 1e3)
 NOMINAL_VOLTAGE = Quantity(
@@ -52,7 +52,7 @@ class Drive:
 
     def __post_init__(self) -> None:
         if not isinstance(self.enabled, bool):
-            raise ParameterError(f"drive enabled = {self.enabled!r} is not true or false")
+            raise ParameterError(f"drive enabled = {shown(self.enabled)} is not true or false")
         object.__setattr__(self, "voltage", VOLTAGE.check("drive voltage", self.voltage))
         if not self.enabled and self.frequency == 0.0:
             object.__setattr__(self, "frequency", 0.0)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from rpud_sim.model.parameters import NAMES, ParameterError, Parameters, preset
+from rpud_sim.model.parameters import NAMES, ParameterError, Parameters, preset, shown
 from rpud_sim.simulation.actuator import ActuatorParameters, check_drive
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.rock import RockParameters
+from rpud_sim.simulation.yaml_files import parse_yaml, read_yaml
 
 ACTUATOR_NAMES = tuple(field.name for field in dataclasses.fields(ActuatorParameters))
 ROCK_NAMES = tuple(field.name for field in dataclasses.fields(RockParameters))
@@ -71,19 +69,8 @@ def check_flag(name: str, value: Any) -> bool:
         ParameterError: if it is not.
     """
     if not isinstance(value, bool):
-        raise ParameterError(f"{name} = {value!r} is not true or false")
+        raise ParameterError(f"{name} = {shown(value)} is not true or false")
     return value
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML in which 1e-3 and 1.96e11 are numbers, as in YAML 1.2 and for ROS."""
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
 
 
 def read_parameter_file(path: str | Path) -> dict[str, Any]:
@@ -92,19 +79,14 @@ def read_parameter_file(path: str | Path) -> dict[str, Any]:
     Raises:
         ParameterError: if the file cannot be read or is no parameter file.
     """
-    try:
-        content = yaml.load(Path(path).read_text(encoding="utf-8"), _Loader)
-    except OSError as error:
-        raise ParameterError(f"{path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ParameterError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise ParameterError(f"{path} is not a ROS parameter file: it holds no mapping")
     found: dict[str, Any] = {}
     for node, section in sorted(content.items(), key=lambda item: str(item[0]) != "/**"):
         values = section.get("ros__parameters") if isinstance(section, Mapping) else None
         if not isinstance(values, Mapping):
-            raise ParameterError(f"{path}: {node} has no mapping named ros__parameters")
+            raise ParameterError(f"{path}: {_named(node)} has no mapping named ros__parameters")
         found.update({str(name): value for name, value in values.items()})
     return found
 
@@ -117,12 +99,11 @@ def parse_assignment(text: str) -> tuple[str, Any]:
     """
     name, equals, value = text.partition("=")
     if not (name and equals):
-        raise ParameterError(f"{text!r} is not of the form name=value")
+        raise ParameterError(f"{shown(text)} is not of the form name=value")
     try:
-        parsed = yaml.load(value, _Loader)
-    except yaml.YAMLError:
-        parsed = value
-    return name, parsed
+        return name, parse_yaml(value)
+    except ParameterError:
+        return name, value
 
 
 def to_configuration(values: Mapping[str, Any]) -> Configuration:
@@ -138,7 +119,7 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
     known = (*NAMES, *ACTUATOR_NAMES, *ROCK_NAMES, *NODE_NAMES)
     for name in values:
         if name not in known:
-            raise ParameterError(f"{name} is not a parameter; known are {', '.join(known)}")
+            raise ParameterError(f"{_named(name)} is not a parameter; known are {', '.join(known)}")
 
     def chosen(names: tuple[str, ...]) -> dict[str, Any]:
         return {name: values[name] for name in names if name in values}
@@ -155,3 +136,9 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
 def to_parameters(values: Mapping[str, Any]) -> Parameters:
     """Return the parameters of the impact dynamics, as ``to_configuration`` does."""
     return to_configuration(values).parameters
+
+
+def _named(name: Any) -> str:
+    """A name that somebody gave, as text that is short and one line."""
+    plain = isinstance(name, str) and name.isprintable() and len(name) <= 60
+    return name if plain else shown(name)

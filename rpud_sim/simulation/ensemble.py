@@ -11,9 +11,11 @@ import numpy as np
 
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import FIGURES, Statistics
+from rpud_sim.simulation.statistics import Statistics
 
 # Simulated time between two reports of progress [ns].
 _STRIDE = 10 * NANOSECONDS
@@ -27,7 +29,7 @@ class Ensemble:
 
     Args:
         phases: initial phase of each member [cycles].
-        members: the figures of each member.
+        members: the figures of each member, at least one; all have the same names.
         real_time_factor: simulated seconds over wall seconds in the engine, over all members.
     """
 
@@ -37,11 +39,12 @@ class Ensemble:
 
     def mean(self) -> Figures:
         """Return the mean of each figure over the members; None where no member has it."""
-        return {name: _mean(self._column(name)) for name in ("duration", *FIGURES)}
+        return {name: _mean(self._column(name)) for name in self.members[0]}
 
     def standard_error(self) -> Figures:
         """Return the standard error of each mean; None for fewer than two members."""
-        return {name: _standard_error(self._column(name)) for name in FIGURES}
+        names = [name for name in self.members[0] if name != "duration"]
+        return {name: _standard_error(self._column(name)) for name in names}
 
     def _column(self, name: str) -> list[float]:
         return [value for member in self.members if (value := member[name]) is not None]
@@ -66,38 +69,44 @@ def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
     return tuple(np.random.default_rng(0 if seed is None else seed).random(repeat).tolist())
 
 
-def compile_kernels(parameters: Parameters) -> None:
+def compile_kernels(configuration: Configuration | Parameters) -> None:
     """Have every kernel compiled, or loaded from the cache, before anything is timed."""
-    simulation = Simulation(parameters)
+    simulation = Simulation(configuration)
     block = simulation.advance_to(1000)
     Statistics().add(block)
     block.sample(Times.from_nanoseconds(0))
-    simulation.apply(WeightOnBit(0.5 * parameters.weight_on_bit + 1.0))
+    simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
 
 
 def run_ensemble(
-    parameters: Parameters,
+    configuration: Configuration | Parameters,
     duration: float,
     phases: Sequence[float],
     report: Callable[[float], None] = lambda simulated: None,
+    scenario: Scenario | None = None,
 ) -> Ensemble:
     """Run one simulation per initial phase.
 
     Args:
-        parameters: of the drill.
+        configuration: of the drill, or its parameters alone.
         duration: of each run [s].
         phases: initial phase of each run [cycles].
         report: called now and then with the simulated seconds since the last call.
+        scenario: faults that come by themselves, in each run at the same times.
 
     Returns:
-        The ``Ensemble``.
+        The ``Ensemble``. With a rock model its members have the depth at the end [m] and the mean
+        penetration rate [m/s] as well.
+
+    Raises:
+        FaultError: if a fault of the scenario cannot be honoured.
     """
-    compile_kernels(parameters)
+    compile_kernels(configuration)
     end = round(duration * NANOSECONDS)
     members: list[Figures] = []
     wall = 0.0
     for phase in phases:
-        simulation = Simulation(parameters, phase)
+        simulation = Simulation(configuration, phase, scenario)
         statistics = Statistics()
         while simulation.time < end:
             before = simulation.time
@@ -106,6 +115,10 @@ def run_ensemble(
             wall += time.perf_counter() - started
             statistics.add(block)
             report((block.end - before) / NANOSECONDS)
-        members.append(statistics.figures())
+        figures = statistics.figures()
+        if simulation.configuration.rock.rock_model != "none":
+            figures["depth"] = simulation.depth
+            figures["penetration_rate"] = simulation.depth / statistics.duration
+        members.append(figures)
     simulated = end / NANOSECONDS * len(members)
     return Ensemble(tuple(phases), tuple(members), simulated / wall if wall > 0.0 else math.inf)

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import reprlib
 from collections.abc import Mapping
 from typing import Any
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity
+from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, shown
 from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
 
 
@@ -48,6 +47,13 @@ class Kind:
         if self.magnitude is None or not self.in_channel_unit:
             return self.magnitude
         return dataclasses.replace(self.magnitude, unit=CHANNELS[channel].unit)
+
+    @property
+    def takes_zero(self) -> bool:
+        """Whether zero is a magnitude of its own: inside the range, and not without effect."""
+        if self.magnitude is None or self.unchanging == 0.0:
+            return False
+        return not self.magnitude.exclusive and self.magnitude.minimum <= 0.0
 
     def default_on(self, channel: str) -> float:
         """The magnitude that NaN stands for on a channel."""
@@ -121,8 +127,8 @@ KINDS: Mapping[str, Kind] = {
     ),
     "slow": Kind(
         False,
-        "the values follow the truth with a first-order lag",
-        Quantity("s", "time constant of the lag", 0.0, 1e3, exclusive=True),
+        "messages go out at a lower rate",
+        Quantity("s", "period in which at most one message goes out", 0.0, 1e3, exclusive=True),
         0.5,
     ),
     "delayed": Kind(
@@ -155,14 +161,6 @@ KINDS: Mapping[str, Kind] = {
 }
 
 
-def shown(value: Any) -> str:
-    """A value as text that is short and one line, whatever it is."""
-    try:
-        return reprlib.repr(value)
-    except ValueError:  # an integer with more digits than Python writes
-        return "a number too long to show"
-
-
 def number_of(value: Any) -> float | None:
     """The value as a float, infinite if it is too large for one; None if it is no number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -180,9 +178,8 @@ class Fault:
     Args:
         kind: one of ``KINDS``.
         channel: one of ``CHANNELS`` for a signal fault, empty for a physical one.
-        magnitude: in the unit of the kind. NaN stands for the kind's default, which zero cannot: it
-            is a magnitude of its own for some kinds. Kinds without a magnitude take NaN or zero,
-            what a ROS message holds that nobody filled; it is kept as zero.
+        magnitude: in the unit of the kind; NaN stands for the kind's default. Kinds without a
+            magnitude take NaN or zero; it is kept as zero.
 
     Raises:
         FaultError: if a name is unknown, or the magnitude outside its range or without effect.

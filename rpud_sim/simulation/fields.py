@@ -41,7 +41,7 @@ def time_fields(nanoseconds: int) -> Fields:
     return {"sec": seconds, "nanosec": rest}
 
 
-def header_fields(stamp: int, frame: str = "") -> Fields:
+def header_fields(stamp: int, frame: str) -> Fields:
     """Fields of ``std_msgs/Header``."""
     return {"stamp": time_fields(stamp), "frame_id": frame}
 
@@ -144,7 +144,7 @@ def contact_force_fields(impact: np.void, origin: int) -> Fields:
 def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Fields:
     """Fields of ``rpud_msgs/Waveform``; stamp and number are the first sample's, the rate in Hz."""
     return {
-        "header": header_fields(stamp),
+        "header": header_fields(stamp, MOUNT_FRAME),
         "sequence": sequence,
         "sample_period": 1.0 / sample_rate,
         "nodal_plane_position": to_array(samples.nodal_plane_position),
@@ -174,7 +174,7 @@ def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fiel
         start = int(part["start_seconds"][0]) * NANOSECONDS
         start += round(float(part["start_fraction"][0]) * NANOSECONDS)
         yield {
-            "header": header_fields(origin + start),
+            "header": header_fields(origin + start, MOUNT_FRAME),
             "sequence": sequence + first,
             "origin": time_fields(origin),
             **{name: float(part[name][0]) for name in CONSTANTS},
@@ -238,6 +238,10 @@ def fault_fields(record: FaultRecord, origin: int) -> Fields:
     }
 
 
-def faults_header_fields(ledger: Faults, time: int, origin: int) -> Fields:
-    """Fields of ``rpud_msgs/Faults`` at a simulation time, but for the faults themselves."""
-    return {"header": header_fields(origin + time), "forgotten": ledger.forgotten}
+def faults_fields(ledger: Faults, time: int, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/Faults`` at a simulation time."""
+    return {
+        "header": header_fields(origin + time, MOUNT_FRAME),
+        "faults": [fault_fields(record, origin) for record in ledger.records],
+        "forgotten": ledger.forgotten,
+    }

@@ -58,7 +58,7 @@ class Progress:
     """Depth of the hole, from the impacts on the drill tool while it is in the rock.
 
     Each impact deepens the hole by its kinetic energy, times the share that breaks the rock, over
-    specific energy and area. Without a rock model depth and rate stay zero.
+    specific energy and area. Without a rock model depth and rate are NaN.
 
     Args:
         parameters: of the rock.
@@ -69,13 +69,13 @@ class Progress:
         self._metres_per_joule = parameters.rock_energy_transfer / (
             parameters.rock_specific_energy * parameters.hole_area
         )
-        self._depth = 0.0
+        self._depth = 0.0 if self._modelled else math.nan
         self._times = np.empty(0, np.int64)
         self._depths = np.empty(0)
 
     @property
     def depth(self) -> float:
-        """Depth of the hole [m]."""
+        """Depth of the hole [m]; NaN without a rock model."""
         return self._depth
 
     def add(self, impacts: np.ndarray, hardness: float = 1.0, clearing: float = 1.0) -> None:
@@ -100,11 +100,13 @@ class Progress:
         self._times, self._depths = self._times[recent:], self._depths[recent:]
 
     def penetration_rate(self, time: int) -> float:
-        """Return the mean rate over the last second, or what has passed of it [m/s].
+        """Return the mean rate over the last second, or what has passed of it [m/s], or NaN.
 
         Args:
             time: the end of that second [ns], not before the last impact.
         """
+        if not self._modelled:
+            return math.nan
         recent = np.searchsorted(self._times, time - RATE_WINDOW, side="right")
         window = min(time, RATE_WINDOW) / NANOSECONDS
         return math.fsum(self._depths[recent:]) / window if window > 0.0 else 0.0

@@ -9,15 +9,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from rpud_sim.model.parameters import ParameterError, Quantity
-from rpud_sim.simulation.configuration import _Loader as _NumberLoader
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError, number_of, shown
+from rpud_sim.model.parameters import ParameterError, Quantity, shown
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError, number_of
 from rpud_sim.simulation.sampling import NANOSECONDS
-
-# A scenario is written by hand; whatever is longer is none, and would take seconds to read.
-MOST_BYTES = 100_000
+from rpud_sim.simulation.yaml_files import read_yaml
 
 GREATEST_SEED = 2**63 - 1  # what a ROS parameter holds
 
@@ -57,35 +53,6 @@ class Scenario:
     faults: tuple[ScheduledFault, ...]
 
 
-class _Loader(_NumberLoader):
-    """YAML without aliases, by which a short file can say very much, and without doubled keys."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.composer.ComposerError(
-                None, None, "aliases are not allowed here", self.peek_event().start_mark
-            )
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        mapping = super().construct_mapping(node, deep)
-        if len(mapping) < len(node.value):
-            raise yaml.constructor.ConstructorError(
-                None, None, "a key stands twice in one mapping", node.start_mark
-            )
-        return mapping
-
-
-# There are no truth values in a scenario: off is a kind of fault.
-_Loader.yaml_implicit_resolvers = {
-    first: [resolver for resolver in resolvers if resolver[0] != "tag:yaml.org,2002:bool"]
-    for first, resolvers in _NumberLoader.yaml_implicit_resolvers.items()
-}
-
-# What PyYAML lets through where a text is not what its tag says, or too deep.
-_PYYAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError)
-
-
 def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
     """Read a scenario file.
 
@@ -97,17 +64,10 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
         FaultError: if the file cannot be read or used, in one line with its name.
     """
     try:
-        with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except (OSError, ValueError) as error:  # a name with a null character is a ValueError
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise FaultError(f"{path}: {reason}") from None
-    if len(content) > MOST_BYTES:
-        raise FaultError(f"{path} is longer than the {MOST_BYTES} bytes that a scenario may have")
-    try:
-        parsed = yaml.load(content.decode("utf-8"), _Loader)
-    except (yaml.YAMLError, *_PYYAML_ERRORS) as error:
-        raise FaultError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+        # There are no truth values in a scenario: off is a kind of fault.
+        parsed = read_yaml(path, truth_values=False)
+    except ParameterError as error:
+        raise FaultError(str(error)) from None
     return parse_scenario(parsed, str(path), seed)
 
 

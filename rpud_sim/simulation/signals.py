@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.simulation.channels import CHANNELS, Channel, Path
-from rpud_sim.simulation.fields import Fields, stamp_of
+from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.sampling import NANOSECONDS
 
@@ -26,7 +26,7 @@ NOT_FINITE_SHARE = 0.1
 
 
 class SignalFaults:
-    """The channels' signals on their way out, with what stuck, slow and late ones hold.
+    """The channels' signals on their way out, with what stuck and late ones hold.
 
     Args:
         seed: of every random number, zero or more.
@@ -163,20 +163,16 @@ class _Wrong(_Stage):
 
 
 class _Slow(_Stage):
-    def _change(self, fields: Fields) -> Fields:
-        before = self._last
-        if before is not None:
-            elapsed = max(0, stamp_of(fields) - stamp_of(before)) / NANOSECONDS
-            share = -math.expm1(-elapsed / self._magnitude)
-            fields = _replaced(
-                fields,
-                {
-                    path: _toward(_at(before, path), _at(fields, path), share)
-                    for path in self._channel.numbers
-                },
-            )
-        self._last = fields
-        return fields
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._period = round(self._magnitude * NANOSECONDS)
+        self._next = 0
+
+    def take(self, time: int, messages: list[Fields]) -> list[Fields]:
+        if not messages or time < self._next:
+            return []
+        self._next = time + self._period
+        return messages[:1]
 
 
 class _Delayed(_Stage):
@@ -249,9 +245,3 @@ def _copy(fields: Fields) -> Fields:
     return {
         name: _copy(value) if isinstance(value, dict) else value for name, value in fields.items()
     }
-
-
-def _toward(before: float, value: float, share: float) -> float:
-    """A share of the way to a value; what is not finite is left at once."""
-    lagged = before + share * (value - before)
-    return lagged if math.isfinite(lagged) else value

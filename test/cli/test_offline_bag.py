@@ -86,11 +86,24 @@ def column(messages, name):
 
 
 def test_every_topic_is_there_and_stamped_with_simulation_time(messages):
-    names = "contact_force drill_tool joint_states nodal_plane reacting_force status trajectory"
-    names += " waveform wrench"
+    names = "contact_force drill_tool faults joint_states nodal_plane reacting_force status"
+    names += " trajectory waveform wrench"
     assert sorted(messages) == [f"/rpud/{name}" for name in names.split()]
-    for topic in messages.values():
-        assert stamps(topic) == [time for time, _ in topic]
+    for name, topic in messages.items():
+        times = [time for time, _ in topic]
+        assert times == sorted(times)
+        # An impact is told when its contact is over, a stream when its block is.
+        longest = {"contact_force": 0.001, "waveform": 0.05, "trajectory": 0.06}
+        allowed = longest.get(name.removeprefix("/rpud/"), 0.0) * NANOSECONDS
+        for time, stamp in zip(times, stamps(topic), strict=True):
+            assert 0 <= time - stamp <= allowed, name
+
+
+def test_the_bag_is_in_the_order_of_its_times(bag):
+    with rpud_sim.bag.open(bag) as opened:
+        times = [message.log_time for message in opened.messages()]
+    assert times == sorted(times)
+    assert (times[0], times[-1]) == (0, END)
 
 
 def test_contact_forces_are_those_of_the_simulation_without_a_gap(messages, block):
@@ -150,6 +163,11 @@ def test_status_comes_every_second_and_at_the_end(messages, regime):
     assert column(found, "impacts")[-1] >= len(messages["/rpud/contact_force"])
 
 
+def test_without_a_scenario_there_are_no_faults(messages):
+    [(time, message)] = messages["/rpud/faults"]
+    assert (time, len(message.faults), message.forgotten) == (0, 0, 0)
+
+
 def test_mcap_ros2_support_reads_the_same(bag, messages):
     found = {}
     with (bag / "bag_0.mcap").open("rb") as stream:
@@ -179,6 +197,56 @@ def test_the_same_seed_gives_the_same_bag(tmp_path):
     first = written("first", 1)
     assert written("again", 1) == first
     assert written("other", 2) != first
+
+
+def test_faults_of_a_scenario_are_in_the_bag_with_what_they_do(tmp_path):
+    scenario = tmp_path / "faults.yaml"
+    scenario.write_text(
+        "faults:\n"
+        "  - {kind: off, channel: nodal_plane, onset: 0.2, duration: 0.15}\n"
+        "  - {kind: bias, channel: wrench, magnitude: 100, onset: 0.1, duration: 0.105}\n"
+        "  - {kind: delayed, channel: drill_tool, magnitude: 0.1, onset: 0.3}\n"
+        "  - {kind: lost_preload, magnitude: 0.5, onset: 0.123456789}\n"
+    )
+    words = ["--set", f"scenario={scenario}", "--set", "rock_model=specific_energy"]
+    path = tmp_path / "bag"
+    result = simulate("--duration", 0.6, *words, "--bag", path)
+    assert (result.returncode, result.stderr) == (0, "")
+    found = {}
+    with AnyReader([path]) as reader:
+        for connection, time, data in reader.messages():
+            message = reader.deserialize(data, connection.msgtype)
+            found.setdefault(connection.topic.removeprefix("/rpud/"), []).append((time, message))
+
+    def nanoseconds(time):
+        return time.sec * NANOSECONDS + time.nanosec
+
+    times, ledgers = zip(*found["faults"], strict=True)
+    # Three come and two go, each told at the end of the block in which it did.
+    expected = [0.0, 0.1, 0.13, 0.2, 0.21, 0.3, 0.35]
+    assert list(times) == [round(second * NANOSECONDS) for second in expected]
+    last = {fault.kind: fault for fault in ledgers[-1].faults}
+    assert nanoseconds(last["lost_preload"].onset) == 123_456_789
+    assert nanoseconds(last["off"].clear) == 350_000_000
+    assert [last[kind].active for kind in ("off", "bias", "delayed", "lost_preload")] == [
+        False,
+        False,
+        True,
+        True,
+    ]
+    silent = set(range(20, 35))
+    planes = [stamp // 10_000_000 for stamp in stamps(found["nodal_plane"])]
+    assert planes == sorted(set(range(1, 61)) - silent)
+    for (_, wrench), (stamp, force) in zip(found["wrench"], found["reacting_force"], strict=True):
+        biased = 100_000_000 <= stamp < 205_000_000
+        assert wrench.wrench.force.z == -force.force + (100.0 if biased else 0.0)
+    late = [
+        time - stamp
+        for (time, _), stamp in zip(found["drill_tool"], stamps(found["drill_tool"]), strict=True)
+    ]
+    assert late == [0] * 29 + [100_000_000] * 21
+    assert found["status"][-1][1].active_faults == 2
+    assert found["status"][-1][1].depth > 0.0
 
 
 def test_a_bag_is_never_overwritten(tmp_path):

@@ -177,6 +177,8 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
             "rpud_damping_ratio = 1 is outside its range [0, 1)",
         ),
         (["--set", "contact_model=x"], "contact_model = 'x' is not one of printed, rayleigh"),
+        (["--set", "scenario=3"], "scenario = 3 is not a text"),
+        (["--set", "drive_enabled=1"], "drive_enabled = 1 is not true or false"),
         (["--set", "oops"], "'oops' is not of the form name=value"),
         (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
         (
@@ -192,11 +194,83 @@ def test_what_cannot_be_used_is_one_line_and_exit_code_2(simulate, words, compla
 
 
 def test_what_is_the_nodes_alone_is_refused_and_not_passed_over(simulate):
-    code, output, errors = simulate("--set", "drive_enabled=false")
+    code, output, errors = simulate("--set", "telemetry_rate=10")
     assert (code, output) == (2, "")
     assert errors == (
-        "rpud simulate: drive_enabled is a parameter of the drill node alone: see rpud run\n"
+        "rpud simulate: telemetry_rate is a parameter of the drill node alone: see rpud run\n"
     )
+
+
+def test_a_drive_that_is_off_strikes_nothing(figures):
+    words = ["--regime", "free", "--set", "drive_enabled=false", "--duration", 0.5]
+    assert figures(*words)["drill_tool_impact_rate"] < 10.0
+    assert figures(*words[:2], *words[-2:])["drill_tool_impact_rate"] > 100.0
+
+
+def test_an_actuator_off_its_resonance_strikes_less(figures):
+    resonant = ["--set", "actuator_model=resonance", "--duration", 2]
+    tuned = figures(*resonant)
+    detuned = figures(*resonant, "--set", "resonance_frequency=16100")
+    assert detuned["kinetic_energy_rate"] < 0.5 * tuned["kinetic_energy_rate"]
+    assert detuned["actuator"]["resonance_frequency"] == 16100.0
+    assert tuned["actuator"]["actuator_model"] == "resonance"
+
+
+def test_depth_and_penetration_rate_are_there_where_there_is_a_rock(figures, simulate):
+    assert "depth" not in figures("--duration", 0.1)
+    rock = ["--set", "rock_model=specific_energy", "--duration", 2]
+    found = figures(*rock)
+    assert found["depth"] > 0.0
+    assert found["penetration_rate"] == found["depth"] / 2.0
+    assert found["rock"]["rock_model"] == "specific_energy"
+    many = figures(*rock, "--repeat", 3)
+    assert 0.0 < many["standard_error"]["depth"] < many["depth"]
+    _, output, _ = simulate(*rock)
+    lines = {line.split()[0]: line.split() for line in output.splitlines()}
+    assert lines["depth"][-1] == "m"
+    assert lines["penetration_rate"][-1] == "m/s"
+
+
+def test_faults_of_a_scenario_act_at_their_times(figures, tmp_path):
+    file = tmp_path / "faults.yaml"
+    file.write_text("faults: [{kind: free_mass_jammed, onset: 1.0}]")
+    whole = figures("--duration", 1.0)
+    jammed = figures("--duration", 4.0, "--set", f"scenario={file}")
+    blows = whole["drill_tool_impact_rate"]
+    assert jammed["drill_tool_impact_rate"] * 4.0 == pytest.approx(blows, abs=2.0)
+    assert jammed["scenario"] == str(file)
+    assert whole["scenario"] is None
+
+
+def test_a_scenario_draws_with_the_seed_that_is_given(figures, tmp_path):
+    file = tmp_path / "faults.yaml"
+    file.write_text("faults: [{kind: free_mass_jammed, onset: {uniform: [0.2, 1.8]}}]")
+    words = ["--duration", 2.0, "--set", f"scenario={file}"]
+    rates = [figures(*words, "--seed", seed)["drill_tool_impact_rate"] for seed in (1, 2, 1)]
+    assert rates[0] == rates[2] != rates[1]
+
+
+@pytest.mark.parametrize(
+    ("scenario", "complaint"),
+    [
+        ("faults: [{kind: hard_rock, onset: 1.0}]", "hard_rock cannot be honoured: it needs a"),
+        ("faults: 3", "{file}: faults = 3 is not a list"),
+        (None, "{file}: No such file or directory"),
+    ],
+)
+@pytest.mark.parametrize("bag", [True, False])
+def test_a_scenario_that_cannot_be_used_is_refused_before_anything(
+    simulate, tmp_path, scenario, complaint, bag
+):
+    file = tmp_path / "faults.yaml"
+    if scenario is not None:
+        file.write_text(scenario)
+    words = ["--bag", tmp_path / "bag"] if bag else []
+    code, output, errors = simulate("--set", f"scenario={file}", *words)
+    assert (code, output) == (2, "")
+    assert errors.startswith(f"rpud simulate: {complaint.format(file=file)}")
+    assert errors.count("\n") == 1
+    assert not (tmp_path / "bag").exists()
 
 
 def test_an_unknown_parameter_is_told_which_there_are(simulate):

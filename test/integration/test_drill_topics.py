@@ -138,6 +138,7 @@ def test_the_diagnostics_tell_timing_and_commands(client):
     assert {status.name for status in ours()} == {
         "/listened/drill_node: timing",
         "/listened/drill_node: commands",
+        "/listened/drill_node: drill",
     }
     values = {pair.key: pair.value for status in ours() for pair in status.values}
     assert float(values["real_time_factor"]) > 0.0

@@ -22,6 +22,7 @@ from rpud_msgs.msg import ContactForce, NodalPlane, Status
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.bag.recovery import recover
 
 HERE = Path(__file__).parent
 SECOND = 1_000_000_000
@@ -190,8 +191,8 @@ def test_what_is_lost_on_the_way_is_counted(process, program, tmp_path):
     recorder.wait_for_line(rf"lost {missing:.0f} messages on /rpud/nodal_plane")
 
 
-def test_a_killed_recorder_has_left_on_the_disk_what_it_flushed(process, program, tmp_path):
-    recorder = process("recorder", "--out", tmp_path / "run")
+def test_what_a_killed_recorder_has_flushed_is_recovered_without_a_gap(process, program, tmp_path):
+    recorder = process("recorder", "--out", tmp_path / "run", "--max-loss", "0.5")
     program("talker", "--count", 100_000, "--rate", 500)
     file = tmp_path / "run" / "run_0.mcap"
 
@@ -204,14 +205,46 @@ def test_a_killed_recorder_has_left_on_the_disk_what_it_flushed(process, program
         return found
 
     deadline = time.monotonic() + 30.0
-    while messages() < 2000:  # two topics, two seconds
+    while (flushed := messages()) < 2000:  # two topics, two seconds
         assert time.monotonic() < deadline
         time.sleep(0.1)
     recorder.kill()
     recorder.wait()
-    assert messages() >= 2000
     with pytest.raises(rpud_sim.bag.BagFormatError, match=r"run_0\.mcap is cut off"):
         rpud_sim.bag.open(tmp_path / "run")
+
+    recovery = process("rpud", "recover", tmp_path / "run", "--out", tmp_path / "whole")
+    assert recovery.wait() == 3
+    recovery.wait_for_line(r"^/rpud/contact_force .* \d+ +0 +0$")
+    recovery.wait_for_line("not closed: .* is missing, at most 0.5 s")
+    recovered = contents(tmp_path / "whole")
+    forces = numbers(recovered[CONTACT_FORCE])
+    assert forces == list(range(len(forces)))
+    assert sum(map(len, recovered.values())) >= flushed
+    assert len(recovered[STATUS]) == 1
+    replayer = process("replayer", tmp_path / "whole", "--rate", "100")
+    assert finished(replayer)
+
+
+def test_a_recorder_ends_with_the_one_that_holds_its_input_open(process, program, tmp_path):
+    # The shell is killed as it stands, so that only its end of the pipe tells the recorder.
+    parent = process(
+        "bash",
+        "-c",
+        'sleep 1000 | (echo "pipe $BASHPID"; exec recorder --until-eof --out "$0")',
+        tmp_path / "run",
+    )
+    program("talker", "--count", 100_000, "--rate", 500)
+    parent.wait_for_line("subscribed /rpud/contact_force")
+    recorder = int(parent.wait_for_line(r"^pipe (\d+)$")[1])
+    children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()
+    for child in map(int, children):
+        if child != recorder:
+            os.kill(child, signal.SIGKILL)
+    parent.wait_for_line(r"recorded \d+ messages on 3 topics")
+    assert finished(parent)
+    recorded = numbers(contents(tmp_path / "run")[CONTACT_FORCE])
+    assert recorded == list(range(len(recorded)))
 
 
 def test_a_type_that_is_not_installed_is_named_and_the_others_go_on(process, program, tmp_path):
@@ -256,6 +289,11 @@ def test_a_recorder_says_when_the_disk_is_full(process, program, tmp_path):
     assert recorder.output.splitlines()[-1] == (
         f"rpud record: cannot write the bag {tmp_path / 'run'}: File too large"
     )
+    recovery = recover(tmp_path / "run", tmp_path / "whole")
+    assert recovery.topics[CONTACT_FORCE].gaps == 0
+    recorded = numbers(contents(tmp_path / "whole")[CONTACT_FORCE])
+    assert recorded == list(range(len(recorded)))
+    assert len(recorded) > 100
 
 
 @pytest.mark.parametrize(

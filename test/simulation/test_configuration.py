@@ -1,16 +1,29 @@
 """Parameter files and assignments, read without ROS."""
 
+import dataclasses
+import itertools
+import math
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rpud_sim.simulation import NAMES, ParameterError, Parameters, preset
+from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.configuration import (
+    ACTUATOR_NAMES,
     NODE_NAMES,
+    ROCK_NAMES,
+    Configuration,
+    check_flag,
     parse_assignment,
     read_parameter_file,
+    to_configuration,
     to_parameters,
 )
+from rpud_sim.simulation.rock import RockParameters
+from rpud_sim.simulation.yaml_files import MOST_BYTES
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -59,7 +72,15 @@ def test_a_node_s_own_values_come_before_those_for_all(file):
         (b"\xff\xfe\x00\x01\xff", "is not YAML: "),
         ("/**:\n\tros__parameters: {}\n", "is not YAML: "),
         ("!!python/object/apply:os.system ['true']", "is not YAML: could not determine"),
+        ("a: !!int ''", "is not YAML: "),
+        ("a: 2001-13-45", "is not YAML: month must be in 1..12"),
+        ("a: " + "[" * 20_000, "is not YAML: maximum recursion depth"),
+        ("a: &a [1]\nb: [*a, *a]", "is not YAML: aliases are not allowed here"),
+        ("/**: {ros__parameters: {a: 1, a: 2}}", "is not YAML: a key stands twice"),
+        ("#" * (MOST_BYTES + 1), "is longer than the 100000 bytes that it may have"),
+        ('"two\\nlines": 3', "'two\\nlines' has no mapping named ros__parameters"),
     ],
+    ids=itertools.count(),
 )
 def test_a_file_that_is_no_parameter_file_is_one_line_with_its_name(file, text, complaint):
     path = file(text)
@@ -75,6 +96,8 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         read_parameter_file(tmp_path / "missing.yaml")
     with pytest.raises(ParameterError, match=r"Is a directory$"):
         read_parameter_file(tmp_path)
+    with pytest.raises(ParameterError, match=r"embedded null byte$"):
+        read_parameter_file("a\0b")
 
 
 @pytest.mark.parametrize(
@@ -89,6 +112,8 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         ("a=b=c", "a", "b=c"),
         ("a=", "a", None),
         ("a={", "a", "{"),
+        ("a=!!int ''", "a", "!!int ''"),
+        ("a=2001-13-45", "a", "2001-13-45"),
     ],
 )
 def test_an_assignment_is_read_as_yaml_and_every_number_as_a_number(text, name, value):
@@ -123,7 +148,41 @@ def test_the_regime_chooses_the_preset():
 
 
 def test_the_node_s_own_parameters_are_passed_over():
-    assert to_parameters(dict.fromkeys(NODE_NAMES)) == Parameters()
+    others = set(NODE_NAMES) - {"drive_enabled"}
+    assert to_configuration(dict.fromkeys(others, "anything")) == Configuration()
+
+
+def test_a_configuration_has_its_actuator_its_rock_and_its_drive():
+    values = {
+        "regime": "free",
+        "gravity": 1.62,
+        "actuator_model": "resonance",
+        "quality_factor": 300,
+        "rock_model": "specific_energy",
+        "drive_enabled": False,
+    }
+    assert to_configuration(values) == Configuration(
+        preset("free").replace(gravity=1.62),
+        ActuatorParameters(actuator_model="resonance", quality_factor=300.0),
+        RockParameters(rock_model="specific_energy"),
+        drive_enabled=False,
+    )
+    assert to_parameters(values) == preset("free").replace(gravity=1.62)
+
+
+def test_a_configuration_does_not_change():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Configuration().drive_enabled = False
+
+
+@pytest.mark.parametrize("value", [0, 1, "true", None, math.nan, [True]])
+def test_a_flag_is_true_or_false_and_nothing_else(value):
+    assert check_flag("autostart", True) is True
+    assert check_flag("autostart", False) is False
+    with pytest.raises(ParameterError, match=r"^autostart = .* is not true or false$"):
+        check_flag("autostart", value)
+    with pytest.raises(ParameterError, match=r"^drive_enabled = .* is not true or false$"):
+        Configuration(drive_enabled=value)
 
 
 @pytest.mark.parametrize(
@@ -135,6 +194,13 @@ def test_the_node_s_own_parameters_are_passed_over():
         ({"contact_model": "x"}, "contact_model = 'x' is not one of printed, rayleigh"),
         ({"free_mass": 0}, "free_mass = 0 kg is outside its range (0, 10] kg"),
         ({"rpud_damping_ratio": 1.0}, "rpud_damping_ratio = 1 is outside its range [0, 1)"),
+        ({"gravity": 10**5000}, "gravity = a number too long to show m/s^2 is outside its range"),
+        ({"quality_factor": 1}, "quality_factor = 1 is outside its range [10, 100000]"),
+        ({"hole_area": "wide"}, "hole_area = 'wide' m^2 is outside its range [1e-08, 1] m^2"),
+        ({"rock_model": "moon"}, "rock_model = 'moon' is not one of none, specific_energy"),
+        ({"heating": True}, "heating = True needs actuator_model = resonance"),
+        ({"drive_enabled": 1}, "drive_enabled = 1 is not true or false"),
+        ({"two\nlines": 1}, "'two\\nlines' is not a parameter; known are "),
     ],
 )
 def test_what_cannot_be_used_is_named(values, complaint):
@@ -148,3 +214,60 @@ def test_an_unknown_name_is_told_which_names_there_are():
         to_parameters({"unknown": 1})
     for name in (*NAMES, *NODE_NAMES):
         assert name in str(caught.value)
+
+
+TAGS = ["int", "float", "bool", "timestamp", "binary", "null", "set", "omap", "pairs", "str"]
+
+
+@given(
+    text=st.one_of(
+        st.text(),
+        st.binary(),
+        st.builds(
+            "/**: {{ros__parameters: {{a: !!{} {!r}}}}}".format,
+            st.sampled_from(TAGS),
+            st.text(max_size=8),
+        ),
+        st.text(alphabet="{}[]:,-&*!?|>'\"%@#~ \n\tkfo01._<=/", max_size=60),
+    )
+)
+def test_any_file_is_parameters_by_name_or_refused_in_one_line(tmp_path_factory, text):
+    path = tmp_path_factory.getbasetemp() / "fuzzed_parameters.yaml"
+    path.write_bytes(
+        text if isinstance(text, bytes) else text.encode("utf-8", errors="surrogatepass")
+    )
+    try:
+        values = read_parameter_file(path)
+    except ParameterError as error:
+        refusal = str(error)
+    else:
+        assert all(isinstance(name, str) for name in values)
+        return
+    assert refusal.startswith(str(path))
+    assert "\n" not in refusal
+
+
+VALUES = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.just(10**5000),
+    st.floats(),
+    st.text(),
+    st.lists(st.integers(), max_size=9),
+    st.dates(),
+)
+KNOWN = (*NAMES, *ACTUATOR_NAMES, *ROCK_NAMES, *NODE_NAMES)
+
+
+@given(values=st.dictionaries(st.one_of(st.sampled_from(KNOWN), st.text()), VALUES, max_size=4))
+def test_any_values_are_a_configuration_or_refused_in_one_line(values):
+    try:
+        configuration = to_configuration(values)
+    except ParameterError as error:
+        refusal = str(error)
+    else:
+        assert isinstance(configuration, Configuration)
+        return
+    assert "\n" not in refusal
+    assert len(refusal) < 2000

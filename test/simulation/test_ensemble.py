@@ -6,7 +6,11 @@ import math
 import pytest
 
 from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import Ensemble, initial_phases, run_ensemble
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.rock import SANDSTONE
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
@@ -48,6 +52,25 @@ def test_a_long_run_is_made_in_strides_and_reported():
     assert reported == [10.0, 10.0, 5.0]
     assert ensemble.members[0]["duration"] == 25.0
     assert ensemble.real_time_factor > 1.0
+
+
+def test_a_rock_has_depth_and_rate_among_the_figures():
+    configuration = Configuration(PARAMETERS, rock=SANDSTONE)
+    [found] = run_ensemble(configuration, 0.5, [0.25]).members
+    simulation = Simulation(configuration, 0.25)
+    simulation.advance_to(500_000_000)
+    assert found["depth"] == simulation.depth > 0.0
+    assert found["penetration_rate"] == simulation.depth / 0.5
+    ensemble = run_ensemble(configuration, 0.5, [0.25, 0.5])
+    assert {"depth", "penetration_rate"} <= ensemble.mean().keys()
+    assert {"depth", "penetration_rate"} <= ensemble.standard_error().keys()
+    assert "depth" not in run_ensemble(PARAMETERS, 0.1, [0.25]).mean()
+
+
+def test_every_member_has_the_scenario_s_faults():
+    scenario = Scenario(0, (ScheduledFault(0, None, Fault("free_mass_jammed")),))
+    ensemble = run_ensemble(PARAMETERS, 1.0, [0.25, 0.5], scenario=scenario)
+    assert all(member["drill_tool_impact_rate"] <= 2.0 for member in ensemble.members)
 
 
 def member(value):

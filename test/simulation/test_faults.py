@@ -53,6 +53,20 @@ def test_a_kind_without_magnitude_takes_what_nobody_filled_and_nothing_else(kind
         Fault(kind, channel, 3)
 
 
+def test_zero_is_a_magnitude_of_its_own_for_those_that_it_does_something_to():
+    assert {name for name, kind in KINDS.items() if kind.takes_zero} == {
+        "restitution_loss",
+        "wrong",
+    }
+    for name, kind in KINDS.items():
+        channel = "" if kind.physical else "wrench"
+        if kind.takes_zero:
+            assert Fault(name, channel, 0.0).magnitude == 0.0
+        elif kind.magnitude is not None:
+            with pytest.raises(FaultError, match="NaN stands for the default"):
+                Fault(name, channel, 0.0)
+
+
 def test_noise_and_bias_are_in_the_unit_of_their_channel():
     assert Fault("noise", "nodal_plane").magnitude < 1e-3 < Fault("noise", "wrench").magnitude
     with pytest.raises(FaultError) as caught:

@@ -12,12 +12,12 @@ from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 from rpud_sim.simulation.scenario import (
     GREATEST_SEED,
-    MOST_BYTES,
     Scenario,
     ScheduledFault,
     parse_scenario,
     read_scenario,
 )
+from rpud_sim.simulation.yaml_files import MOST_BYTES
 
 EXAMPLE = Path(__file__).parents[2] / "config" / "faults.yaml"
 SECOND = 1_000_000_000

@@ -1,0 +1,188 @@
+"""MCAP records out of bytes that nobody vouches for: a length is checked before it is believed.
+
+The `mcap` library parses them, each from bytes that are exactly its own: by itself it reads as
+much as a length field asks for, and a few bytes of zstd may ask for all memory there is.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any, BinaryIO
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    Footer,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
+
+from rpud_sim.bag.errors import BagFormatError
+
+MAGIC = b"\x89MCAP0\r\n"
+RECORD = struct.Struct("<BQ")  # opcode, length of the content
+MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+
+CONTENT_LIMIT = 128 * 2**20
+"""Greatest record, and greatest chunk when it is uncompressed [bytes]."""
+
+DECLARATION_LIMIT = 16 * 2**20
+"""Greatest record that is not one of messages, of their index, or an attachment [bytes]."""
+
+_LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE, Opcode.MESSAGE_INDEX}
+_KINDS: dict[int, Any] = {
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.CHANNEL: Channel,
+    Opcode.CHUNK: Chunk,
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.FOOTER: Footer,
+    Opcode.METADATA: Metadata,
+    Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.SCHEMA: Schema,
+    Opcode.STATISTICS: Statistics,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One record as it stands in the file: what it is, its content, and where the next begins."""
+
+    opcode: int
+    content: bytes
+    end: int
+
+
+def limit(opcode: int) -> int:
+    """Give the greatest length that a record of this kind may have [bytes]."""
+    return CONTENT_LIMIT if opcode in _LARGE else DECLARATION_LIMIT
+
+
+def read_record(stream: BinaryIO, offset: int, end: int) -> Record:
+    """Read the record at `offset`, which lies before `end`.
+
+    Raises BagFormatError where it reaches beyond that or is longer than its limit.
+    """
+    stream.seek(offset)
+    head = stream.read(RECORD.size) if offset + RECORD.size <= end else b""
+    if len(head) < RECORD.size:
+        raise BagFormatError("a record is not where it should be")
+    opcode, length = RECORD.unpack(head)
+    if length > end - offset - RECORD.size:
+        raise BagFormatError(f"a record of {length} bytes reaches beyond its place")
+    if length > limit(opcode):
+        raise BagFormatError(
+            f"a record of kind {opcode} has {length} bytes; at most {limit(opcode)} are read"
+        )
+    content = stream.read(length)
+    if len(content) < length:
+        raise BagFormatError("the file became shorter while it was read")
+    return Record(opcode, content, offset + RECORD.size + length)
+
+
+def parse(record: Record) -> McapRecord | None:
+    """Give the record's fields; None for a kind that nobody here needs.
+
+    Raises BagFormatError, or what Python raises for wrong text, where the content is damaged.
+    """
+    kind = _KINDS.get(record.opcode)
+    parsed: McapRecord | None = kind.read(_Content(record.content)) if kind else None
+    return parsed
+
+
+def fills(record: Record) -> bool:
+    """Tell whether a record that carries lengths inside is exactly as long as these say.
+
+    Raises what `parse` raises.
+    """
+    kind = _KINDS.get(record.opcode)
+    if kind is None:
+        return True
+    stream = _Content(record.content)
+    kind.read(stream)
+    return stream.count == len(record.content)
+
+
+def message_index_times(record: Record) -> tuple[int, Iterator[int]]:
+    """Give the channel of a message index, and the log times [ns] of its messages.
+
+    Raises BagFormatError where the record is not one.
+    """
+    content = record.content
+    if record.opcode == Opcode.MESSAGE_INDEX and len(content) >= 6:
+        channel, length = struct.unpack_from("<HI", content)
+        if length % 16 == 0 and 6 + length <= len(content):
+            entries = struct.iter_unpack("<QQ", memoryview(content)[6 : 6 + length])
+            return channel, (log_time for log_time, _ in entries)
+    raise BagFormatError("a chunk's message index is not where it should be")
+
+
+def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yield kind, start and end of the content of each record in a chunk's data.
+
+    Raises BagFormatError where one is none or reaches beyond the end.
+    """
+    offset = 0
+    while offset < len(data):
+        if offset + RECORD.size > len(data):
+            raise BagFormatError("a record reaches beyond its chunk")
+        opcode, length = RECORD.unpack_from(data, offset)
+        start = offset + RECORD.size
+        offset = start + length
+        short = opcode == Opcode.MESSAGE and length < MESSAGE.size
+        if offset > len(data) or opcode == 0 or short:
+            raise BagFormatError("a chunk holds what is no record")
+        yield opcode, start, offset
+
+
+def uncompressed(chunk: Chunk) -> bytes:
+    """Give a chunk's data, checked by its size and checksum.
+
+    Raises BagFormatError where they are wrong or the data is larger than CONTENT_LIMIT, and the
+    libraries' errors where it cannot be uncompressed.
+    """
+    size = chunk.uncompressed_size
+    if size > CONTENT_LIMIT:
+        raise BagFormatError(f"a chunk has {size} bytes; at most {CONTENT_LIMIT} are read")
+    if chunk.compression == "":
+        data = chunk.data
+    elif chunk.compression == "zstd":
+        # What the frame itself tells goes before any limit.
+        if zstandard.frame_content_size(chunk.data) not in (-1, size):
+            raise BagFormatError("a chunk is not as large as it says")
+        data = zstandard.decompress(chunk.data, max_output_size=size) if size else b""
+    elif chunk.compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    else:
+        raise BagFormatError(f"a chunk has the unknown compression {chunk.compression[:40]!r}")
+    if len(data) != size:
+        raise BagFormatError("a chunk is not as large as it says")
+    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+        raise BagFormatError("the checksum of a chunk is wrong")
+    return data
+
+
+class _Content(ReadDataStream):
+    """A record's content, for the library to read: shorter than asked for is an error."""
+
+    def __init__(self, content: bytes) -> None:
+        super().__init__(BytesIO(content))
+        self._left = len(content)
+
+    def read(self, length: int) -> bytes:
+        if length > self._left:
+            raise BagFormatError("a length inside a record reaches beyond it")
+        self._left -= length
+        return super().read(length)

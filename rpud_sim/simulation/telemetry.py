@@ -1,0 +1,130 @@
+"""Telemetry: which messages the drill gives of each block, whoever sends or writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from rpud_sim.simulation import fields
+from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
+from rpud_sim.simulation.ledger import FaultRecord
+from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.signals import SignalFaults
+
+TELEMETRY_RATE = 100  # Hz
+SAMPLE_RATE = 50_000  # of the waveform [Hz]
+BLOCK_DURATION = 0.05  # of waveform and trajectory [s]
+
+_SENSORS = (
+    ("nodal_plane", fields.nodal_plane_fields),
+    ("drill_tool", fields.drill_tool_fields),
+    ("reacting_force", fields.reacting_force_fields),
+    ("wrench", fields.wrench_fields),
+)
+
+# Simulation time at which it goes out [ns], topic, what the message says.
+Entry = tuple[int, str, fields.Fields]
+
+
+class Telemetry:
+    """The messages of blocks that follow each other, with what faulty signals make of them.
+
+    Args:
+        telemetry_rate: of the samples [Hz].
+        sample_rate: of the waveform [Hz].
+        block_duration: of waveform and trajectory [s], at least one telemetry period.
+        wanted: whether anybody wants a topic that no fault can touch; it is left out otherwise.
+    """
+
+    def __init__(
+        self,
+        telemetry_rate: int = TELEMETRY_RATE,
+        sample_rate: int = SAMPLE_RATE,
+        block_duration: float = BLOCK_DURATION,
+        wanted: Callable[[str], bool] = lambda topic: True,
+    ) -> None:
+        self._rate = telemetry_rate
+        self._sample_rate = sample_rate
+        self._stream_period = round(block_duration * telemetry_rate)
+        self._wanted = wanted
+        self._signals = SignalFaults()
+        self._pending: list[Block] = []
+        self._origin = 0
+        self._segments = 0
+
+    @property
+    def origin(self) -> int:
+        """Stamp of simulation time zero [ns]."""
+        return self._origin
+
+    def begin(self, origin: int) -> None:
+        """Begin with simulation time zero, whose stamp this is [ns]."""
+        self._origin = origin
+        self._segments = 0
+        self._pending.clear()
+
+    def move(self, origin: int) -> None:
+        """Give simulation time zero another stamp [ns]."""
+        self._origin = origin
+
+    def reseed(self, seed: int) -> None:
+        """Forget the state of faulty signals, and draw with this seed from now on."""
+        self._signals = SignalFaults(seed)
+
+    def take(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
+        """Yield what a block brings: its impacts, the sample at its end, its share of streams.
+
+        Args:
+            block: at most one telemetry period long.
+            faults: that lasted in it, or in a part of it.
+        """
+        faults = [record for record in faults if record.fault.channel]
+        for impact in block.impacts:
+            values = fields.contact_force_fields(impact, self._origin)
+            began = max(block.start, fields.stamp_of(values) - self._origin)
+            yield from self._said("contact_force", began, values, faults)
+        number = boundaries_until(block.end, self._rate)
+        at_boundary = boundary(number, self._rate) == block.end
+        if at_boundary:
+            yield from self._samples(block, faults)
+        for channel, values in self._signals.release(block.end, faults):
+            yield block.end, channel, values
+        self._pending.append(block)
+        if at_boundary and number % self._stream_period == 0:
+            yield from self.flush()
+
+    def flush(self) -> Iterator[Entry]:
+        """Yield the waveform and the trajectory up to the end of the last block."""
+        if not self._pending:
+            return
+        block = join_blocks(self._pending)
+        self._pending.clear()
+        first = self._segments
+        self._segments += len(block.segments)
+        yield from self._waveform(block)
+        if self._wanted("trajectory"):
+            for values in fields.trajectory_fields(block, first, self._origin):
+                yield block.end, "trajectory", values
+
+    def _said(
+        self, channel: str, time: int, values: fields.Fields, faults: Sequence[FaultRecord]
+    ) -> Iterator[Entry]:
+        """Yield a sensor's message, or what its faults make of it."""
+        for changed in self._signals.apply(channel, time, values, faults):
+            yield time, channel, changed
+
+    def _samples(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
+        stamp = self._origin + block.end
+        samples = block.sample(Times.from_nanoseconds(block.end))
+        for channel, make in _SENSORS:
+            yield from self._said(channel, block.end, make(samples, 0, stamp), faults)
+        if self._wanted("joint_states"):
+            yield block.end, "joint_states", fields.joint_state_fields(samples, 0, stamp)
+
+    def _waveform(self, block: Block) -> Iterator[Entry]:
+        rate = self._sample_rate
+        numbers = block.grid(rate)
+        if numbers and self._wanted("waveform"):
+            samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
+            stamp = self._origin + numbers.start * NANOSECONDS // rate
+            values = fields.waveform_fields(samples, stamp, numbers.start, rate)
+            yield block.end, "waveform", values

@@ -1,0 +1,176 @@
+"""Kill recordings at random moments, recover each, and see that nothing is missing but its end.
+
+`python test/kills.py --count 1000` kills a recorder's writing half, fed at some 10,000 messages a
+second; `--live` kills whole recorders on a running ROS system. `make kills` does both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import mmap
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+from support import claim_ros_domain
+
+import rpud_sim.bag
+from rpud_sim.bag import BagWriter, Message, Topic
+from rpud_sim.bag.recovery import recover
+from rpud_sim.ros.recording import Declaration, MessageQueue, WritingThread
+
+FORCES = "/rpud/contact_force"
+TOPICS = ("/a", "/b", "/c")
+HERE = Path(__file__).parent
+
+
+class WatchedWriter(BagWriter):
+    """Tells in shared memory how many messages are on the disk, and when the first one came."""
+
+    def __init__(self, path: Path, shared: mmap.mmap, **options) -> None:
+        self._shared = shared
+        super().__init__(path, **options)
+
+    def flush(self) -> None:
+        count = self.message_count if hasattr(self, "_counts") else 0
+        super().flush()
+        self._shared[:8] = count.to_bytes(8, "little")
+
+
+def record_for_ever(path: Path, shared: mmap.mmap, max_loss: float, chunk_size: int) -> None:
+    """Write numbered messages on all topics until the end of this process."""
+    messages = MessageQueue()
+    compression = random.choice(["none", "zstd"])
+    bag = WatchedWriter(path, shared, chunk_size=chunk_size, compression=compression)
+    WritingThread(messages, bag, max_loss, os.abort).start()
+    for name in TOPICS:
+        messages.declare(Declaration(Topic(name, "std_msgs/msg/String"), "string data\n"))
+    shared[8:] = time.time_ns().to_bytes(8, "little")
+    number = 0
+    while True:
+        for name in TOPICS:
+            now = time.time_ns()
+            messages.put(Message(name, now, now, number.to_bytes(8, "little") * 20))
+        number += 1
+        time.sleep(0.0002)
+
+
+def kill_writer(folder: Path, max_loss: float) -> float:
+    """Kill one writer and check what is left; return how much was lost [s]."""
+    shared = mmap.mmap(-1, 16)
+    path = folder / "torn"
+    chunk_size = random.choice([1000, 30_000, 1 << 20])
+    child = os.fork()
+    if child == 0:
+        try:
+            record_for_ever(path, shared, max_loss, chunk_size)
+        finally:
+            os._exit(1)
+    time.sleep(random.uniform(0.0, 1.5 * max_loss))
+    killed = time.time_ns()
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    safe = int.from_bytes(shared[:8], "little")
+    began = int.from_bytes(shared[8:], "little") or killed
+    if not list(path.glob("*.mcap")):
+        return 0.0  # before it began
+    file = next(path.glob("*.mcap"))
+    if file.stat().st_size < 8:
+        assert safe == 0
+        return 0.0
+    recover(path, folder / "whole")
+    found: dict[str, list[int]] = {name: [] for name in TOPICS}
+    last = began
+    with rpud_sim.bag.open(folder / "whole") as bag:
+        for message in bag.messages():
+            assert message.data == message.data[:8] * 20
+            found[message.topic].append(int.from_bytes(message.data[:8], "little"))
+            last = message.log_time
+        count = bag.message_count
+    for name, numbers in found.items():
+        assert numbers == list(range(len(numbers))), f"{name} is no prefix without a gap"
+    assert count >= safe, f"{safe} messages were on the disk, {count} were recovered"
+    return (killed - last) / 1e9
+
+
+def kill_recorder(folder: Path, max_loss: float) -> float:
+    """Kill one recorder of a running talker and check what is left; return the loss [s]."""
+    path = folder / "torn"
+    recorder = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "rpud_sim.cli.main", "record"),
+            *("--out", str(path), "--max-loss", str(max_loss)),
+        ],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert recorder.stderr is not None
+    for line in recorder.stderr:
+        if "topics to" in line:
+            break
+    threading.Thread(target=recorder.stderr.read, daemon=True).start()
+    time.sleep(random.uniform(0.0, 1.5 * max_loss))
+    killed = time.time_ns()
+    recorder.kill()
+    recorder.wait()
+    recovery = recover(path, folder / "whole")
+    forces = recovery.topics.get(FORCES)
+    if forces is None or not forces.recovered:
+        return 0.0  # it may have been too early for them
+    assert forces.gaps == 0, f"{forces.gaps} impacts are missing in between"
+    with rpud_sim.bag.open(folder / "whole") as bag:
+        last = next(topic.last_time for topic in bag.topics if topic.topic.name == FORCES)
+    return (killed - last) / 1e9
+
+
+def main() -> None:
+    """Kill as often as asked, and print what it cost."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--max-loss", type=float, default=0.5)
+    parser.add_argument("--live", action="store_true", help="whole recorders over DDS")
+    parser.add_argument("--any-loss", action="store_true", help="do not hold the time to the bound")
+    parser.add_argument("--seed", type=int, default=random.randrange(10**6))
+    arguments = parser.parse_args()
+    random.seed(arguments.seed)
+    kill = kill_recorder if arguments.live else kill_writer
+    talker = None
+    if arguments.live:
+        domain, _lock = claim_ros_domain()  # held until this ends: nobody else shall talk here
+        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
+        program = str(HERE / "integration" / "talker.py")
+        talker = subprocess.Popen(
+            [sys.executable, program, "--count", str(10**9), "--rate", "1000"],
+            stdout=subprocess.DEVNULL,
+        )
+    losses = []
+    try:
+        for number in range(arguments.count):
+            folder = Path(tempfile.mkdtemp(prefix="rpud_kills_"))
+            loss = kill(folder, arguments.max_loss)
+            losses.append(loss)
+            if loss > arguments.max_loss and not arguments.any_loss:
+                sys.exit(f"kill {number} of seed {arguments.seed} cost {loss:.3f} s: see {folder}")
+            shutil.rmtree(folder)
+    finally:
+        if talker is not None:
+            talker.kill()
+            talker.wait()
+    losses.sort()
+    print(
+        f"{len(losses)} kills with --max-loss {arguments.max_loss:g} s, each recovered without a "
+        f"gap; lost {losses[len(losses) // 2]:.3f} s in the median, {losses[-1]:.3f} s at most"
+    )
+
+
+if __name__ == "__main__":
+    main()
