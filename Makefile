@@ -101,7 +101,7 @@ help: ## Show this help
 	@$(PIP_INSTALL) --only-binary :all: -r $<
 	@touch $@
 
-install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/msg/*.msg)
+install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)
 	@$(COLCON_BUILD) rpud_msgs
 	@touch $@
 
