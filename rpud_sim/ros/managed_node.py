@@ -26,8 +26,8 @@ class ManagedNode(LifecycleNode):
     ) -> Service:
         """Create a service; those that set parameters refuse what has an unknown type."""
         # rclpy raises ValueError out of the executor there.
-        guard = {SetParameters: _each_known, SetParametersAtomically: _all_known}.get(srv_type)
-        handler = guard(callback) if guard else callback
+        guards = {SetParameters: _each_known, SetParametersAtomically: _all_known}
+        handler = guards[srv_type](callback) if srv_type in guards else callback
         return super().create_service(srv_type, srv_name, handler, **options)
 
     # rclpy lets RCLError out of the executor when a client asks for a transition that the present

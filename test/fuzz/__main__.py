@@ -39,8 +39,8 @@ def main() -> int:
         print(f"exceptions and changes by refused inputs: {len(outcome.harms)}")
         print(f"growth of memory after the first fifth: {outcome.growth / 1e6:.1f} MB")
         print(
-            f"blocks {outcome.timing.blocks}, deadlines missed {outcome.timing.deadlines_missed}, "
-            f"lag at the end {outcome.timing.lag:g} s"
+            f"blocks {outcome.blocks}, deadlines missed {outcome.deadlines_missed}, "
+            f"lag at the end {outcome.lag:g} s"
         )
         for harm in outcome.harms[:20]:
             print(f"harmed: {harm}", file=sys.stderr)

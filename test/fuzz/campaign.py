@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import random
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
 from fuzz.drill import Drill
 from fuzz.inputs import RARE, WAYS
-from rpud_sim.ros.pacing import Timing
 
-LONGEST_REASON = 2_000
+LONGEST_REASON = 20_000  # rclpy repeats the names that it does not know
 MOST_GROWTH = 20_000_000  # of memory, whatever the number of inputs [byte]
 WARM_UP = 0.2  # share of the inputs after which memory is expected to stand
 PAGE = 4096
@@ -36,7 +36,9 @@ class Outcome:
         default_factory=lambda: {way: Tally() for way in WAYS}
     )
     harms: list[str] = dataclasses.field(default_factory=list)
-    timing: Timing | None = None  # at the end
+    blocks: int = 0
+    deadlines_missed: int = 0
+    lag: float = 0.0  # at the end [s]
     growth: int = 0  # of memory after the warm-up [byte]
 
     @property
@@ -59,20 +61,23 @@ def run(
     ways = list(WAYS)
     weights = [RARE.get(way, 1.0) for way in ways]
     warm = resident()
+    timekeeper = Timekeeper(drill)
     for number in range(inputs):
         if number == round(inputs * WARM_UP):
             warm = resident()
         drawn = random.Random(f"{seed}:{number}")
-        way = drawn.choices(ways, weights)[0]
-        for harm in _send(drawn, drill, way, outcome.tallies[way]):
+        way = ways[number] if number < len(ways) else drawn.choices(ways, weights)[0]
+        for harm in send(drawn, drill, way, outcome.tallies[way]):
             outcome.harms.append(f"input {number} of seed {seed}, {way}: {harm}")
+        timekeeper.look()
         progress()
     outcome.growth = resident() - warm
-    outcome.timing = _timing(drill)
+    timekeeper.wait()
+    outcome.blocks, outcome.deadlines_missed, outcome.lag = timekeeper.totals()
     return outcome
 
 
-def _send(drawn: random.Random, drill: Drill, way: str, tally: Tally) -> list[str]:
+def send(drawn: random.Random, drill: Drill, way: str, tally: Tally) -> list[str]:
     """Send one input; give what is wrong with what came of it."""
     before = drill.state()
     harms = []
@@ -100,13 +105,42 @@ def _send(drawn: random.Random, drill: Drill, way: str, tally: Tally) -> list[st
     return harms
 
 
-def _timing(drill: Drill) -> Timing | None:
-    """How well the schedule was kept, as the next report tells it."""
-    report = drill.node.report
-    until = time.monotonic() + 10.0
-    while drill.node.report is report and time.monotonic() < until:
-        time.sleep(0.01)
-    return drill.node.report.timing if drill.node.report else None
+class Timekeeper:
+    """Adds up what the drill reports of its schedule, as a reset begins the counters anew.
+
+    Args:
+        drill: that reports.
+    """
+
+    def __init__(self, drill: Drill) -> None:
+        self._drill = drill
+        self._before = Counter[str]()
+        self._latest = drill.node.report
+
+    def look(self) -> None:
+        """Take the latest report."""
+        report = self._drill.node.report
+        if report.timing.blocks < self._latest.timing.blocks:
+            self._before += self._counted()
+        self._latest = report
+
+    def wait(self) -> None:
+        """Let the drill be until it has reported twice, at last of a second that was its own."""
+        for _ in range(2):
+            timing = self._latest.timing
+            deadline = time.monotonic() + 10.0
+            while self._latest.timing is timing and time.monotonic() < deadline:
+                time.sleep(0.01)
+                self.look()
+
+    def totals(self) -> tuple[int, int, float]:
+        """Give the blocks, the deadlines missed, and the lag at the end [s]."""
+        total = self._before + self._counted()
+        return total["blocks"], total["missed"], self._latest.timing.lag
+
+    def _counted(self) -> Counter[str]:
+        timing = self._latest.timing
+        return Counter(blocks=timing.blocks, missed=timing.deadlines_missed)
 
 
 def resident() -> int:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from rclpy.logging import LoggingSeverity, get_logger
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rpud_msgs.srv import SetSimulationState
 
@@ -39,7 +40,7 @@ class Drill:
         self.folder = folder
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
-        self.node = self.create(**OPTIONS)
+        self.node = DrillNode(context=self._context, parameter_overrides=_given(OPTIONS))
         for logger in (self.node.get_logger(), get_logger("rcl_lifecycle"), get_logger("rcl")):
             logger.set_level(LoggingSeverity.FATAL)  # thousands of reasons
         self.reasons: list[str] = []
@@ -61,10 +62,9 @@ class Drill:
         self.topics = {each.topic_name.removeprefix("/"): each for each in self.node.subscriptions}
         self._settings = self.node.settings
 
-    def create(self, **overrides: Any) -> DrillNode:
-        """Make a node, as a launch with these parameters would."""
-        given = [Parameter(name, value=value) for name, value in overrides.items()]
-        return DrillNode(context=self._context, parameter_overrides=given)
+    def create_node(self, overrides: Mapping[str, Any]) -> Node:
+        """Make another node, as a launch with these parameters would."""
+        return Node("another", context=self._context, parameter_overrides=_given(overrides))
 
     def close(self) -> None:
         """End the drill."""
@@ -145,3 +145,7 @@ class Drill:
         request = SetSimulationState.Request()
         request.state.state = PLAYING
         self.call("simulation/set_state", request)
+
+
+def _given(overrides: Mapping[str, Any]) -> list[Parameter]:
+    return [Parameter(name, value=value) for name, value in overrides.items()]

@@ -162,7 +162,8 @@ def _damaged(random: random.Random, content: str, names: tuple[str, ...]) -> str
     if choice == 3:
         lines.insert(index, random.choice(lines))
     elif choice == 4:
-        lines.append(f"{lines[-1].partition(name(random, names))[0]}{name(random, names)}: 1")
+        indent = lines[-1][: len(lines[-1]) - len(lines[-1].lstrip())]
+        lines.append(f"{indent}{name(random, names)}: 1")
     else:
         key, colon, _ = lines[index].partition(": ")
         lines[index] = f"{key}{colon}{scalar(random)}"

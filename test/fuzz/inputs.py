@@ -16,6 +16,7 @@ from rpud_msgs.msg import Drive, Fault, Result, SimulationState, WeightOnBit
 
 from fuzz import hostile
 from fuzz.drill import Drill
+from rpud_sim.ros.declaration import declare_settings
 from rpud_sim.ros.parameters import ALL_NAMES, ALL_QUANTITIES, CHANGEABLE, check_settings
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.channels import CHANNELS
@@ -235,7 +236,11 @@ def _node(random: random.Random, drill: Drill) -> Reason:
             )
         )
     }
-    return _reason(lambda: drill.create(**values).destroy_node())
+    node = drill.create_node(values)
+    try:
+        return _reason(lambda: declare_settings(node))
+    finally:
+        node.destroy_node()
 
 
 def _file(name: str, read: Callable[[Path], Any], templates: tuple[str, ...]) -> Send:
@@ -298,4 +303,5 @@ WAYS: Mapping[str, Send] = {
     "--set": _assignment,
     "node": _node,
 }
-RARE = {"node": 0.02, "simulation/reset": 0.2}  # share of the turns, as these take milliseconds
+# Their share of the turns: these take milliseconds, and rclpy never frees all that a node took.
+RARE = {"node": 0.005, "simulation/reset": 0.2}
