@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,15 @@ class Drill:
         """Commands that were refused."""
         return self.node._inbox.rejected
 
+    @contextlib.contextmanager
+    def paused(self) -> Iterator[None]:
+        """Let its time stand still, for what no drill does while it plays."""
+        self.do(lambda drilling: drilling.pause())
+        try:
+            yield
+        finally:
+            self.do(lambda drilling: drilling.play())
+
     def state(self) -> tuple[Any, ...]:
         """All that a refused input must leave as it is."""
 
@@ -140,6 +150,7 @@ class Drill:
             weight_on_bit = WeightOnBit(configuration.parameters.weight_on_bit)
             for command in (*self.node._inbox.take(), weight_on_bit, drive):
                 drilling.control.take(command, drilling.simulation)
+            drilling.control.act(drilling.simulation)
 
         self.do(act)
         request = SetSimulationState.Request()

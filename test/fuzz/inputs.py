@@ -157,9 +157,6 @@ def _step(name: str, field: str) -> Send:
     """A step of a drill that is paused; but for those that would rightly take for ever."""
 
     def send(random: random.Random, drill: Drill) -> Reason:
-        paused = random.random() < 0.5
-        if paused:
-            drill.do(lambda drilling: drilling.pause())
         request = drill.services[name].srv_type.Request()
         drawn = getattr(request, field)
         while True:
@@ -170,12 +167,13 @@ def _step(name: str, field: str) -> Send:
                 length -= drill.now()
             if not SECOND // 100 < length <= LONGEST_STEP:
                 break
-        before = drill.state()
-        reason = _of_result(drill.call(name, request))
-        if reason is not None and drill.state() != before:
-            raise NotAnsweredError(f"refused, {reason}, but the state has changed")
-        if paused:
-            drill.do(lambda drilling: drilling.play())
+        if random.random() < 0.5:  # it plays, and refuses
+            return _of_result(drill.call(name, request))
+        with drill.paused():
+            before = drill.state()
+            reason = _of_result(drill.call(name, request))
+            if reason is not None and drill.state() != before:
+                raise NotAnsweredError(f"refused, {reason}, but the state has changed")
         return reason
 
     return send
@@ -208,17 +206,19 @@ def _answered(response: Any) -> Reason:
     return None
 
 
-def _reason(action: Callable[[], Any]) -> Reason:
-    try:
-        action()
-    except ParameterError as error:
-        return str(error)
+def _reason(drill: Drill, action: Callable[[], Any]) -> Reason:
+    """Do what is done before a drill plays; give why it was refused."""
+    with drill.paused():
+        try:
+            action()
+        except ParameterError as error:
+            return str(error)
     return None
 
 
 def _overrides(random: random.Random, drill: Drill) -> Reason:
     names = [hostile.name(random, ALL_NAMES) for _ in range(random.randrange(1, 4))]
-    return _reason(lambda: check_settings({name: hostile.value(random) for name in names}))
+    return _reason(drill, lambda: check_settings({name: hostile.value(random) for name in names}))
 
 
 def _node(random: random.Random, drill: Drill) -> Reason:
@@ -238,7 +238,7 @@ def _node(random: random.Random, drill: Drill) -> Reason:
     }
     node = drill.create_node(values)
     try:
-        return _reason(lambda: declare_settings(node))
+        return _reason(drill, lambda: declare_settings(node))
     finally:
         node.destroy_node()
 
@@ -249,7 +249,7 @@ def _file(name: str, read: Callable[[Path], Any], templates: tuple[str, ...]) ->
     def send(random: random.Random, drill: Drill) -> Reason:
         path = drill.folder / name
         path.write_bytes(hostile.yaml(random, templates, names))
-        return _reason(lambda: read(path))
+        return _reason(drill, lambda: read(path))
 
     return send
 
@@ -258,7 +258,7 @@ def _assignment(random: random.Random, drill: Drill) -> Reason:
     text = f"{hostile.name(random, ALL_NAMES)}={hostile.scalar(random)}"
     if random.random() < 0.1:
         text = hostile.text(random)
-    return _reason(lambda: to_configuration(dict([parse_assignment(text)])))
+    return _reason(drill, lambda: to_configuration(dict([parse_assignment(text)])))
 
 
 WAYS: Mapping[str, Send] = {
