@@ -332,6 +332,7 @@ class Drilling:
         rate = self._settings.telemetry_rate
         if boundary(boundaries_until(until, rate), rate) != until:
             self._journal.note(until, "stop")
+            self._publish_journal()
         # Where nothing paces it, its listeners do.
         self._outputs.patient = self._goal is not None or self._factor(self._settings) == 0.0
         self._outputs.publish_block(block, self._simulation.faults.since(block.start))
@@ -363,10 +364,10 @@ class Drilling:
             self._step.set_exception(InterruptedStepError(reason))
 
     def _flush(self, kind: str) -> None:
-        """Publish all that there is until now, and what it came of."""
-        self._outputs.flush()
+        """Publish all that there is until now, and before that what it comes of."""
         self._journal.note(self._simulation.time, kind)
         self._publish_journal()
+        self._outputs.flush()
 
     def _note_origin(self) -> None:
         self._journal.note(self._simulation.time, "origin", origin=self._outputs.origin)

@@ -96,6 +96,7 @@ class TopicComparison:
         self._stretches = stretches
         self._ahead: deque[_Recorded] = deque()
         self._computed: deque[_Computed] = deque()
+        self._last: tuple[Key, Fields] = (_UNREADABLE, {})
         self._counts = Counts()
         self._missing = 0  # since the last one that is there
         self.first_difference: Difference | None = None
@@ -113,6 +114,9 @@ class TopicComparison:
     def add(self, computed: Fields, stretch: int) -> None:
         """Add the next computed message, of a stretch of one origin of time, counted from 0."""
         key = (stamp_of(computed), int(computed.get("sequence", 0)))
+        if key == self._last[0] and computed == self._last[1]:
+            return  # it says nothing new, and neither does a repeated one in the bag
+        self._last = (key, computed)
         self._computed.append(_Computed(key, computed, stretch))
         while len(self._computed) > 1:
             self._settle()
@@ -144,8 +148,11 @@ class TopicComparison:
         follower_key = None if follower is None else follower.key
         if recorded.key == computed.key:
             expected = self._codec.encode(computed.fields)
-            if after == computed.key and not self._same(recorded, expected):
-                self._pass_over()  # the next computed one may be it
+            namesake = after == computed.key or (
+                after is not None and after != follower_key and self._may_follow(recorded, computed)
+            )
+            if namesake and not self._same(recorded, expected):
+                self._pass_over()  # a later computed one may be it
             else:
                 self._there(computed, recorded, expected)
         elif after == follower_key:
@@ -184,10 +191,12 @@ class TopicComparison:
         """Whether a recorded message belongs after a computed one."""
         if recorded.key == _UNREADABLE:
             return False
+        return recorded.key > computed.key or self._may_follow(recorded, computed)
+
+    def _may_follow(self, recorded: _Recorded, computed: _Computed) -> bool:
+        """Whether a recorded message may be of a later stretch than a computed one."""
         following = self._stretches[computed.stretch + 1 :][:1]
-        return recorded.key > computed.key or any(
-            recorded.message.log_time >= begin - _DELAY for begin in following
-        )
+        return any(recorded.message.log_time >= begin - _DELAY for begin in following)
 
     def _note(
         self, stamp: int, recorded: _Recorded, field: str, value: str, computed: str | None

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import rpud_sim.bag
 from rpud_sim.analysis.proof.comparison import Counts, Difference, TopicComparison
 from rpud_sim.analysis.proof.entries import UnverifiableError, entries
-from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import EngineError
@@ -161,9 +162,11 @@ class _Proof:
             for item in rerun.do(entry):
                 yield item[1], item[2], stretch
             self._count(rerun.time - before, report)
-        # Its last entries may be told after the recording has ended: until then it went on.
+        if entry.kind == "end":
+            return
+        # The recording ended before the drill did.
         last = self._last_stamp() + _TAIL - rerun.origin
-        while rerun.time < last and entry.kind != "end":
+        while rerun.time < last:
             before = rerun.time
             for item in rerun.go_on_to(min(before + NANOSECONDS, last)):
                 yield item[1], item[2], stretch
@@ -181,15 +184,14 @@ class _Proof:
     def _last_stamp(self) -> int:
         """The last stamp that at least two topics come to, so that an altered one is not it."""
         latest: dict[str, int] = {}
-        names = {self._summaries[name].topic.name for name in self._names}
         codecs = {
             self._summaries[name].topic.name: _codec(self._summaries[name]) for name in self._names
         }
         start = max(0, self._bag.duration - _LAST)
-        for message in self._bag.messages(names, start):
+        for message in self._bag.messages(codecs.keys(), start):
             try:
                 stamp = codecs[message.topic].decode(message.data).header.stamp
-            except rpud_sim.bag.BagFormatError:
+            except BagFormatError:
                 continue
             latest[message.topic] = stamp.sec * NANOSECONDS + stamp.nanosec
         return min(sorted(latest.values())[-2:], default=0)
@@ -217,4 +219,9 @@ def _codec(summary: TopicSummary) -> Codec:
         raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
     if topic.type_hash not in ("", find_type_hash(expected)):
         raise UnverifiableError(f"{topic.name} is of another version of {expected}")
-    return Codec(expected, find_definition(expected))
+    return _own_codec(expected)
+
+
+@cache
+def _own_codec(type_name: str) -> Codec:
+    return Codec(type_name, find_definition(type_name))
