@@ -33,7 +33,7 @@ picture: install/.package ## Drill and record to BAG for 3 s, and draw it as doc
 ##@ Develop
 .PHONY: test
 test: install/.package ## Run every test; PYTEST_ARGS passes on options
-	@$(WITH_ENV) python -m pytest $(PYTEST_ARGS)
+	@$(WITH_ENV) python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 .PHONY: lint
 lint: install/.package .venv/.lint ## Check style, types, the rules of import and package.xml
@@ -57,6 +57,12 @@ kills: install/.package ## Kill KILLS recordings (1000) at random moments, and r
 soak: DURATION = 1800
 soak: install/.package ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
 	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
+
+.PHONY: fuzz
+fuzz: N = 100000
+fuzz: SEED = 0
+fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and say what came of them
+	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --seed $(SEED)
 
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)
@@ -95,7 +101,7 @@ help: ## Show this help
 	@$(PIP_INSTALL) --only-binary :all: -r $<
 	@touch $@
 
-install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/msg/*.msg)
+install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)
 	@$(COLCON_BUILD) rpud_msgs
 	@touch $@
 

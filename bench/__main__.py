@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 from bench.measure import MEASUREMENTS
+from bench.replay import replay
 from bench.row import Row
 from bench.sweep import sweeps
 
@@ -16,7 +17,7 @@ from bench.sweep import sweeps
 def main() -> None:
     """Measure, print the table, and write it."""
     rows: list[Row] = []
-    for measure in (*MEASUREMENTS, sweeps):
+    for measure in (*MEASUREMENTS, replay, sweeps):
         print(f"measuring: {measure.__doc__}", file=sys.stderr)
         rows.extend(measure())
     machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"

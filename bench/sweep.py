@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from bench.measure import Row, row
+from bench.row import Row, row
 
 SIMULATIONS = (1_000, 10_000, 100_000)
 DURATION = 0.2  # of each simulation [s]

@@ -54,6 +54,7 @@ class Mission:
         self._states = self._listen(DiagnosticArray, "supervisor/state", LATCHED)
         self._statuses = self._listen(Status, "status", LATCHED)
         self._forces = self._listen(ReactingForce, "reacting_force", 1000)
+        self._clients = {}
         self.time = 0.0  # that was reached [s]
         self.commands = 0  # that the supervisor should have given
 
@@ -62,8 +63,8 @@ class Mission:
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
 
-    def until(self, condition, seconds=30.0):
-        """Hear messages until a condition holds."""
+    def until(self, condition, seconds=100.0):
+        """Hear messages until a condition holds; the very first drill compiles for a minute."""
         deadline = time.monotonic() + seconds
         while not condition():
             assert time.monotonic() < deadline, f"at {self.time} s: {self.states} {self.status}"
@@ -71,11 +72,12 @@ class Mission:
 
     def call(self, kind, name, **request):
         """Call a service and give its response."""
-        client = self._node.create_client(kind, name)
+        if name not in self._clients:
+            self._clients[name] = self._node.create_client(kind, name)
+        client = self._clients[name]
         self.until(client.service_is_ready)
         future = client.call_async(kind.Request(**request))
         self.until(future.done)
-        self._node.destroy_client(client)
         return future.result()
 
     def step(self, seconds=PERIOD, answers=2):

@@ -11,8 +11,8 @@ def start_replayer(context: LaunchContext) -> list[Node]:
     """Return the replayer; a flag is given or left out, which no substitution can express."""
     flags = [
         f"--{name}"
-        for name in ("loop", "clock")
-        if IfCondition(LaunchConfiguration(name)).evaluate(context)
+        for name in ("loop", "clock", "start-paused")
+        if IfCondition(LaunchConfiguration(name.replace("-", "_"))).evaluate(context)
     ]
     return [
         Node(
@@ -55,6 +55,12 @@ def generate_launch_description() -> LaunchDescription:
                 default_value="false",
                 choices=["true", "false"],
                 description="Whether to publish the recorded time on /clock",
+            ),
+            DeclareLaunchArgument(
+                "start_paused",
+                default_value="false",
+                choices=["true", "false"],
+                description="Whether to wait for the service ~/resume at the beginning",
             ),
             DeclareLaunchArgument(
                 "namespace",

@@ -34,10 +34,29 @@ def test_both_packages_and_the_metadata_have_one_version():
     assert manifest_version(ROOT) == manifest_version(ROOT / "msg_defs") == version("rpud_sim")
 
 
-def test_every_message_is_built():
+def test_every_message_and_service_is_built():
     text = (ROOT / "msg_defs" / "CMakeLists.txt").read_text()
-    files = {f"msg/{path.name}" for path in (ROOT / "msg_defs" / "msg").iterdir()}
-    assert set(re.findall(r"msg/\w+\.msg", text)) == files
+    files = {
+        path.relative_to(ROOT / "msg_defs").as_posix()
+        for folder in ("msg", "srv")
+        for path in (ROOT / "msg_defs" / folder).iterdir()
+    }
+    assert set(re.findall(r"(?:msg|srv)/\w+\.(?:msg|srv)", text)) == files
+
+
+def test_every_interface_package_that_is_imported_is_declared():
+    optional = {"rosbag2_interfaces", "simulation_interfaces"}
+    declared = {
+        element.text
+        for element in ElementTree.parse(ROOT / "package.xml").getroot()
+        if element.tag in ("depend", "exec_depend")
+    }
+    imported = {
+        name
+        for path in (ROOT / "rpud_sim").rglob("*.py")
+        for name in re.findall(r"^\s*from (\w+)\.(?:msg|srv|action) import", path.read_text(), re.M)
+    }
+    assert imported - optional - declared == set()
 
 
 @pytest.mark.parametrize("pattern", ["launch/*.launch.py", "config/*", "urdf/*", "package.xml"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable
 from math import isfinite
 
@@ -12,11 +13,26 @@ MAX_LOSS = 1.0
 """Seconds of messages that a crash of the recorder may cost, where `--max-loss` names none."""
 CLOCK_RATE = 40.0
 """Rate of `/clock` where `--clock` names none [Hz]."""
+FASTEST_RATE = 1e6
+"""The greatest rate of a replay [times real time]; publishing is slower than that."""
+DISCOVERY_TIME = 3.5
+"""How long a replay waits for subscribers unasked [s]; Fast DDS announces itself every 3 s."""
+
+_NAME = r"(/[A-Za-z_][A-Za-z0-9_]*)+"
+_REMAPPING = re.compile(f"{_NAME}:={_NAME}")
 
 
-def number(unit: str, *, above: float | None = None, least: float | None = None) -> Callable:
-    """Make an argparse type for a finite number in `unit` that is `> above` or `>= least`."""
+def number(
+    unit: str,
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+) -> Callable:
+    """Make an argparse type for a finite number in `unit`: `> above` or `>= least`, `<= most`."""
     allowed = f"greater than {above:g}" if above is not None else f"at least {least or 0:g}"
+    if most is not None:
+        allowed += f" and at most {most:g}"
 
     def convert(text: str) -> float:
         try:
@@ -24,7 +40,7 @@ def number(unit: str, *, above: float | None = None, least: float | None = None)
         except ValueError:
             value = float("nan")
         fits = value > above if above is not None else value >= (least or 0)
-        if not (isfinite(value) and fits):
+        if not (isfinite(value) and fits and (most is None or value <= most)):
             raise argparse.ArgumentTypeError(
                 f"{text!r} {unit}; it must be a finite number {allowed}"
             )
@@ -75,12 +91,21 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def remapping(text: str) -> str:
+    """Check a rule `OLD:=NEW` of two absolute topic names; an argparse type."""
+    if not _REMAPPING.fullmatch(text):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not of the form OLD:=NEW with two absolute topic names"
+        )
+    return text
+
+
 def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `rpud replay` and of the executable `replayer`."""
     parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
     parser.add_argument(
         "--rate",
-        type=number("(times real time)", above=0),
+        type=number("(times real time)", above=0, most=FASTEST_RATE),
         default=1.0,
         metavar="R",
         help="how many times as fast as it was recorded (default: 1)",
@@ -92,6 +117,12 @@ def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="skip that many seconds of the bag (default: 0)",
     )
+    parser.add_argument(
+        "--duration",
+        type=number("s", above=0),
+        metavar="S",
+        help="end after that many seconds of the bag (default: at its end)",
+    )
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
     parser.add_argument(
         "--clock",
@@ -99,13 +130,35 @@ def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
         type=number("Hz", above=0),
         const=CLOCK_RATE,
         metavar="HZ",
-        help=f"publish the bag's time on /clock that often (default: {CLOCK_RATE:g} Hz)",
+        help="publish the bag's time on /clock that often by the real time, also when it stands "
+        f"still (default: {CLOCK_RATE:g} Hz)",
     )
     parser.add_argument(
         "--topics", nargs="+", metavar="TOPIC", help="replay only these topics (absolute names)"
     )
     parser.add_argument(
+        "--exclude", nargs="+", default=[], metavar="TOPIC", help="leave these topics out"
+    )
+    parser.add_argument(
+        "--remap",
+        nargs="+",
+        type=remapping,
+        default=[],
+        metavar="OLD:=NEW",
+        help="publish a topic under another name (both absolute)",
+    )
+    parser.add_argument(
+        "--start-paused", action="store_true", help="wait at the beginning to be resumed"
+    )
+    parser.add_argument(
         "--wait-for-subscribers",
         action="store_true",
-        help="begin only when every replayed topic has a subscriber, however long that takes",
+        help="begin only when every replayed topic has a subscriber, however long that takes; "
+        f"otherwise this is waited for at most {DISCOVERY_TIME:g} s",
+    )
+    parser.add_argument(
+        "--disable-keyboard-controls",
+        action="store_true",
+        help="read no keys; otherwise, in a terminal: space pauses and resumes, right or n gives "
+        "the next message, up and down change the rate by 0.1",
     )

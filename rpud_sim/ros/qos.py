@@ -12,8 +12,8 @@ from rpud_sim.bag.qos import QosProfile as RecordedProfile
 RECORDING_DEPTH = 10_000
 """Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic."""
 
-REPLAY_DEPTH = 1_000
-"""Messages of a replayed topic that may wait for acknowledgement."""
+REPLAY_DEPTH = 5_000
+"""Messages of a replayed topic that may wait for acknowledgement; Fast DDS keeps no more."""
 
 LATCHED_DEPTH = 10
 """Messages that a replayed latched topic keeps; discovery does not tell how many it was."""

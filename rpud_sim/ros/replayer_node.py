@@ -4,30 +4,48 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
+from math import inf
 
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from rpud_sim.bag import Message, TopicSummary
-from rpud_sim.ros.qos import replay_offer
+from rpud_sim.bag import Message, Topic, TopicSummary
+from rpud_sim.ros.qos import REPLAY_DEPTH, replay_offer
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 CLOCK = "/clock"
+_LONGEST_WAIT = 5_000_000_000  # for listeners of a replay in a hurry [ns]
 
 
 class Replayer(Node):
-    """Publishes messages of a bag. It spins in no executor.
+    """Publishes messages of a bag.
 
-    Publishers: `topics`, with their types and the QoS they were offered with; /clock where
-    `with_clock`. Topics whose type is not installed are left out, with a warning.
+    Publishers: `topics`, with their types and the QoS they were offered with, under other names by
+    `remappings` as `OLD:=NEW`; /clock where `with_clock`. Topics whose type is not installed, or
+    not that of the topic with which they would share a name, are left out, with a warning.
+    Services: those of `ReplayServices`, from when it is given a playback to control.
     """
 
-    def __init__(self, topics: Iterable[TopicSummary], *, with_clock: bool) -> None:
-        super().__init__("replayer", start_parameter_services=False)
+    def __init__(
+        self,
+        topics: Iterable[TopicSummary],
+        *,
+        with_clock: bool,
+        remappings: Iterable[str] = (),
+    ) -> None:
+        rules = [word for rule in remappings for word in ("--remap", rule)]
+        super().__init__(
+            "replayer",
+            cli_args=["--ros-args", *rules] if rules else None,
+            start_parameter_services=False,
+        )
         self._replayed: dict[str, Publisher] = {}
+        self._types: dict[str, str] = {}  # by the names that they are published with
+        self._hurried: dict[str, int] = {}  # messages that nobody may have confirmed
+        self._room: dict[str, float] = {}  # how many of them there may be
         self._clock_message = Clock()
         self._clock_publisher: Publisher | None = None
         if with_clock:
@@ -42,12 +60,30 @@ class Replayer(Node):
                 if summary.topic.serialization_format != "cdr":
                     raise UnknownTypeError(f"it is in {summary.topic.serialization_format!r}")
                 message = message_class(summary.topic.type)
+                self._check_name(summary.topic)
             except UnknownTypeError as error:
                 self.get_logger().warning(f"not replayed: {summary.topic.name}: {error}")
                 continue
-            self._replayed[summary.topic.name] = self.create_publisher(
-                message, summary.topic.name, replay_offer(summary.topic.offered_qos)
+            offer = replay_offer(summary.topic.offered_qos)
+            name = summary.topic.name
+            self._replayed[name] = self.create_publisher(message, name, offer)
+            self._hurried[name] = 0
+            # Of a latched topic only the last ones are meant to be kept.
+            latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
+            self._room[name] = inf if latched else min(offer.depth, REPLAY_DEPTH) // 2
+
+    def _await_listeners(self, name: str) -> None:
+        if not self._replayed[name].wait_for_all_acked(Duration(nanoseconds=_LONGEST_WAIT)):
+            self._room[name] = inf
+            self.get_logger().warning(
+                f"a subscriber of {name} does not keep up; it is not waited for any more"
             )
+
+    def _check_name(self, topic: Topic) -> None:
+        name = self.resolve_topic_name(topic.name)
+        other = self._types.setdefault(name, topic.type)
+        if other != topic.type:
+            raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")
 
     @property
     def topic_names(self) -> list[str]:
@@ -63,9 +99,20 @@ class Replayer(Node):
             if not publisher.get_subscription_count()
         ]
 
-    def publish(self, message: Message) -> None:
-        """Publish a message as it was serialized."""
+    def publish(self, message: Message, *, hurried: bool = False) -> None:
+        """Publish a message as it was serialized.
+
+        Where messages are `hurried`, reliable listeners are given the time to have them all before
+        the oldest would be overwritten.
+        """
         self._replayed[message.topic].publish(message.data)
+        if not hurried:
+            self._hurried[message.topic] = 0
+            return
+        self._hurried[message.topic] += 1
+        if self._hurried[message.topic] >= self._room[message.topic]:
+            self._hurried[message.topic] = 0
+            self._await_listeners(message.topic)
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns] on /clock."""

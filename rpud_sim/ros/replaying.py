@@ -1,47 +1,50 @@
-"""When each message of a replay is due. No ROS; times of the bag are integer nanoseconds."""
+"""Where in the bag a replay is, and when what is there is due. No ROS, no clock of its own."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-
-from rpud_sim.bag import Message
-from rpud_sim.ros.stopping import StopRequest
-
-_LONGEST_SLEEP = 3600.0  # s; the system call refuses more than some decades
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
 class Timeline:
-    """Lays the bag's time on the monotonic clock: `bag_time` [ns] is due at `began` [s]."""
+    """Lays the time of a bag on a monotonic clock; all times are integer nanoseconds.
 
-    bag_time: int
-    began: float
-    rate: float
-
-    def delay(self, bag_time: int) -> float:
-        """Give the time from now until `bag_time` [ns] is due [s]; negative where it is late."""
-        return (bag_time - self.bag_time) / (self.rate * 1e9) - (time.monotonic() - self.began)
-
-    def sleep_until(self, bag_time: int, stop: StopRequest) -> bool:
-        """Sleep until `bag_time` [ns] is due; tell whether a stop was requested before."""
-        while (delay := self.delay(bag_time)) > 0 and not stop.requested:
-            stop.wait(min(delay, _LONGEST_SLEEP))
-        return stop.requested
-
-
-def with_ticks(
-    messages: Iterable[Message], start: int, period: float | None
-) -> Iterator[tuple[int, Message | None]]:
-    """Yield messages with their log times and, as None, a tick each `period` [ns] from `start` on.
-
-    A `period` of None gives no ticks. The last tick is not after the last message.
+    It stands at `position` of the bag until the clock says `since`, and from then on moves `rate`
+    times as fast as the clock, unless it is paused. Every change but a seek keeps the position.
     """
-    count = 0
-    for message in messages:
-        if period is not None:
-            while (tick := start + round(count * period)) <= message.log_time:
-                yield tick, None
-                count += 1
-        yield message.log_time, message
+
+    position: int
+    since: int
+    rate: float = 1.0
+    paused: bool = False
+
+    def position_at(self, now: int) -> int:
+        """Give the bag's time at the clock's time `now`."""
+        if self.paused:
+            return self.position
+        return self.position + round(max(0, now - self.since) * self.rate)
+
+    def due(self, position: int) -> float:
+        """Give the clock's time at which the bag's time is `position` [ns]; infinite if paused."""
+        if self.paused:
+            return float("inf")
+        return self.since + (position - self.position) / self.rate
+
+    def seek(self, now: int, position: int) -> Timeline:
+        """Go to `position`, at the clock's time `now`."""
+        return replace(self, position=position, since=now)
+
+    def pause(self, now: int) -> Timeline:
+        """Stand still from `now` on."""
+        return replace(self._held(now), paused=True)
+
+    def resume(self, now: int) -> Timeline:
+        """Go on from `now` on."""
+        return replace(self._held(now), paused=False)
+
+    def with_rate(self, now: int, rate: float) -> Timeline:
+        """Move `rate` times as fast as the clock from `now` on."""
+        return replace(self._held(now), rate=rate)
+
+    def _held(self, now: int) -> Timeline:
+        return self.seek(max(now, self.since), self.position_at(now))

@@ -62,6 +62,27 @@ def test_the_start_is_not_before_the_bag(replay, capsys, value):
     assert f"--start: {value!r} s; it must be a finite number at least 0" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--rate", "1e7"], "it must be a finite number greater than 0 and at most 1e+06"),
+        (["--duration", "0"], "--duration: '0' s; it must be a finite number greater than 0"),
+        (["--remap", "talk:=/b"], "'talk:=/b' is not of the form OLD:=NEW with two absolute topic"),
+        (["--remap", "/a:=/b", "/c"], "'/c' is not of the form OLD:=NEW"),
+    ],
+)
+def test_a_replay_refuses_what_cannot_be(replay, capsys, words, complaint):
+    with pytest.raises(SystemExit) as ended:
+        replay.parse_args(["bag", *words])
+    assert ended.value.code == 2
+    assert complaint in capsys.readouterr().err
+
+
+def test_a_replay_takes_rules_for_names(replay):
+    arguments = replay.parse_args(["bag", "--remap", "/a:=/b", "/a_1/b:=/c/d"])
+    assert arguments.remap == ["/a:=/b", "/a_1/b:=/c/d"]
+
+
 @pytest.mark.parametrize("value", ["0", "nan", "inf"])
 def test_the_duration_is_positive(record, capsys, value):
     with pytest.raises(SystemExit) as ended:

@@ -1,64 +1,74 @@
-"""Messages and ticks are due at their times, without drift."""
+"""The position in a bag follows a clock, and whatever changes leaves it where it is."""
 
-import itertools
-import time
+from math import inf
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.bag import Message
-from rpud_sim.ros.replaying import Timeline, with_ticks
-from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.ros.replaying import Timeline
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
+NOW = 5_000 * SECOND
+
+rates = st.floats(1e-3, 1e3)
+waits = st.integers(0, 1000 * SECOND)
+changes = st.one_of(
+    st.just(lambda timeline, now: timeline.pause(now)),
+    st.just(lambda timeline, now: timeline.resume(now)),
+    rates.map(lambda rate: lambda timeline, now: timeline.with_rate(now, rate)),
+)
 
 
-def messages(*offsets):
-    return [Message("/a", START + offset, START, b"") for offset in offsets]
+def test_it_moves_as_many_times_as_fast_as_the_clock():
+    timeline = Timeline(START, NOW, 4.0)
+    assert timeline.position_at(NOW) == START
+    assert timeline.position_at(NOW + SECOND) == START + 4 * SECOND
+    assert timeline.due(START + 4 * SECOND) == NOW + SECOND
 
 
-def test_without_ticks_there_are_only_messages():
-    events = list(with_ticks(messages(0, 5), START, None))
-    assert [(time, message.topic) for time, message in events] == [(START, "/a"), (START + 5, "/a")]
+def test_it_stands_until_it_begins():
+    assert Timeline(START, NOW).position_at(NOW - SECOND) == START
 
 
-def test_ticks_come_steadily_from_the_start_to_the_last_message():
-    events = list(with_ticks(messages(10, 35), START, 10.0))
-    assert [(at - START, message is None) for at, message in events] == [
-        (0, True),
-        (10, True),
-        (10, False),
-        (20, True),
-        (30, True),
-        (35, False),
-    ]
+def test_it_stands_while_it_is_paused_and_nothing_is_due():
+    timeline = Timeline(START, NOW, 2.0).pause(NOW + SECOND)
+    assert timeline.position_at(NOW + 100 * SECOND) == START + 2 * SECOND
+    assert timeline.due(START + 2 * SECOND) == inf
+    timeline = timeline.resume(NOW + 100 * SECOND)
+    assert timeline.position_at(NOW + 101 * SECOND) == START + 4 * SECOND
 
 
-@given(st.lists(st.integers(0, 10_000), max_size=30), st.floats(1.0, 1e6))
-def test_events_are_in_order_and_no_message_is_missing(offsets, period):
-    sent = messages(*sorted(offsets))
-    events = list(with_ticks(sent, START, period))
-    assert [message for _, message in events if message] == sent
-    assert all(before[0] <= after[0] for before, after in itertools.pairwise(events))
+def test_a_seek_moves_it_and_nothing_else():
+    timeline = Timeline(START, NOW, 2.0, paused=True).seek(NOW + 7, START + SECOND)
+    assert timeline == Timeline(START + SECOND, NOW + 7, 2.0, paused=True)
 
 
-@pytest.mark.parametrize("rate", [0.5, 1.0, 20.0])
-def test_times_are_due_by_the_monotonic_clock_and_the_rate(rate):
-    timeline = Timeline(START, time.monotonic(), rate)
-    assert timeline.delay(START + SECOND) == pytest.approx(1 / rate, abs=0.1)
-    assert timeline.delay(START) <= 0.0
+@given(st.lists(st.tuples(waits, changes)), rates)
+def test_no_change_but_a_seek_moves_it(steps, rate):
+    timeline, now = Timeline(START, NOW + 10, rate), NOW
+    for wait, change in steps:
+        now += wait
+        before = timeline.position_at(now)
+        timeline = change(timeline, now)
+        assert timeline.position_at(now) == before
 
 
-def test_sleeping_ends_when_it_is_due():
-    with StopRequest() as stop:
-        timeline = Timeline(START, time.monotonic(), 2.0)
-        assert not timeline.sleep_until(START + SECOND // 10, stop)
-        assert timeline.delay(START + SECOND // 10) <= 0.0
+@given(st.lists(st.tuples(waits, changes)), rates)
+def test_it_never_goes_back(steps, rate):
+    timeline, now, last = Timeline(START, NOW, rate), NOW, START
+    for wait, change in steps:
+        timeline = change(timeline, now)
+        now += wait
+        assert timeline.position_at(now) >= last
+        last = timeline.position_at(now)
 
 
-def test_a_stop_ends_any_sleep():
-    with StopRequest() as stop:
-        stop.request()
-        assert Timeline(START, time.monotonic(), 1e-300).sleep_until(START + SECOND, stop)
+@given(st.integers(0, 1000 * SECOND), rates)
+def test_what_is_due_is_reached_when_it_is_due(offset, rate):
+    timeline = Timeline(START, NOW, rate)
+    due = timeline.due(START + offset)
+    assert due >= NOW
+    # A float of the clock's nanoseconds is good to some hundreds of them in years of uptime.
+    assert timeline.position_at(round(due)) == pytest.approx(START + offset, abs=max(2.0, 2 * rate))

@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from trajectories import evaluate
 
-from rpud_sim.simulation import ParameterError, Parameters, preset
+from rpud_sim.simulation import EVENT_ACTUATOR_IMPACT, ParameterError, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
@@ -139,6 +139,7 @@ def test_segments_follow_each_other_without_a_gap_or_a_jump(parameters, given_co
 
 @settings(max_examples=60)
 @given(regimes, moments, commands)
+@example(preset("free"), 0, Drive(True, 50.0, 27558.0))
 def test_nodal_plane_and_phase_are_continuous_at_a_command(parameters, time, command):
     simulation = Simulation(parameters)
     before = simulation.advance_to(time)
@@ -149,7 +150,9 @@ def test_nodal_plane_and_phase_are_continuous_at_a_command(parameters, time, com
     assert new["actuator_position"] == pytest.approx(old["actuator_position"], abs=1e-13)
     cycles = phase(after.open_segment, time) - phase(before.open_segment, time)
     assert cycles == pytest.approx(round(cycles), abs=1e-9)
-    if not before.open_segment["contact"][0] & 1:
+    # Where the tip touches the free mass, a vibration that is faster at once strikes it at once.
+    struck = after.open_segment["event"][0] & EVENT_ACTUATOR_IMPACT
+    if not (struck or before.open_segment["contact"][0] & 1):
         assert new["nodal_plane_velocity"] == pytest.approx(old["nodal_plane_velocity"], abs=1e-13)
 
 

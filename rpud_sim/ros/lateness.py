@@ -1,0 +1,49 @@
+"""How late things were, in bounded memory."""
+
+from __future__ import annotations
+
+from collections import Counter
+from math import ceil, log2
+
+_STEPS_PER_OCTAVE = 16  # bounds are 4.4 % apart
+
+
+class Lateness:
+    """A histogram of delays; what is on time or early counts as zero."""
+
+    def __init__(self) -> None:
+        self._counts: Counter[int] = Counter()
+        self._greatest = 0.0
+
+    @property
+    def count(self) -> int:
+        """The number of delays."""
+        return self._counts.total()
+
+    def add(self, nanoseconds: float) -> None:
+        """Add a delay [ns]."""
+        # Below a microsecond nothing is told apart.
+        step = ceil(log2(max(nanoseconds, 1e3) / 1e3) * _STEPS_PER_OCTAVE)
+        self._counts[step] += 1
+        self._greatest = max(self._greatest, nanoseconds)
+
+    def quantile(self, share: float) -> float:
+        """Give a delay [s] that `share` of all do not exceed, at most 4.4 % or 1 us too large."""
+        wanted = share * self.count
+        for step in sorted(self._counts):
+            wanted -= self._counts[step]
+            if wanted <= 0:
+                return min(1e3 * 2 ** (step / _STEPS_PER_OCTAVE), self._greatest) / 1e9
+        return self.greatest
+
+    @property
+    def greatest(self) -> float:
+        """The greatest delay [s]; 0 where there is none."""
+        return self._greatest / 1e9
+
+    def __str__(self) -> str:
+        """Say it in milliseconds."""
+        return (
+            f"late {1e3 * self.quantile(0.5):.3g} ms (median), "
+            f"{1e3 * self.quantile(0.99):.3g} ms (99 %), {1e3 * self.greatest:.3g} ms (most)"
+        )

@@ -1,0 +1,342 @@
+"""A replay is controlled by services and by keys, in a process of its own, and heard over DDS."""
+
+import fcntl
+import itertools
+import os
+import pty
+import select
+import signal
+import struct
+import termios
+import time
+
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from drill_client import Client, nanoseconds
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+from sample_bags import SECOND, START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
+from std_msgs.msg import String
+
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.bag import QosProfile as RecordedProfile
+from rpud_sim.ros.replay_services import service_types
+
+TYPES = service_types()
+REPLAYED = "/rpud/talk"
+STEP = SECOND // 20  # between two messages
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """A bag of 40 numbered messages, 50 ms apart, and one on another topic."""
+    with BagWriter(tmp_path / "bag") as writer:
+        for name in (REPLAYED, "/rpud/chat"):
+            writer.add_topic(
+                Topic(name, STRING, STRING_HASH, (RecordedProfile(),)), STRING_DEFINITION
+            )
+        writer.write("/rpud/chat", serialized_string("hello"), START, START)
+        for number in range(40):
+            due = START + number * STEP
+            writer.write(REPLAYED, serialized_string(str(number)), due, due)
+    return tmp_path / "bag"
+
+
+class Audience(Client):
+    """Hears numbers and /clock, and calls the services of a replay."""
+
+    def __init__(self):
+        super().__init__()
+        self.numbers = []
+        self.clocks = []
+        self.hear(REPLAYED, lambda message: self.numbers.append(int(message.data)))
+        self.node.create_subscription(
+            Clock,
+            "/clock",
+            lambda message: self.clocks.append(nanoseconds(message.clock) - START),
+            QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT),
+        )
+
+    def hear(self, topic, callback):
+        self.node.create_subscription(String, topic, callback, QoSProfile(depth=1000))
+
+    def ask(self, service, **fields):
+        kind = TYPES[service]
+        return self.call(kind, f"/replayer/{service}", kind.Request(**fields))
+
+
+@pytest.fixture
+def audience():
+    audience = Audience()
+    yield audience
+    audience.close()
+
+
+@pytest.fixture
+def replay(process, bag):
+    return lambda *words: process("replayer", bag, "--topics", REPLAYED, *words)
+
+
+def at(position):
+    """Give a time of the bag as a message [ns from its beginning]."""
+    seconds, rest = divmod(START + position, SECOND)
+    return Time(sec=seconds, nanosec=rest)
+
+
+def test_a_paused_replay_is_stepped_moved_and_resumed(replay, audience):
+    process = replay("--start-paused", "--clock", "100")
+    assert audience.ask("is_paused").paused
+    audience.until(lambda: len(audience.clocks) > 5)
+    assert set(audience.clocks) == {0}
+    for number in range(3):
+        assert audience.ask("play_next").success
+        audience.until(lambda number=number: audience.numbers == list(range(number + 1)))
+    audience.until(lambda: audience.clocks[-3:] == [2 * STEP] * 3)
+    assert audience.ask("burst", num_messages=5).actually_burst == 5
+    audience.until(lambda: audience.numbers == list(range(8)))
+    assert audience.ask("seek", time=at(30 * STEP)).success
+    audience.until(lambda: audience.clocks[-3:] == [30 * STEP] * 3)
+    before = len(audience.clocks)
+    audience.ask("resume")
+    assert process.wait() == 0
+    process.wait_for_line(r"replayed 18 messages in .* late .* ms \(median\)")
+    audience.until(lambda: audience.numbers == [*range(8), *range(30, 40)])
+    audience.until(lambda: audience.clocks[-1] > 39 * STEP - SECOND // 50)
+    after = audience.clocks[before:]
+    assert after == sorted(after)
+    assert len(set(after)) > 10
+
+
+def test_a_playing_replay_is_paused_sped_up_moved_back_and_stopped(replay, audience):
+    process = replay("--loop", "--clock", "50")
+    audience.until(lambda: len(audience.numbers) >= 3)
+    audience.ask("pause")
+    assert audience.ask("is_paused").paused
+    audience.until(lambda: len(audience.clocks) > 5 and len(set(audience.clocks[-4:])) == 1)
+    assert audience.numbers == list(range(len(audience.numbers)))
+    last = audience.numbers[-1]
+    assert 0 <= audience.clocks[-1] - last * STEP < STEP + SECOND // 50
+    assert audience.ask("set_rate", rate=10.0).success
+    assert audience.ask("get_rate").rate == 10.0
+    audience.ask("toggle_paused")
+    assert not audience.ask("is_paused").paused
+    audience.until(lambda: len(audience.numbers) > 80)
+    # What follows a loop's last message is its first; nothing is left out.
+    pairs = set(itertools.pairwise(audience.numbers))
+    assert pairs <= {(number, (number + 1) % 40) for number in range(40)}
+    steps = [after - before for before, after in itertools.pairwise(audience.clocks)]
+    assert SECOND // 5 in steps
+    assert min(steps) < 0
+    audience.ask("stop")
+    assert process.wait() == 0
+
+
+def test_what_cannot_be_done_is_refused_and_changes_nothing(replay, audience):
+    process = replay("--loop")
+    audience.until(lambda: audience.numbers)
+    refused = {
+        "play_next": ({}, "the replay is not paused"),
+        "burst": ({"num_messages": 3}, "the replay is not paused"),
+        "set_rate": ({"rate": float("nan")}, r"rate = nan is outside its range"),
+        "seek": ({"time": at(100 * SECOND)}, "time = .* s is after the last"),
+    }
+    for service, (fields, reason) in refused.items():
+        response = audience.ask(service, **fields)
+        assert not getattr(response, "success", False)
+        process.wait_for_line(f"{service} is refused: {reason}")
+    assert audience.ask("get_rate").rate == 1.0
+    assert not audience.ask("is_paused").paused
+    process.interrupt()
+    assert process.wait() == 0
+
+
+def test_topics_are_renamed_and_left_out(process, bag, audience):
+    heard = []
+    audience.hear("/robot/talk", lambda message: heard.append(int(message.data)))
+    process = process(
+        *("replayer", bag, "--rate", "10", "--start", "0.5", "--duration", "1"),
+        *("--exclude", "/rpud/chat", "--remap", f"{REPLAYED}:=/robot/talk"),
+    )
+    assert process.wait() == 0
+    process.wait_for_line("replayed 21 messages")
+    audience.until(lambda: heard == list(range(10, 31)))
+    assert audience.numbers == []
+
+
+def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
+    talk = Topic("/long", STRING, STRING_HASH, (RecordedProfile(),))
+    count = 12_000
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic(talk, STRING_DEFINITION)
+        for number in range(count):
+            writer.write("/long", serialized_string(str(number)), START + number * SECOND, START)
+    # It keeps what comes, until there is no more room, and takes it more slowly than it is sent.
+    node = rclpy.create_node("slow", context=audience.node.context)
+    subscription = node.create_subscription(
+        String, "/long", lambda message: None, QoSProfile(depth=100_000), raw=True
+    )
+    process = process("replayer", tmp_path / "bag", "--rate", "1e6")
+    heard = []
+
+    def take():
+        for _ in range(100):
+            if taken := subscription.handle.take_message(String, True):
+                heard.append(taken[0])
+        time.sleep(0.01)
+        return len(heard) == count
+
+    deadline = time.monotonic() + 30.0
+    while not take():
+        assert time.monotonic() < deadline
+    node.destroy_node()
+    numbers = [int(deserialize_message(data, String).data) for data in heard]
+    assert numbers == list(range(count))
+    assert process.wait() == 0
+
+
+def test_two_types_do_not_share_a_name(process, audience, tmp_path):
+    clock = Topic("/clock", "rosgraph_msgs/msg/Clock", "", (RecordedProfile(),))
+    talk = Topic("/talk", STRING, STRING_HASH, (RecordedProfile(),))
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic(clock, "")
+        writer.add_topic(talk, STRING_DEFINITION)
+        writer.write("/clock", bytes(12), START, START)
+        writer.write("/talk", serialized_string("0"), START, START)
+    process = process("replayer", tmp_path / "bag", "--remap", "/talk:=/clock", "--rate", "100")
+    assert process.wait() == 0
+    process.wait_for_line(
+        "not replayed: /talk: it is a std_msgs/msg/String, and /clock is a rosgraph_msgs/msg/Clock"
+    )
+    process.wait_for_line("replayed 1 messages")
+    audience.until(lambda: audience.clocks)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--remap", "/rpud/none:=/b"], "--remap names /rpud/none; .* has /rpud/chat, /rpud/talk"),
+        (["--exclude", "/rpud/none"], "--exclude names /rpud/none"),
+    ],
+)
+def test_wrong_calls_are_refused(process, bag, words, complaint):
+    process = process("replayer", bag, *words)
+    assert process.wait() == 2
+    process.wait_for_line(complaint)
+
+
+def test_a_damaged_bag_ends_the_replay_with_an_error(process, audience, tmp_path):
+    audience.hear("/talk", lambda message: None)
+    with BagWriter(tmp_path / "bag", compression="none", chunk_size=1 << 16) as writer:
+        writer.add_topic(Topic("/talk", STRING, STRING_HASH, ()), STRING_DEFINITION)
+        for number in range(2000):
+            writer.write("/talk", serialized_string("x" * 100), START + number, START)
+    file = tmp_path / "bag" / "bag_0.mcap"
+    data = bytearray(file.read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 1000] = bytes(1000)
+    file.write_bytes(data)
+    process = process("replayer", tmp_path / "bag")
+    assert process.wait() == 1
+    assert str(file) in process.output.splitlines()[-1]
+
+
+class Terminal:
+    """A replayer whose terminal this is."""
+
+    def __init__(self, *command):
+        self.pid, self.terminal = pty.fork()
+        if self.pid == 0:
+            fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("4H", 24, 100, 0, 0))
+            os.execvp(command[0], list(map(str, command)))
+        self.shown = ""
+        self.code = None
+        self.before = termios.tcgetattr(self.terminal)
+
+    def press(self, keys):
+        os.write(self.terminal, keys)
+
+    def look(self):
+        """Take what it shows; tell whether it still runs."""
+        while select.select([self.terminal], [], [], 0.01)[0]:
+            try:
+                data = os.read(self.terminal, 4096)
+            except OSError:  # of a terminal that nobody has
+                break
+            self.shown += data.decode(errors="replace")
+        if self.code is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            self.code = os.waitstatus_to_exitcode(status) if pid else None
+        return self.code is None
+
+    def mode(self):
+        return termios.tcgetattr(self.terminal)[3] & (termios.ICANON | termios.ECHO)
+
+    def close(self):
+        if self.look():
+            os.kill(self.pid, signal.SIGKILL)
+            os.waitpid(self.pid, 0)
+        os.close(self.terminal)
+
+
+@pytest.fixture
+def terminal(bag):
+    opened = []
+
+    def start(*words):
+        opened.append(Terminal("replayer", bag, "--topics", REPLAYED, *words))
+        return opened[-1]
+
+    yield start
+    for terminal in opened:
+        terminal.close()
+
+
+def test_keys_pause_step_and_change_the_rate(terminal, audience):
+    replayer = terminal("--start-paused", "--loop")
+    seen = lambda text: lambda: replayer.look() and text in replayer.shown  # noqa: E731
+    usual = replayer.mode()
+    audience.until(seen("paused, 0 messages"))
+    assert replayer.mode() == 0
+    replayer.press(b"\x1b[Cn")
+    audience.until(lambda: audience.numbers == [0, 1])
+    replayer.press(b"\x1b[A\x1b[A\x1b[B")
+    audience.until(lambda: audience.ask("get_rate").rate == 1.1)
+    replayer.press(b" ")
+    audience.until(lambda: len(audience.numbers) > 5)
+    audience.until(seen("x1.1, "))
+    assert "/1.9 s, x1.1, " in replayer.shown
+    replayer.press(b"n")
+    audience.until(seen("the replay is not paused"))
+    replayer.press(b" ")
+    audience.until(lambda: audience.ask("is_paused").paused)
+    replayer.press(b"\x03")
+    audience.until(lambda: not replayer.look())
+    assert replayer.code == 0
+    assert replayer.mode() == usual
+
+
+def test_the_terminal_is_as_it_was_after_a_signal(terminal, audience):
+    replayer = terminal("--start-paused")
+    usual = replayer.mode()
+    audience.until(lambda: replayer.look() and "paused, 0 messages" in replayer.shown)
+    assert replayer.mode() == 0
+    # A shell sets its own mode while a program is stopped.
+    termios.tcsetattr(replayer.terminal, termios.TCSANOW, replayer.before)
+    os.kill(replayer.pid, signal.SIGCONT)
+    audience.until(lambda: replayer.look() and replayer.mode() == 0)
+    os.kill(replayer.pid, signal.SIGTERM)
+    audience.until(lambda: not replayer.look())
+    assert replayer.code == 0
+    assert replayer.mode() == usual
+
+
+def test_keys_can_be_left_alone(terminal, audience):
+    replayer = terminal("--start-paused", "--disable-keyboard-controls")
+    usual = replayer.mode()
+    audience.until(lambda: replayer.look() and "paused, 0 messages" in replayer.shown)
+    assert replayer.mode() == usual != 0
+    audience.ask("stop")
+    audience.until(lambda: not replayer.look())
+    assert replayer.code == 0
