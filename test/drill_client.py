@@ -16,6 +16,7 @@ from rpud_msgs.msg import (
     Drive,
     Fault,
     Faults,
+    JournalEntry,
     NodalPlane,
     ReactingForce,
     Result,
@@ -41,6 +42,7 @@ TYPES = {
     "trajectory": Trajectory,
     "status": Status,
     "faults": Faults,
+    "journal": JournalEntry,
     "/diagnostics": DiagnosticArray,
     "/clock": Clock,
 }
@@ -80,7 +82,7 @@ class Client:
     def listen(self, topic, qos=PLENTY):
         """Give the list that the messages of a topic are added to."""
         heard = []
-        qos = LATCHED if topic in ("status", "faults") else qos
+        qos = LATCHED if topic in ("status", "faults", "journal") else qos
         self.node.create_subscription(TYPES[topic], topic, heard.append, qos)
         return heard
 

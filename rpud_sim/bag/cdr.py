@@ -64,6 +64,15 @@ class Codec:
         with self._clear_errors("message"):
             return self._store.deserialize_cdr(data, self._type)
 
+    def without_padding(self, data: bytes) -> bytes:
+        """Give the same message as `encode` would: with zeros in what lies between fields.
+
+        Raises BagFormatError where the data is not of this type.
+        """
+        message = self.decode(data)
+        with self._clear_errors("message"):
+            return bytes(self._store.serialize_cdr(message, self._type))
+
     @contextmanager
     def _clear_errors(self, what: str) -> Iterator[None]:
         try:

@@ -9,7 +9,18 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-COMMANDS = ("run", "record", "replay", "simulate", "info", "recover", "sweep", "reproduce")
+COMMANDS = (
+    "run",
+    "record",
+    "replay",
+    "simulate",
+    "info",
+    "recover",
+    "verify",
+    "rebuild",
+    "sweep",
+    "reproduce",
+)
 
 
 class Parser(argparse.ArgumentParser):

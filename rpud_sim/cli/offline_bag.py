@@ -14,30 +14,32 @@ from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.block import boundaries_until, boundary
-from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.configuration import Configuration, to_values
+from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.telemetry import TELEMETRY_RATE, Entry, Telemetry
+from rpud_sim.simulation.telemetry import (
+    BLOCK_DURATION,
+    SAMPLE_RATE,
+    TELEMETRY_RATE,
+    TYPES,
+    Entry,
+    Telemetry,
+)
 
 NAMESPACE = "/rpud"
 
-TYPES = {
-    "contact_force": "rpud_msgs/msg/ContactForce",
-    "drill_tool": "rpud_msgs/msg/DrillTool",
-    "faults": "rpud_msgs/msg/Faults",
-    "joint_states": "sensor_msgs/msg/JointState",
-    "nodal_plane": "rpud_msgs/msg/NodalPlane",
-    "reacting_force": "rpud_msgs/msg/ReactingForce",
-    "status": "rpud_msgs/msg/Status",
-    "trajectory": "rpud_msgs/msg/Trajectory",
-    "waveform": "rpud_msgs/msg/Waveform",
-    "wrench": "geometry_msgs/msg/WrenchStamped",
-}
 # As discovery tells them of the node's publishers.
 _OFFER = QosProfile()
 _LATCHED_OFFER = QosProfile(durability="transient_local")
-_LATCHED = ("status", "faults")
+_LATCHED = ("status", "faults", "journal")
+
+_RATES = {
+    "telemetry_rate": TELEMETRY_RATE,
+    "sample_rate": SAMPLE_RATE,
+    "block_duration": BLOCK_DURATION,
+}
 
 # The bag's clock is the simulation's: nothing is late, and there is nobody to command.
 _ACCOUNT = {
@@ -76,7 +78,12 @@ def write_offline_bag(
         EngineError: if the simulation cannot go on.
         FaultError: if a fault of the scenario cannot be honoured.
     """
-    simulation = Simulation(configuration, phase, scenario)
+    if isinstance(configuration, Parameters):
+        configuration = Configuration(configuration)
+    journal = Journal()
+    journal.begin({**to_values(configuration), **_RATES}, phase, seed, scenario)
+    journal.note(0, "origin", origin=0)
+    simulation = Simulation(configuration, phase, scenario, journal)
     telemetry = Telemetry()
     telemetry.reseed(seed)
     definitions = {name: find_definition(type_name) for name, type_name in TYPES.items()}
@@ -86,19 +93,22 @@ def write_offline_bag(
             offer = _LATCHED_OFFER if name in _LATCHED else _OFFER
             topic = Topic(f"{NAMESPACE}/{name}", type_name, find_type_hash(type_name), (offer,))
             bag.add_topic(topic, definitions[name])
-        for time, name, values in _messages(simulation, telemetry, duration):
+        for time, name, values in _messages(simulation, telemetry, duration, journal):
             bag.write(f"{NAMESPACE}/{name}", codecs[name].encode(values), time, time)
         losses = {f"{NAMESPACE}/{name}": Losses() for name in TYPES}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
 
 
-def _messages(simulation: Simulation, telemetry: Telemetry, duration: float) -> Iterator[Entry]:
+def _messages(
+    simulation: Simulation, telemetry: Telemetry, duration: float, journal: Journal
+) -> Iterator[Entry]:
     """Yield what the node publishes during a run, block by block."""
     end = round(duration * NANOSECONDS)
     # A bar appears only on a terminal, and only for what takes longer than two seconds.
     with tqdm(
         total=duration, unit=" s", delay=2.0, disable=None, leave=False, file=sys.stderr
     ) as bar:
+        yield from _entries(journal)
         yield _faults(simulation)
         yield _status(simulation, "running")
         while simulation.time < end:
@@ -112,7 +122,14 @@ def _messages(simulation: Simulation, telemetry: Telemetry, duration: float) -> 
                 yield _status(simulation, "running")
             bar.update((block.end - block.start) / NANOSECONDS)
         yield from telemetry.flush()
+        journal.note(end, "end")
+        yield from _entries(journal)
         yield _status(simulation, "stopped")
+
+
+def _entries(journal: Journal) -> Iterator[Entry]:
+    for entry in journal.take():
+        yield entry.time, "journal", fields.journal_fields(entry, 0)
 
 
 def _faults(simulation: Simulation) -> Entry:

@@ -20,6 +20,7 @@ from rpud_sim.ros.time_source import TimeSource
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.ensemble import initial_phases
+from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.simulation import Simulation
 
 Result = TypeVar("Result")
@@ -64,6 +65,7 @@ class Drilling:
         self._failure: BaseException | None = None
         self._requests = Requests(self._wake.set)
         self._seed = settings.seed
+        self._journal = Journal()
         self._playing = False
         self._at_start = False
         self._goal: int | None = None
@@ -116,7 +118,9 @@ class Drilling:
 
     def start(self) -> None:
         """Begin, active: simulation time zero is now."""
+        self._journal = Journal()  # nobody has heard of what was before
         self._begin()
+        self._journal.note(0, "origin", origin=self._outputs.origin)
         self._thread.start()
 
     def close(self) -> None:
@@ -226,14 +230,16 @@ class Drilling:
         self._interrupt("the simulation was reset")
         self._seed = self._seed if seed is None else seed
         now = self._simulation.time
-        self._outputs.flush()
+        self._flush("flush")
         if state:
             active = self._control.active
             self._begin(active)
             self._outputs.begin(self._source.begin(None if time else self._outputs.origin + now))
+            self._note_origin()
             self._account.begin()
         elif time:
             self._outputs.move(self._source.begin() - now)
+            self._note_origin()
         if self._playing:
             self._pacer.start(self._simulation.time, self._source.resume(self._simulation.time))
         self._publish_faults()
@@ -245,9 +251,9 @@ class Drilling:
             settings.telemetry_rate, self._factor(settings), schedule=self._source.schedule
         )
         phase = initial_phases(1, self._seed or None)[0]
-        self._simulation = Simulation(
-            settings.configuration, phase, settings.read_scenario(self._seed)
-        )
+        scenario = settings.read_scenario(self._seed)
+        self._journal.begin(settings.values(), phase, self._seed, scenario)
+        self._simulation = Simulation(settings.configuration, phase, scenario, self._journal)
         self._control = Control(
             self._simulation.applied, settings.command_timeout, settings.command_loss_ramp, active
         )
@@ -274,6 +280,7 @@ class Drilling:
             f"drive {'on' if settings.configuration.drive_enabled else 'off'}"
         )
         self._outputs.begin(self._source.wait(self._stop, self._requests.serve))
+        self._note_origin()
         self._playing = self._source.follows or not settings.start_paused
         if self._playing:
             self._pacer.start(self._simulation.time, self._source.resume(self._simulation.time))
@@ -282,6 +289,7 @@ class Drilling:
         self._report()
         while not self._stop.is_set() and self._simulation.time < self._end:
             self._serve()
+            self._publish_journal()
             until = self._next_block()
             remaining = self._pacer.remaining(until) if self._goal is None else 0.0
             if self._goal is None and not self._playing:
@@ -292,7 +300,7 @@ class Drilling:
                 self._wait(remaining)
             else:
                 self._advance(until)
-        self._outputs.flush()
+        self._flush("end")
         self._account.finish()
         self._report("stopped")
 
@@ -321,6 +329,10 @@ class Drilling:
 
     def _advance(self, until: int) -> None:
         block = self._simulation.advance_to(until)
+        rate = self._settings.telemetry_rate
+        if boundary(boundaries_until(until, rate), rate) != until:
+            self._journal.note(until, "stop")
+            self._publish_journal()
         # Where nothing paces it, its listeners do.
         self._outputs.patient = self._goal is not None or self._factor(self._settings) == 0.0
         self._outputs.publish_block(block, self._simulation.faults.since(block.start))
@@ -350,6 +362,18 @@ class Drilling:
         if self._goal is not None:
             self._goal = None
             self._step.set_exception(InterruptedStepError(reason))
+
+    def _flush(self, kind: str) -> None:
+        """Publish all that there is until now, and before that what it comes of."""
+        self._journal.note(self._simulation.time, kind)
+        self._publish_journal()
+        self._outputs.flush()
+
+    def _note_origin(self) -> None:
+        self._journal.note(self._simulation.time, "origin", origin=self._outputs.origin)
+
+    def _publish_journal(self) -> None:
+        self._outputs.publish_journal(self._journal.take())
 
     def _publish_faults(self) -> None:
         self._outputs.publish_faults(self._simulation.faults, self._simulation.time)

@@ -131,13 +131,17 @@ class Settings:
                 return getattr(owner, name)
         raise KeyError(name)
 
+    def values(self) -> dict[str, Any]:
+        """The values of all parameters by name."""
+        return {name: self.value(name) for name in ALL_NAMES}
+
     def replace(self, changes: Mapping[str, Any]) -> Settings:
         """Return settings with some values changed.
 
         Raises:
             ParameterError: if a value cannot be used.
         """
-        return check_settings({**{name: self.value(name) for name in ALL_NAMES}, **changes})
+        return check_settings({**self.values(), **changes})
 
     def read_scenario(self, seed: int | None = None) -> Scenario | None:
         """Read the scenario, if there is one; a seed of zero leaves it its own.

@@ -17,6 +17,7 @@ from rpud_msgs.msg import (
     ContactForce,
     DrillTool,
     Faults,
+    JournalEntry,
     NodalPlane,
     ReactingForce,
     Status,
@@ -27,6 +28,7 @@ from sensor_msgs.msg import JointState
 
 from rpud_sim.ros.messages import faults_to_message, filled, nanoseconds_to_time
 from rpud_sim.ros.parameters import Settings
+from rpud_sim.simulation import fields, journal
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.ledger import Faults as FaultLedger
@@ -44,6 +46,8 @@ TELEMETRY_QOS = _reliable(1000)
 CONTACT_FORCE_QOS = _reliable(2000)
 STREAM_QOS = _reliable(40)
 LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
+# Whoever comes late gets the whole of it, unless there was more.
+JOURNAL_QOS = _reliable(1000, DurabilityPolicy.TRANSIENT_LOCAL)
 DIAGNOSTICS_QOS = _reliable(10)
 COMMAND_QOS = _reliable(1000)
 CLOCK_QOS = _reliable(10)
@@ -59,6 +63,7 @@ TOPICS: dict[str, tuple[type, QoSProfile]] = {
     "trajectory": (Trajectory, STREAM_QOS),
     "status": (Status, LATCHED_QOS),
     "faults": (Faults, LATCHED_QOS),
+    "journal": (JournalEntry, JOURNAL_QOS),
     "/diagnostics": (DiagnosticArray, DIAGNOSTICS_QOS),
 }
 # Of the others the last message is what counts.
@@ -144,6 +149,12 @@ class DrillPublishers:
         if ledger.active is not self._faults:
             self._faults = ledger.active
             self._publish("faults", faults_to_message(ledger, time, self.origin))
+
+    def publish_journal(self, entries: Iterable[journal.JournalEntry]) -> None:
+        """Publish what has changed the simulation."""
+        for entry in entries:
+            values = fields.journal_fields(entry, self.origin)
+            self._publish("journal", filled(JournalEntry(), values))
 
     def publish_status(self, status: Status) -> None:
         """Publish a status."""

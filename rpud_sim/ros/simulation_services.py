@@ -106,7 +106,7 @@ class SimulationServices:
 
         def act() -> None:
             if bits & whole.SCOPE_SPAWNED and not state:
-                drilling.simulation.clear_all()
+                drilling.act_on_faults(lambda simulation: simulation.clear_all())
             drilling.reset(time=time, state=state, seed=seed)
 
         drilling.request(act)

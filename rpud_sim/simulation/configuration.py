@@ -133,6 +133,16 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
     )
 
 
+def to_values(configuration: Configuration) -> dict[str, Any]:
+    """Return the values of all parameters by name, of which ``to_configuration`` makes it again."""
+    return {
+        **dataclasses.asdict(configuration.parameters),
+        **dataclasses.asdict(configuration.actuator),
+        **dataclasses.asdict(configuration.rock),
+        "drive_enabled": configuration.drive_enabled,
+    }
+
+
 def to_parameters(values: Mapping[str, Any]) -> Parameters:
     """Return the parameters of the impact dynamics, as ``to_configuration`` does."""
     return to_configuration(values).parameters

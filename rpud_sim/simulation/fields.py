@@ -17,6 +17,7 @@ import numpy as np
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied
+from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.ledger import FaultRecord, Faults
 from rpud_sim.simulation.sampling import NANOSECONDS, Samples
 from rpud_sim.simulation.simulation import Simulation
@@ -235,6 +236,16 @@ def fault_fields(record: FaultRecord, origin: int) -> Fields:
         "active": not over,
         "onset": time_fields(origin + record.onset),
         "clear": time_fields(origin + record.clear if record.clear is not None else 0),
+    }
+
+
+def journal_fields(entry: JournalEntry, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/JournalEntry``; the origin is the stamp of simulation time zero."""
+    return {
+        "header": header_fields(origin + entry.time, MOUNT_FRAME),
+        "sequence": entry.sequence,
+        "kind": entry.kind,
+        "content": entry.text,
     }
 
 

@@ -19,8 +19,9 @@ from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
 from rpud_sim.simulation.conditions import conditions
-from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.configuration import Configuration, to_values
 from rpud_sim.simulation.faults import Fault, FaultError, check_honoured, honoured_kinds
+from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.ledger import FaultRecord, Faults
 from rpud_sim.simulation.rock import Progress
 from rpud_sim.simulation.sampling import NANOSECONDS
@@ -42,6 +43,7 @@ class Simulation:
             apply until the first command.
         initial_phase: phase of the vibration at time zero [cycles].
         scenario: faults that come by themselves.
+        journal: told of each change from outside; what is scheduled follows from these.
 
     Raises:
         FaultError: if a fault of the scenario cannot be honoured.
@@ -52,6 +54,7 @@ class Simulation:
         configuration: Configuration | Parameters,
         initial_phase: float = 0.0,
         scenario: Scenario | None = None,
+        journal: Journal | None = None,
     ) -> None:
         if isinstance(configuration, Parameters):
             configuration = Configuration(configuration)
@@ -62,6 +65,7 @@ class Simulation:
             parameters.vibration_frequency,
         )
         self._configuration = configuration
+        self._journal = journal
         self._hardness = 1.0
         self._time = 0
         self._applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0)
@@ -171,6 +175,7 @@ class Simulation:
             self._applied = dataclasses.replace(
                 before, weight_on_bit=command, weight_on_bit_time=self._time
             )
+            kind = "weight_on_bit"
         else:
             drive = Drive(
                 command.enabled,
@@ -179,6 +184,8 @@ class Simulation:
             )
             self._actuator.drive(self._time, drive)
             self._applied = dataclasses.replace(before, drive=drive, drive_time=self._time)
+            kind = "drive"
+        self._note(kind, **dataclasses.asdict(command))
 
     def configure(self, configuration: Configuration) -> None:
         """Put other parameters into force at the present time; positions and velocities go on.
@@ -192,6 +199,7 @@ class Simulation:
         self._hardness = configuration.rock.rock_specific_energy / first
         self._configuration = configuration
         self._change_conditions()
+        self._note("configure", parameters=to_values(configuration))
 
     def inject(self, fault: Fault, duration: int = 0) -> int:
         """Let a fault begin at the present time and return its number.
@@ -203,11 +211,8 @@ class Simulation:
         Raises:
             FaultError: if it cannot be honoured, or is already there.
         """
-        check_honoured(fault, **self._abilities())
-        number = self._faults.inject(self._time, fault)
-        if duration:
-            self._at(self._time + duration, False, lambda: self._end(number))
-        self._change_conditions()
+        number = self._inject(fault, duration)
+        self._note("inject", fault=dataclasses.asdict(fault), duration=duration)
         return number
 
     def clear(self, number: int) -> FaultRecord:
@@ -216,18 +221,36 @@ class Simulation:
         Raises:
             FaultError: if there is no such fault.
         """
-        record = self._faults.clear(self._time, number)
-        self._change_conditions()
+        record = self._clear(number)
+        self._note("clear", number=number)
         return record
 
     def clear_all(self) -> None:
         """Let all faults end at the present time."""
         self._faults.clear_all(self._time)
         self._change_conditions()
+        self._note("clear_all")
 
     def honoured_kinds(self) -> tuple[str, ...]:
         """Return the kinds of faults that this drill, as it is configured, can honour."""
         return honoured_kinds(**self._abilities())
+
+    def _note(self, kind: str, **content: Any) -> None:
+        if self._journal is not None:
+            self._journal.note(self._time, kind, **content)
+
+    def _inject(self, fault: Fault, duration: int) -> int:
+        check_honoured(fault, **self._abilities())
+        number = self._faults.inject(self._time, fault)
+        if duration:
+            self._at(self._time + duration, False, lambda: self._end(number))
+        self._change_conditions()
+        return number
+
+    def _clear(self, number: int) -> FaultRecord:
+        record = self._faults.clear(self._time, number)
+        self._change_conditions()
+        return record
 
     def _at(self, time: int, begins: bool, action: Callable[[], None]) -> None:
         # At one instant ends come before beginnings, each in the order in which it was planned.
@@ -238,7 +261,7 @@ class Simulation:
         def begin() -> None:
             duration = 0 if scheduled.clear is None else scheduled.clear - scheduled.onset
             try:
-                self.inject(scheduled.fault, duration)
+                self._inject(scheduled.fault, duration)
             except FaultError as error:
                 self._refusals.append(f"scheduled fault refused: {error}")
 
@@ -246,7 +269,7 @@ class Simulation:
 
     def _end(self, number: int) -> None:
         if any(record.number == number for record in self._faults.active):
-            self.clear(number)
+            self._clear(number)
 
     def _abilities(self) -> dict[str, Any]:
         configuration = self._configuration

@@ -21,6 +21,21 @@ _SENSORS = (
     ("wrench", fields.wrench_fields),
 )
 
+# What the drill gives, and whoever runs it adds status and journal.
+TYPES = {
+    "contact_force": "rpud_msgs/msg/ContactForce",
+    "drill_tool": "rpud_msgs/msg/DrillTool",
+    "faults": "rpud_msgs/msg/Faults",
+    "joint_states": "sensor_msgs/msg/JointState",
+    "journal": "rpud_msgs/msg/JournalEntry",
+    "nodal_plane": "rpud_msgs/msg/NodalPlane",
+    "reacting_force": "rpud_msgs/msg/ReactingForce",
+    "status": "rpud_msgs/msg/Status",
+    "trajectory": "rpud_msgs/msg/Trajectory",
+    "waveform": "rpud_msgs/msg/Waveform",
+    "wrench": "geometry_msgs/msg/WrenchStamped",
+}
+
 # Simulation time at which it goes out [ns], topic, what the message says.
 Entry = tuple[int, str, fields.Fields]
 

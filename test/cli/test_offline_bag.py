@@ -86,7 +86,7 @@ def column(messages, name):
 
 
 def test_every_topic_is_there_and_stamped_with_simulation_time(messages):
-    names = "contact_force drill_tool faults joint_states nodal_plane reacting_force status"
+    names = "contact_force drill_tool faults joint_states journal nodal_plane reacting_force status"
     names += " trajectory waveform wrench"
     assert sorted(messages) == [f"/rpud/{name}" for name in names.split()]
     for name, topic in messages.items():

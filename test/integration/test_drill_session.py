@@ -19,6 +19,7 @@ TYPES = {
     "/rpud/drill_tool": "rpud_msgs/msg/DrillTool",
     "/rpud/faults": "rpud_msgs/msg/Faults",
     "/rpud/joint_states": "sensor_msgs/msg/JointState",
+    "/rpud/journal": "rpud_msgs/msg/JournalEntry",
     "/rpud/nodal_plane": "rpud_msgs/msg/NodalPlane",
     "/rpud/reacting_force": "rpud_msgs/msg/ReactingForce",
     "/rpud/status": "rpud_msgs/msg/Status",

@@ -13,10 +13,10 @@ import numpy as np
 
 from rpud_sim.analysis.sweep.errors import WorkerError
 from rpud_sim.analysis.sweep.specification import Specification
-from rpud_sim.analysis.sweep.versions import engine_versions
 from rpud_sim.simulation import EngineError, ParameterError, Parameters
 from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
 from rpud_sim.simulation.statistics import FIGURES
+from rpud_sim.simulation.versions import engine_versions
 
 # A chunk takes a quarter of a second or so: long beside what it costs to hand it out and to write
 # it, short beside what one is ready to lose. Small sweeps are cut finer, so that there is enough

@@ -1,0 +1,84 @@
+"""The journal: everything that changes a simulation from outside, so that it can be run again.
+
+An entry's content is one JSON object. Python writes a float with as many digits as it takes to read
+the same bits again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from rpud_sim.simulation.scenario import Scenario
+from rpud_sim.simulation.versions import engine_and_processor
+
+
+@dataclasses.dataclass(frozen=True)
+class JournalEntry:
+    """One thing that happened to the simulation.
+
+    Args:
+        sequence: counts the entries from zero.
+        time: simulation time at which it happened [ns].
+        kind: one of the KIND constants of ``rpud_msgs/JournalEntry``.
+        content: what goes with the kind, by name.
+    """
+
+    sequence: int
+    time: int
+    kind: str
+    content: Mapping[str, Any]
+
+    @property
+    def text(self) -> str:
+        """Time and content as one JSON object."""
+        return json.dumps({"time": self.time, **self.content})
+
+
+class Journal:
+    """Keeps the entries, in order, until somebody takes them."""
+
+    def __init__(self) -> None:
+        self._sequence = 0
+        self._entries: list[JournalEntry] = []
+
+    def note(self, time: int, kind: str, **content: Any) -> None:
+        """Note what happened at a simulation time [ns]."""
+        self._entries.append(JournalEntry(self._sequence, time, kind, content))
+        self._sequence += 1
+
+    def begin(
+        self,
+        parameters: Mapping[str, Any],
+        initial_phase: float,
+        seed: int,
+        scenario: Scenario | None,
+    ) -> None:
+        """Note that a simulation begins.
+
+        Args:
+            parameters: all that it runs with, by name.
+            initial_phase: of the vibration [cycles].
+            seed: of faulty signals.
+            scenario: of the faults that come by themselves, as they were drawn.
+        """
+        faults = [
+            {**dataclasses.asdict(planned.fault), "onset": planned.onset, "clear": planned.clear}
+            for planned in (scenario.faults if scenario else ())
+        ]
+        self.note(
+            0,
+            "begin",
+            parameters=dict(parameters),
+            initial_phase=initial_phase,
+            seed=seed,
+            faults=faults,
+            made_by=engine_and_processor(),
+        )
+
+    def take(self) -> list[JournalEntry]:
+        """Return the entries since the last call."""
+        entries, self._entries = self._entries, []
+        return entries

@@ -1,0 +1,54 @@
+"""What the bits of a simulation's results depend on, beside what it is told."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import rpud_sim
+
+
+@cache
+def engine_versions() -> dict[str, str]:
+    """Return the versions of what runs the simulations."""
+    return {
+        "rpud_sim": version_of("rpud_sim"),
+        "sources": source_digest(),
+        "python": platform.python_version(),
+        **{name: version_of(name) for name in ("numpy", "numba", "llvmlite")},
+        "machine": platform.machine(),
+    }
+
+
+@cache
+def engine_and_processor() -> dict[str, str]:
+    """Return ``engine_versions``, and what chooses among the sines of the C library."""
+    from llvmlite import binding
+
+    return {
+        **engine_versions(),
+        "processor": binding.get_host_cpu_name(),
+        "c_library": " ".join(platform.libc_ver()),
+    }
+
+
+def source_digest() -> str:
+    """Return a digest of the sources that the results come from, whose version may stand still."""
+    package = Path(rpud_sim.__file__).parent
+    digest = hashlib.sha256()
+    for folder in ("model", "simulation"):
+        for source in sorted((package / folder).glob("**/*.py")):
+            digest.update(source.relative_to(package).as_posix().encode() + b"\0")
+            digest.update(hashlib.sha256(source.read_bytes()).digest())
+    return digest.hexdigest()[:16]
+
+
+def version_of(name: str) -> str:
+    """Return the version of an installed package; ``unknown`` where it has no metadata."""
+    try:
+        return version(name)
+    except PackageNotFoundError:  # linked into the search path, without metadata
+        return "unknown"

@@ -1,0 +1,99 @@
+"""`rpud verify` and `rpud rebuild` from the shell: what they print, and their exit codes."""
+
+import json
+
+import pytest
+from altered_bags import altered
+
+from rpud_sim.cli.main import main
+from rpud_sim.cli.offline_bag import write_offline_bag
+from rpud_sim.simulation import preset
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bags") / "bag"
+    write_offline_bag(path, preset("drilling"), 0.2, 0.4)
+    return path
+
+
+@pytest.fixture
+def rpud(capsys):
+    """Call the command line in this process; give exit code, output and errors."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as end:
+            main([str(word) for word in words])
+        printed = capsys.readouterr()
+        return end.value.code, printed.out, printed.err
+
+    return call
+
+
+def test_a_proved_bag_gives_0(bag, rpud):
+    code, out, err = rpud("verify", bag)
+    assert (code, err) == (0, "")
+    head = ["topic", "equal", "different", "unexpected", "missing", "lost"]
+    assert out.splitlines()[0].split() == head
+    assert "messages are equal bit for bit, 0.200 s simulated again" in out
+
+
+def test_an_altered_bag_gives_3_and_the_first_difference(bag, tmp_path, rpud):
+    def change(message):
+        altered_one = message.topic == "/rpud/wrench" and message.log_time == 70_000_000
+        return [message.data[:-1] + b"\x01"] if altered_one else [message.data]
+
+    altered(bag, tmp_path / "bag", change)
+    code, out, err = rpud("verify", tmp_path / "bag", "--json")
+    assert (code, err) == (3, "")
+    content = json.loads(out)
+    difference = content["first_difference"]
+    assert content["proved"] is False
+    assert content["topics"]["/rpud/wrench"]["different"] == 1
+    assert (difference["topic"], difference["stamp"], difference["field"]) == (
+        "/rpud/wrench",
+        70_000_000,
+        "wrench.torque.z",
+    )
+    assert difference["computed"] == "0.0"
+
+
+def test_a_bag_that_cannot_be_verified_gives_1(bag, tmp_path, rpud):
+    altered(bag, tmp_path / "bag", lambda m: [m.data], {"/rpud/wrench"})
+    code, out, err = rpud("verify", tmp_path / "bag")
+    assert (code, out) == (1, "")
+    assert err == (
+        f"rpud verify: {tmp_path / 'bag'} holds no journal; "
+        "record the topic journal, or all of the namespace\n"
+    )
+    assert rpud("verify", tmp_path / "none")[0] == 1
+    assert rpud("verify")[0] == 2
+
+
+def test_a_rebuilt_waveform_and_its_size(bag, tmp_path, rpud):
+    code, out, err = rpud(
+        "rebuild", bag, "--rate", "1e6", "--out", tmp_path / "out", "--duration", 0.1
+    )
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0] == (
+        f"rebuilt 100000 samples of 10 channels at 1000000 Hz to {tmp_path / 'out'}: 8.00 MB"
+    )
+    assert lines[1].startswith("the bag's trajectory is 0.0")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "reason"),
+    [
+        (["--rate", 0], 2, "--rate = 0 Hz is outside its range [1, 1e+09] Hz"),
+        (["--rate", "nan"], 2, "--rate = nan Hz is outside its range [1, 1e+09] Hz"),
+        (["--rate", 1.5], 2, "--rate = 1.5 Hz is not a whole number"),
+        (["--rate", 10, "--duration", 0], 2, "--duration = 0 s is outside its range (0, 1e+06] s"),
+        (["--rate", 10, "--run", 2], 1, "--run = 2 is outside its range [1, 1]"),
+    ],
+)
+def test_a_wrong_call_is_one_line(bag, tmp_path, rpud, words, code, reason):
+    found, out, err = rpud("rebuild", bag, "--out", tmp_path / "out", *words)
+    assert (found, out) == (code, "")
+    assert err.startswith(f"rpud rebuild: {reason}")
+    assert err.count("\n") == 1

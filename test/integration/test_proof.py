@@ -1,0 +1,190 @@
+"""A recording of the node, whatever happened to it, is proved by what it holds."""
+
+import itertools
+
+import numpy as np
+import pytest
+from altered_bags import altered
+from drill_client import Client, start_drill
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rpud_msgs.msg import Drive, Status, WeightOnBit
+from rpud_msgs.srv import ResetSimulation
+from std_srvs.srv import SetBool
+
+import rpud_sim.bag
+from rpud_sim.analysis.proof.verification import PROVED, verify
+from rpud_sim.analysis.rebuild import rebuild
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition
+
+JOURNAL = "/rpud/journal"
+ACTIVATE, DEACTIVATE = Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_DEACTIVATE
+SCENARIO = """
+seed: 3
+faults:
+  - {kind: bias, channel: wrench, magnitude: 100, onset: 0.101, duration: {uniform: [0.05, 0.1]}}
+  - {kind: delayed, channel: contact_force, magnitude: 0.03, onset: 0.1, duration: 0.2}
+  - {kind: slow, channel: contact_force, magnitude: 0.02, onset: 0.15, duration: 0.2}
+  - {kind: lost_preload, magnitude: 0.5, onset: 0.123456789, duration: 0.1}
+"""
+OPTIONS = {
+    "autostart": "false",
+    "start_paused": "true",
+    "publish_clock": "true",
+    "real_time_factor": "0.0",
+    "command_timeout": "0.2",
+    "command_loss_ramp": "0.1",
+    "seed": "5",
+}
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    """Record a drill to which everything happens that can happen to one."""
+    from support import Process
+
+    folder = tmp_path_factory.mktemp("proof")
+    (folder / "scenario.yaml").write_text(SCENARIO)
+    recorder = Process("rpud", "record", "--out", folder / "bag")
+    drill = start_drill("/rpud", **OPTIONS, scenario=folder / "scenario.yaml")
+    client = Client()
+    try:
+        use(client, recorder)
+        drill.interrupt()
+        assert drill.wait() == 0, drill.output
+        recorder.interrupt()
+        assert recorder.wait() == 0, recorder.output
+    finally:
+        client.close()
+        drill.stop()
+        recorder.stop()
+    return folder / "bag"
+
+
+def use(client, recorder):
+    def change(transition):
+        request = ChangeState.Request(transition=Transition(id=transition))
+        assert client.call(ChangeState, "drill_node/change_state", request).success
+
+    def command(message, field, value):
+        client.command(message)
+        client.until(lambda: statuses and getattr(statuses[-1], field) == value)
+
+    statuses = client.listen("status")
+    change(Transition.TRANSITION_CONFIGURE)
+    for topic in PROVED:
+        recorder.wait_for_line(f"subscribed /rpud/{topic} ")
+        client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
+    change(ACTIVATE)
+    client.step(0.2)
+    # A paused drill applies what is commanded at once.
+    command(WeightOnBit(force=20.0), "weight_on_bit", 20.0)
+    client.step(0.0734567)
+    for _ in range(9):
+        client.step(0.0013)
+    assert client.inject("noise", "nodal_plane", 1e-6, 0.0123456).success
+    assert client.inject("stuck", "reacting_force").success
+    command(Drive(enabled=True, voltage=80.0, frequency=16050.0), "drive_frequency", 16050.0)
+    client.step(0.1)
+    for engaged in (False, True):
+        assert client.call(SetBool, "engage", SetBool.Request(data=engaged)).success
+        client.step(0.05)
+    client.step(0.2)  # the commands are lost, and go down to nothing
+    assert client.until(lambda: statuses[-1].commands_lost)
+    client.reset(seed=9)
+    client.step(0.1)
+    client.reset(ResetSimulation.Request.SCOPE_TIME)
+    client.step(0.105)
+    client.reset(ResetSimulation.Request.SCOPE_SPAWNED)
+    command(WeightOnBit(force=15.0), "weight_on_bit", 15.0)
+    client.step(0.1)
+    change(DEACTIVATE)
+    client.step(0.05)
+    change(ACTIVATE)
+    client.step(0.1)
+    assert statuses[-1].state != Status.STATE_INACTIVE
+
+
+def messages(path, topic, kind):
+    codec = Codec(kind, find_definition(kind))
+    with rpud_sim.bag.open(path) as opened:
+        return [codec.decode(message.data) for message in opened.messages({topic})]
+
+
+def test_it_is_proved(bag):
+    verification = verify(bag)
+    assert verification.proved, verification.first_difference
+    assert verification.warnings == ()
+    assert {name.removeprefix("/rpud/") for name in verification.topics} == set(PROVED)
+    for name, counts in verification.topics.items():
+        assert counts.equal > 0
+        assert (counts.different, counts.unexpected) == (0, 0)
+        # Latched ground truth may be overwritten before it is sent; all else arrives.
+        assert counts.missing == 0 or name == "/rpud/faults"
+
+
+def test_the_journal_holds_all_that_happened(bag):
+    entries = messages(bag, JOURNAL, "rpud_msgs/msg/JournalEntry")
+    assert [entry.sequence for entry in entries] == list(range(len(entries)))
+    kinds = {entry.kind for entry in entries}
+    assert kinds >= {"begin", "origin", "weight_on_bit", "drive", "configure", "inject"}
+    assert kinds >= {"clear_all", "stop", "flush", "end"}
+    assert [entry.kind for entry in entries].count("begin") == 2
+
+
+@pytest.mark.parametrize("topic", ["drill_tool", "faults", "waveform", "wrench"])
+def test_one_flipped_bit_is_named(bag, tmp_path, topic):
+    name = f"/rpud/{topic}"
+    with rpud_sim.bag.open(bag) as opened:
+        number = sum(1 for _ in opened.messages({name})) // 2
+    numbers = itertools.count()
+
+    def change(message):
+        if message.topic != name or next(numbers) != number:
+            return [message.data]
+        place = 40 if topic == "drill_tool" else len(message.data) - 8  # within a number
+        return [message.data[:place] + bytes([message.data[place] ^ 1]) + message.data[place + 1 :]]
+
+    verification = verify(altered(bag, tmp_path / "bag", change, {name, JOURNAL}))
+    assert verification.first_difference.topic == name
+    assert verification.first_difference.field
+    assert verification.topics[name].different == 1
+    assert verification.topics[name].unexpected == 0
+
+
+def test_a_recorder_that_came_late_and_left_early_proves_what_it_heard(bag, tmp_path):
+    numbers = itertools.count()
+
+    def part(message):
+        late = message.topic != JOURNAL and not 300 < next(numbers) < 1000
+        return [] if late else [message.data]
+
+    verification = verify(altered(bag, tmp_path / "bag", part))
+    assert verification.proved, verification.first_difference
+    assert verification.topics["/rpud/trajectory"].equal > 5
+
+
+def test_a_journal_that_ended_before_the_drill_is_enough(bag, tmp_path):
+    """As in the bag of a recorder that was stopped first: the last blocks are missing too."""
+    with rpud_sim.bag.open(bag) as opened:
+        ended = list(opened.messages({JOURNAL}))[-1].log_time
+
+    def change(message):
+        return [message.data] if message.log_time < ended else []
+
+    verification = verify(altered(bag, tmp_path / "bag", change))
+    assert verification.proved, verification.first_difference
+
+
+def test_each_run_is_rebuilt_as_it_was_published(bag, tmp_path):
+    waveforms = messages(bag, "/rpud/waveform", "rpud_msgs/msg/Waveform")
+    begin = [i for i, block in enumerate(waveforms) if block.sequence == 0]
+    assert len(begin) == 2  # the reset of all began a second one
+    for run, blocks in enumerate((waveforms[: begin[1]], waveforms[begin[1] :]), 1):
+        rebuilt = rebuild(bag, tmp_path / str(run), 50_000, run=run)
+        assert (rebuilt.first, rebuilt.runs, rebuilt.missing) == (0, 2, 0)
+        published = np.concatenate([block.reacting_force for block in blocks])
+        found = np.load(tmp_path / str(run) / "reacting_force.npy")
+        assert len(found) > 0.9 * len(published)
+        assert found.tobytes() == published[: len(found)].tobytes()
