@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable
 from math import isfinite
 
@@ -33,6 +34,14 @@ def number(unit: str, *, above: float | None = None, least: float | None = None)
     return convert
 
 
+def pattern(text: str) -> re.Pattern[str]:
+    """Be an argparse type for a regular expression."""
+    try:
+        return re.compile(text)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no regular expression: {error}") from error
+
+
 def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `rpud record` and of the executable `recorder`."""
     parser.add_argument(
@@ -40,6 +49,26 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         metavar="TOPIC",
         help="a topic to record, relative to the namespace; without one, the whole namespace",
+    )
+    parser.add_argument(
+        "--all", action="store_true", dest="everything", help="record the topics of all namespaces"
+    )
+    parser.add_argument(
+        "--regex",
+        type=pattern,
+        metavar="EXPRESSION",
+        help="record the topics, in whatever namespace, in whose name this is found",
+    )
+    parser.add_argument(
+        "--exclude",
+        type=pattern,
+        metavar="EXPRESSION",
+        help="record no topic in whose name this is found",
+    )
+    parser.add_argument(
+        "--qos-profile-overrides-path",
+        metavar="FILE",
+        help="YAML file of topics and the QoS to request for them (default: what is offered)",
     )
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="the bag's new folder; nothing is overwritten"

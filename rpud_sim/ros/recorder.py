@@ -7,19 +7,26 @@ import os
 import sys
 import threading
 import time
+from collections.abc import Iterable
 
 import rclpy
 from rclpy.exceptions import NameValidationException
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.bag import BagError, BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
+from rpud_sim.bag.manifest import Manifest
 from rpud_sim.bag.recovery import RECORDING_RECORD
 from rpud_sim.ros.arguments import add_record_arguments
+from rpud_sim.ros.drill_inquiry import DrillInquiry
 from rpud_sim.ros.progress import ProgressLine
+from rpud_sim.ros.qos_overrides import QosOverrideError, read_qos_overrides
 from rpud_sim.ros.recorder_node import Recorder
 from rpud_sim.ros.recording import MessageQueue, NamedRecord, WritingThread
+from rpud_sim.ros.selection import TopicSelection
 from rpud_sim.ros.stopping import StopRequest
 
 SKIPPED_RECORD = "rpud_skipped"
@@ -41,6 +48,8 @@ def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -
         except NameValidationException as error:
             what, name, *_ = str(error).splitlines()  # below them it points at the character
             return _fail(f"{what} {name.strip()}", 2)
+        except QosOverrideError as error:
+            return _fail(str(error), 2)
         except BagError as error:
             return _fail(str(error), 1)
         finally:
@@ -60,7 +69,14 @@ def main() -> None:
 
 def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
     messages = MessageQueue()
-    node = Recorder(messages, arguments.topics, arguments.namespace)
+    overrides: dict[str, QoSProfile] = {}
+    if arguments.qos_profile_overrides_path is not None:
+        overrides = read_qos_overrides(arguments.qos_profile_overrides_path)
+    selection = TopicSelection(
+        arguments.topics, arguments.regex, arguments.exclude, arguments.everything
+    )
+    node = Recorder(messages, selection, arguments.namespace, overrides)
+    inquiry = DrillInquiry(node, node.wants_drill, sys.argv)
     with BagWriter(arguments.out, compression=arguments.compression) as bag:
         bag.add_record(RECORDING_RECORD, {"max_loss": str(arguments.max_loss)})
         writing = WritingThread(messages, bag, arguments.max_loss, stop.request)
@@ -70,9 +86,10 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
         began = time.monotonic()
         try:
             with ProgressLine(bag.path.name) as progress:
-                _collect(node, messages, bag, stop, arguments.duration, progress)
+                _collect(node, inquiry, messages, bag, stop, arguments.duration, progress)
             _drain(node)
             node.finish()
+            _keep(messages, inquiry.finish())
         finally:
             messages.close()
             writing.join()
@@ -100,6 +117,7 @@ def _wait_for_eof(stop: StopRequest) -> None:
 
 def _collect(
     node: Recorder,
+    inquiry: DrillInquiry,
     messages: MessageQueue,
     bag: BagWriter,
     stop: StopRequest,
@@ -119,9 +137,11 @@ def _collect(
                 # They are in the bag before its end, should that never come.
                 losses = node.losses
                 messages.keep(NamedRecord(RECORD_NAME, losses_to_record(losses)))
+            inquiry.look()
             if node.discover() and not ready:
                 ready_at = now if node.complete else now + _SETTLING
         more = node.take()
+        _keep(messages, inquiry.poll())
         if not ready and now >= ready_at:
             ready = True
             node.get_logger().info(f"recording {node.topic_count} topics to {bag.path}")
@@ -132,6 +152,11 @@ def _collect(
             progress.show(f"{now - began:.0f} s, {node.taken} messages, {lost} lost")
         if not more:
             stop.wait(_TAKE_PERIOD)
+
+
+def _keep(messages: MessageQueue, manifests: Iterable[Manifest]) -> None:
+    for manifest in manifests:
+        messages.keep(NamedRecord(MANIFEST_RECORD, manifest.to_record()))
 
 
 def _drain(node: Recorder) -> None:
