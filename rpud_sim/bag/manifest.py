@@ -46,7 +46,7 @@ class Manifest:
 
     def to_record(self) -> dict[str, str]:
         """Give the content of the metadata record: one key with a JSON object."""
-        return {_KEY: json.dumps(asdict(self), ensure_ascii=False)}
+        return {_KEY: json.dumps(asdict(self), ensure_ascii=False, default=repr)}
 
 
 def manifest_from_record(record: Mapping[str, str]) -> Manifest:

@@ -1,4 +1,4 @@
-"""Topics are chosen by name, by expression, by namespace, or all; and excluded from any of these."""
+"""Topics are chosen by name, expression or namespace, or all; and excluded from any of these."""
 
 import re
 
