@@ -30,6 +30,13 @@ class LatchedMessages:
         """Tell whether a topic is latched."""
         return topic in self._messages
 
+    @property
+    def size(self) -> int:
+        """Bytes of all that is remembered, with some for each message."""
+        return sum(
+            len(message.data) + 64 for messages in self._messages.values() for message in messages
+        )
+
     def note(self, message: Message) -> None:
         """Remember a message."""
         if message.topic in self._messages:

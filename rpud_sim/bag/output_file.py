@@ -66,8 +66,12 @@ class OutputFile:
     @property
     def closed_size(self) -> int:
         """Bytes of the file at most, were it closed now."""
-        index_size = self._chunk_count * (128 + 10 * self._channel_count)
-        return self.size + 2 * self._declared_size + index_size + _END_SIZE
+        return self.size + self._chunk_count * (128 + 10 * self._channel_count) + self.end_size
+
+    @property
+    def end_size(self) -> int:
+        """Bytes at most that declarations and the end take, without the index of chunks."""
+        return 2 * self._declared_size + _END_SIZE
 
     def add_channel(
         self, topic: str, encoding: str, schema: Schema | None, metadata: Mapping

@@ -78,6 +78,7 @@ class BagWriter:
         self._began: int | None = None  # log time of the file's first message that is not repeated
         self._closed_files: list[FileInformation] = []
         self._closed_size = 0
+        self._listed_size = 0  # bytes that topics take in the metadata, at most
         self._failed = False
         self._file: OutputFile | None = None
         self._create_directory()
@@ -103,11 +104,10 @@ class BagWriter:
 
     @property
     def closed_size(self) -> int:
-        """Bytes of the bag at most, were it closed now."""
-        open_size = self._file.closed_size if self._file is not None else 0
-        # metadata.yaml names topics, as each file's end does, and files.
-        listed = sum(1024 + 512 * len(topic.offered_qos) for topic in self._topics.values())
-        return self._closed_size + open_size + 2 * (listed + 512 * self.file_count)
+        """Bytes of the bag at most, were it split and closed now."""
+        open_size = self._file.closed_size + self._file.end_size if self._file is not None else 0
+        listed = self._listed_size + 512 * self.file_count
+        return self._closed_size + open_size + self._latched.size + 2 * listed
 
     @property
     def file_count(self) -> int:
@@ -148,6 +148,7 @@ class BagWriter:
             number = self._opened.add_channel(*channel)
         self._numbers.append(number)
         self._channels.append(channel)
+        self._listed_size += 1024 + len(topic.name) + 512 * len(topic.offered_qos)
         self._topics.setdefault(topic.name, topic)
         self._counts.setdefault(topic.name, 0)
         return len(self._channels) - 1

@@ -20,8 +20,9 @@ from rpud_sim.bag import BagError, Message, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.ros.intake import Intake
 from rpud_sim.ros.qos import is_satisfied, recorded_profile, request_for
-from rpud_sim.ros.recording import Declaration, MessageQueue
+from rpud_sim.ros.recording import Declaration
 from rpud_sim.ros.selection import TopicSelection
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
@@ -43,12 +44,7 @@ class _Recording:
     endpoints: list[TopicEndpointInfo] = field(default_factory=list)
     declared: bool = False
     numbered: bool = True
-    queue_losses: int = 0
     unheard: bool = False  # whether a publisher is known that an override keeps out
-
-    @property
-    def losses(self) -> Losses:
-        return Losses(self.gaps.missing if self.numbered else None, self.queue_losses)
 
 
 class Recorder(Node):
@@ -62,7 +58,7 @@ class Recorder(Node):
 
     def __init__(
         self,
-        messages: MessageQueue,
+        intake: Intake,
         selection: TopicSelection,
         namespace: str,
         overrides: Mapping[str, QoSProfile] | None = None,
@@ -72,7 +68,7 @@ class Recorder(Node):
         for topic in selection.topics:
             validate_topic_name(topic)
         super().__init__("recorder", namespace=namespace, start_parameter_services=False)
-        self._messages = messages
+        self._intake = intake
         names = frozenset(self.resolve_topic_name(topic) for topic in selection.topics)
         self._selection = replace(selection, topics=names)
         self._overrides = dict(overrides or {})
@@ -97,7 +93,12 @@ class Recorder(Node):
     @property
     def losses(self) -> dict[str, Losses]:
         """Lost messages of each topic."""
-        return {name: recording.losses for name, recording in self._recordings.items()}
+        return {
+            name: Losses(
+                recording.gaps.missing if recording.numbered else None, self._intake.refused[name]
+            )
+            for name, recording in self._recordings.items()
+        }
 
     def wants(self, name: str) -> bool:
         """Tell whether the topic with that absolute name is to be recorded."""
@@ -154,8 +155,7 @@ class Recorder(Node):
     def _hand_over(self, messages: Sequence[Message]) -> None:
         self.taken += len(messages)
         for message in messages:
-            if not self._messages.put(message):
-                self._recordings[message.topic].queue_losses += 1
+            self._intake.put(message)
 
     def _record(self, name: str, type_name: str, message: Any) -> None:
         endpoints = self.get_publishers_info_by_topic(name)
@@ -226,7 +226,10 @@ class Recorder(Node):
                 if number is None:
                     recording.numbered = False
                 else:
+                    missing = recording.gaps.missing
                     recording.gaps.note(number)
+                    if self._intake.paused:  # what is not wanted is not lost
+                        recording.gaps.missing = missing
                 # Not every middleware stamps; 0 stands for no stamp.
                 log_time = info["received_timestamp"] or time.time_ns()
                 publish_time = info["source_timestamp"] or log_time
@@ -251,7 +254,7 @@ class Recorder(Node):
             type_hash=hashes[0] if hashes else self._installed(find_type_hash, recording.type),
             offered_qos=tuple(recorded_profile(offer) for offer in offers),
         )
-        self._messages.declare(Declaration(topic, self._installed(find_definition, recording.type)))
+        self._intake.declare(Declaration(topic, self._installed(find_definition, recording.type)))
 
     def _installed(self, find: Callable[[str], str], type_name: str) -> str:
         try:

@@ -11,6 +11,7 @@ from std_msgs.msg import Int32, String
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.losses import Losses
+from rpud_sim.ros.intake import Intake
 from rpud_sim.ros.recorder_node import Recorder
 from rpud_sim.ros.recording import Declaration, MessageQueue
 from rpud_sim.ros.selection import TopicSelection
@@ -40,7 +41,9 @@ def peer(nodes):
 @pytest.fixture
 def record(nodes):
     def start(messages, topics=(), namespace="/rpud", overrides=None, **options):
-        nodes.append(Recorder(messages, TopicSelection(topics, **options), namespace, overrides))
+        nodes.append(
+            Recorder(Intake(messages), TopicSelection(topics, **options), namespace, overrides)
+        )
         return nodes[-1]
 
     return start
@@ -256,7 +259,7 @@ def test_a_topic_of_two_types_is_left_out_and_named(peer, record, nodes):
 
 def test_a_launch_file_s_namespace_is_recorded():
     rclpy.init(args=["--ros-args", "-r", "__ns:=/launched"])
-    recorder = Recorder(MessageQueue(), TopicSelection(["a"]), "/rpud")
+    recorder = Recorder(Intake(MessageQueue()), TopicSelection(["a"]), "/rpud")
     try:
         assert recorder.get_namespace() == "/launched"
         recorder.create_publisher(String, "/launched/a", RELIABLE)
