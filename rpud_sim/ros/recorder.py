@@ -149,7 +149,7 @@ class _Collection:
         self._bag = bag
         self._stop = stop
         self._inquiry = DrillInquiry(node, node.wants_drill, sys.argv)
-        self._services = RecorderServices(node, intake)
+        self._services = RecorderServices(node, intake, lambda: _take_all(node))
         self._losses = node.losses
 
     def run(self, duration: float | None) -> None:
@@ -203,6 +203,10 @@ class _Collection:
 def _drain(node: Recorder) -> None:
     """Take all that the middleware had received when the stop came, or receives right after it."""
     time.sleep(_DRAIN)
+    _take_all(node)
+
+
+def _take_all(node: Recorder) -> None:
     until = time.time_ns()
     while node.take(until):
         pass

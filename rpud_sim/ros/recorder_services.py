@@ -22,10 +22,12 @@ class RecorderServices:
     Args:
         node: whose services they are.
         intake: what they act on.
+        catch_up: gives the intake all that was received before a request.
     """
 
-    def __init__(self, node: Node, intake: Intake) -> None:
+    def __init__(self, node: Node, intake: Intake, catch_up: Callable[[], None]) -> None:
         self._node = node
+        self._catch_up = catch_up
         self._intake = intake
         actions: dict[str, Callable[[], tuple[bool, str]]] = {
             "Pause": self._pause,
@@ -49,6 +51,7 @@ class RecorderServices:
                 request, header = server.handle.service_take_request(service.Request)
             if request is None or header is None:
                 continue
+            self._catch_up()
             success, text = action()
             self._node.get_logger().info(text)
             response = service.Response()
