@@ -20,7 +20,7 @@ from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest
 from rpud_sim.bag.recovery import RECORDING_RECORD
-from rpud_sim.ros.arguments import add_record_arguments
+from rpud_sim.ros.arguments import MAX_CACHE_SIZE, add_record_arguments
 from rpud_sim.ros.disk_room import DiskRoom
 from rpud_sim.ros.drill_inquiry import DrillInquiry
 from rpud_sim.ros.intake import Intake
@@ -73,7 +73,9 @@ def main() -> None:
 
 def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
     cache_size = int(arguments.max_cache_size)
-    messages = MessageQueue(cache_size)
+    # A snapshot comes all at once, with what is latched beside it, and perhaps another behind it.
+    waiting = max(2 * cache_size, MAX_CACHE_SIZE) if arguments.snapshot_mode else cache_size
+    messages = MessageQueue(waiting)
     intake = Intake(
         messages,
         paused=arguments.start_paused,
