@@ -117,10 +117,8 @@ def test_services_pause_go_on_and_split(process, talker, ask, tmp_path):
 
 
 def test_a_snapshot_is_the_latest_without_a_gap(process, talker, ask, tmp_path):
-    words = ("--snapshot-mode", "--max-cache-size", "20000")
-    recorder = process("recorder", "contact_force", "status", "--out", tmp_path / "run", *words)
-    # The talker waits for a subscriber of each topic.
-    process("recorder", "nodal_plane", "--out", tmp_path / "other")
+    words = ("--snapshot-mode", "--max-cache-size", "40000")
+    recorder = process("recorder", "--out", tmp_path / "run", *words)
     talker("--count", 1000, "--rate", 2000).wait_for_line("published 1000")
     ask("snapshot", "Snapshot")
     recorder.interrupt()
