@@ -45,7 +45,7 @@ format: .venv/.lint ## Format the code and mend what ruff can
 	@.venv/bin/ruff check --fix
 
 .PHONY: bench
-bench: install/.package ## Run the benchmarks
+bench: install/.package .venv/.bench ## Run the benchmarks; installs MuJoCo to compare with
 	@$(WITH_ENV) python -m bench
 
 .PHONY: kills
@@ -57,6 +57,12 @@ kills: install/.package ## Kill KILLS recordings (1000) at random moments, and r
 soak: DURATION = 1800
 soak: install/.package ## Drill for DURATION seconds (1800) under a listener that checks memory, timing and counters
 	@$(WITH_ENV) python -m bench.soak --duration $(DURATION) $(if $(RECORD),--record $(RECORD))
+
+.PHONY: fuzz
+fuzz: N = 100000
+fuzz: SEED = 0
+fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and say what came of them
+	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --seed $(SEED)
 
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)
@@ -88,6 +94,10 @@ help: ## Show this help
 	@touch $@
 
 .venv/.lint: toolchain/requirements/lint.lock .venv/.installed
+	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@touch $@
+
+.venv/.bench: toolchain/requirements/bench.lock .venv/.installed
 	@$(PIP_INSTALL) --only-binary :all: -r $<
 	@touch $@
 

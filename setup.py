@@ -26,13 +26,17 @@ setup(
         "mcap",
         "numba",
         "numpy",
+        "pyarrow",
         "pyyaml",
         "rosbags",
         "scipy",
         "tqdm",
         "zstandard",
     ],
-    extras_require={"test": ["hypothesis", "mcap-ros2-support", "pytest", "pytest-timeout"]},
+    extras_require={
+        "cluster": ["distributed"],
+        "test": ["distributed", "hypothesis", "mcap-ros2-support", "pytest", "pytest-timeout"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -8,13 +8,15 @@ import platform
 import sys
 from pathlib import Path
 
-from bench.measure import MEASUREMENTS, Row
+from bench.measure import MEASUREMENTS
+from bench.row import Row
+from bench.sweep import sweeps
 
 
 def main() -> None:
     """Measure, print the table, and write it."""
     rows: list[Row] = []
-    for measure in MEASUREMENTS:
+    for measure in (*MEASUREMENTS, sweeps):
         print(f"measuring: {measure.__doc__}", file=sys.stderr)
         rows.extend(measure())
     machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"

@@ -4,66 +4,17 @@ from __future__ import annotations
 
 import re
 import signal
-import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+
+from bench.engine import engine
+from bench.row import Row, row
+from bench.start import start
 
 NODE_SECONDS = 10.0
-ENGINE_SECONDS = 120
-REPEATS = 5
-
-
-class Row(NamedTuple):
-    """One measured figure: its name, median, least and greatest value, and unit."""
-
-    name: str
-    median: float
-    least: float
-    greatest: float
-    unit: str
-
-
-def row(name: str, values: list[float], unit: str) -> Row:
-    """Return the row for repeated measurements of one figure."""
-    return Row(name, statistics.median(values), min(values), max(values), unit)
-
-
-def engine() -> Iterator[Row]:
-    """Time the engine alone, on one core, compiled."""
-    from rpud_sim.simulation import preset
-    from rpud_sim.simulation.ensemble import run_ensemble
-
-    for regime in ("drilling", "free"):
-        factors = [
-            run_ensemble(preset(regime), ENGINE_SECONDS, (0.0,)).real_time_factor
-            for _ in range(REPEATS)
-        ]
-        wall = [ENGINE_SECONDS / factor for factor in factors]
-        yield row(f"engine, {regime}: {ENGINE_SECONDS} simulated seconds", wall, "s")
-        yield row(f"engine, {regime}: simulated seconds per second", factors, "")
-
-
-def start() -> Iterator[Row]:
-    """Time whole commands from start to end, with compiled code in the cache."""
-    commands = {
-        "rpud --help": ("--help",),
-        "rpud simulate --duration 0.1": ("simulate", "--duration", "0.1"),
-    }
-    for name, words in commands.items():
-        walls = []
-        for _ in range(REPEATS + 1):
-            began = time.perf_counter()
-            subprocess.run(
-                [sys.executable, "-m", "rpud_sim.cli.main", *words],
-                check=True,
-                stdout=subprocess.DEVNULL,
-            )
-            walls.append(time.perf_counter() - began)
-        yield row(f"start: {name}", walls[1:], "s")
 
 
 def node() -> Iterator[Row]:

@@ -4,6 +4,7 @@ import itertools
 import time
 
 import rclpy
+from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.executors import SingleThreadedExecutor
@@ -13,14 +14,20 @@ from rpud_msgs.msg import (
     ContactForce,
     DrillTool,
     Drive,
+    Fault,
+    Faults,
     NodalPlane,
     ReactingForce,
+    Result,
+    SimulationState,
     Status,
     Trajectory,
     Waveform,
     WeightOnBit,
 )
+from rpud_msgs.srv import InjectFault, ResetSimulation, SetSimulationState, StepSimulation
 from sensor_msgs.msg import JointState
+from support import Process
 
 SECOND = 1_000_000_000
 TYPES = {
@@ -33,12 +40,20 @@ TYPES = {
     "waveform": Waveform,
     "trajectory": Trajectory,
     "status": Status,
+    "faults": Faults,
     "/diagnostics": DiagnosticArray,
     "/clock": Clock,
 }
 TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 PLENTY = QoSProfile(depth=5000)  # reliable, and longer than anything that a test waits for
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+COMPILED = 100.0  # seconds in which a first drill has compiled
+
+
+def start_drill(namespace, **parameters):
+    """Start a drill with parameters, given as YAML writes them."""
+    words = [word for item in parameters.items() for word in ("-p", "{}:={}".format(*item))]
+    return Process("drill_node", "--ros-args", "-r", f"__ns:={namespace}", *words)
 
 
 class Client:
@@ -50,6 +65,7 @@ class Client:
         self.node = rclpy.create_node("client", namespace=namespace, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
+        self._services = {}
         self._commands = {
             WeightOnBit: self.node.create_publisher(WeightOnBit, "command/weight_on_bit", 100),
             Drive: self.node.create_publisher(Drive, "command/drive", 100),
@@ -64,7 +80,7 @@ class Client:
     def listen(self, topic, qos=PLENTY):
         """Give the list that the messages of a topic are added to."""
         heard = []
-        qos = LATCHED if topic == "status" else qos
+        qos = LATCHED if topic in ("status", "faults") else qos
         self.node.create_subscription(TYPES[topic], topic, heard.append, qos)
         return heard
 
@@ -76,6 +92,12 @@ class Client:
             self._executor.spin_once(timeout_sec=0.05)
         return value
 
+    def spin(self, seconds):
+        """Hear messages until none has come for a while."""
+        quiet = time.monotonic() + seconds
+        while time.monotonic() < quiet:
+            self._executor.spin_once(timeout_sec=0.02)
+
     def command(self, message):
         """Publish a command to a drill that is there to hear it."""
         publisher = self._commands[type(message)]
@@ -84,11 +106,61 @@ class Client:
 
     def call(self, kind, name, request):
         """Call a service of another node."""
-        client = self.node.create_client(kind, name)
-        self.until(client.service_is_ready)
-        future = client.call_async(request)
-        self.until(future.done)
+        future = self.call_async(kind, name, request)
+        self.until(future.done, COMPILED)
         return future.result()
+
+    def call_async(self, kind, name, request):
+        """Call a service of another node and give the future of its response."""
+        if name not in self._services:
+            self._services[name] = self.node.create_client(kind, name)
+        self.until(self._services[name].service_is_ready)
+        return self._services[name].call_async(request)
+
+    def step(self, seconds):
+        """Let a paused drill go on; give the stamp that it reached [ns]."""
+        request = StepSimulation.Request(duration=duration(seconds))
+        response = self.call(StepSimulation, "simulation/step", request)
+        assert response.result.result == Result.RESULT_OK, response.result.error_message
+        return nanoseconds(response.time)
+
+    def set_state(self, state):
+        """Play, pause or stop; give the result."""
+        request = SetSimulationState.Request(state=SimulationState(state=state))
+        return self.call(SetSimulationState, "simulation/set_state", request).result
+
+    def reset(self, scope=ResetSimulation.Request.SCOPE_ALL, seed=None):
+        """Begin again; give the result."""
+        request = ResetSimulation.Request(scope=scope, reseed=seed is not None, seed=seed or 0)
+        return self.call(ResetSimulation, "simulation/reset", request).result
+
+    def inject(self, kind, channel="", magnitude=float("nan"), seconds=0.0):
+        """Inject a fault; give the response."""
+        fault = Fault(kind=kind, channel=channel, magnitude=magnitude)
+        request = InjectFault.Request(fault=fault, duration=duration(seconds))
+        return self.call(InjectFault, "inject_fault", request)
+
+
+def contents(message):
+    """Give a message as nested tuples in which every number is bit by bit what was sent.
+
+    The bytes on the wire do not serve: the middleware leaves what is between fields as it was.
+    """
+    if hasattr(message, "get_fields_and_field_types"):
+        return tuple(
+            contents(getattr(message, name)) for name in message.get_fields_and_field_types()
+        )
+    if isinstance(message, float):
+        return message.hex()
+    if hasattr(message, "tobytes"):
+        return message.tobytes()
+    return tuple(map(contents, message)) if isinstance(message, list) else message
+
+
+def duration(seconds):
+    """Give a builtin_interfaces/Duration."""
+    whole, rest = divmod(round(seconds * SECOND), SECOND)
+    return Duration(sec=whole, nanosec=rest)
 
 
 def nanoseconds(time):

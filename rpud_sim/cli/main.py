@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-COMMANDS = ("run", "record", "replay", "simulate", "info", "recover", "reproduce")
+COMMANDS = ("run", "record", "replay", "simulate", "info", "recover", "sweep", "reproduce")
 
 
 class Parser(argparse.ArgumentParser):

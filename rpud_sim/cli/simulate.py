@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import importlib
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -81,20 +82,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and print the figures; give the exit code."""
-    from rpud_sim.bag.errors import BagError
+    _load_numba()
     from rpud_sim.model.engine import EngineError
     from rpud_sim.simulation import ParameterError
 
+    failures: tuple[type[Exception], ...] = (EngineError,)
+    if arguments.bag:  # only then, for it takes long to load
+        from rpud_sim.bag import BagError
+
+        failures = (BagError, EngineError)
     try:
         _check(arguments)
         _refuse_assignments_to_the_node(arguments)
         figures = _simulate(arguments)
     except ParameterError as error:
         return _fail(error, 2)
-    except (BagError, EngineError) as error:
+    except failures as error:
         return _fail(error, 1)
     print(json.dumps(figures, indent=2) if arguments.json else _table(figures))
     return 0
+
+
+def _load_numba() -> None:
+    """Load what Numba needs, but for SciPy.
+
+    It would look there for linear algebra, which no kernel of ours uses: a fifth of the start.
+    """
+    if "scipy" not in sys.modules:
+        sys.modules["scipy"] = None  # type: ignore[assignment]
+        try:
+            importlib.import_module("numba.np.arraymath")
+        finally:
+            del sys.modules["scipy"]
 
 
 def _check(arguments: argparse.Namespace) -> None:

@@ -17,13 +17,11 @@ class EffectiveTool(NamedTuple):
     spring_rate: float  # k_eff,dt [N/m]
 
 
-@compiled
 def section_spring_rate(elastic_modulus, area, length):
     """k_dt1 or k_dt2 [N/m], eq. (20)."""
     return elastic_modulus * area / length
 
 
-@compiled
 def printed_tool(k_1, k_2, m_1, m_2):
     """The drill tool with eqs. (22) and (27) as printed.
 
@@ -43,7 +41,6 @@ def printed_tool(k_1, k_2, m_1, m_2):
     return EffectiveTool(mass, spring_rate)
 
 
-@compiled
 def rayleigh_tool(k_1, k_2, m_1, m_2):
     """The drill tool by Rayleigh's method: the static shape of two springs in series.
 

@@ -68,8 +68,12 @@ class Engine:
             time, drill = self._seating.popleft()
             self._advance(*time)
             state = self._state[0]
-            commands = (state["weight_on_bit"], state["target_amplitude"], state["frequency"])
-            self._interrupt(*time, drill, tuple(map(float, commands)))
+            commands = (
+                float(state["weight_on_bit"]),
+                float(state["target_amplitude"]),
+                float(state["frequency"]),
+            )
+            self._interrupt(*time, drill, commands)
         self._advance(seconds, fraction)
 
     def change(

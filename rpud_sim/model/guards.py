@@ -3,8 +3,8 @@
 A guard is the gap between two bodies, the force of a contact, or the deformation of the drill tool
 in the rock. Each comes with its derivatives at a time, and with bounds on them for the whole
 segment, so that ``search`` can tell for how long it is certain to stay positive. Where the
-actuator's tip takes part, the guard is also at least its *envelope*: the guard without the
-vibration, less the vibration's amplitude.
+actuator's tip takes part, the guard is also at least its *envelope*: the guard without the steady
+vibration, less the most that the vibration takes from it.
 """
 
 import math
@@ -36,8 +36,8 @@ END_DRILL_TOOL_REST = 4
 END_AMPLITUDE = 5
 END_LIMIT = 6
 
-# Stands for an envelope that says nothing.
-NO_ENVELOPE = -1.0
+# Stands for a slow part that says nothing.
+NO_SLOW_PART = -math.inf
 
 
 class Guard(NamedTuple):
@@ -46,8 +46,8 @@ class Guard(NamedTuple):
     value: float
     slope: float
     curvature: float  # second derivative, or 0 where it is not known
-    envelope: float
-    envelope_slope: float
+    slow: float  # without the steady vibration
+    slow_slope: float
 
 
 class Bounds(NamedTuple):
@@ -55,7 +55,8 @@ class Bounds(NamedTuple):
 
     second: float
     third: float  # infinite where it is not known
-    envelope_second: float
+    slow_second: float
+    vibration: float  # the most that the steady vibration takes from the guard
 
 
 class Load(NamedTuple):
@@ -108,10 +109,9 @@ def drill_tool_acceleration_at(segment, motion):
 @compiled
 def tip_amplitude(segment):
     """Amplitude of the tip's steady vibration [m]."""
-    return math.hypot(
-        segment.nodal_plane_vibration_sine + segment.vibration_amplitude,
-        segment.nodal_plane_vibration_cosine,
-    )
+    in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
+    in_quadrature = segment.nodal_plane_vibration_cosine
+    return math.sqrt(in_phase**2 + in_quadrature**2)
 
 
 @compiled
@@ -128,7 +128,7 @@ def gap_to_actuator(segment, time):
         u_fm - u_ut,
         v_fm - v_ut,
         acceleration - tip_acceleration,
-        u_fm - position - tip_amplitude(segment),
+        u_fm - position,
         v_fm - velocity,
     )
 
@@ -141,13 +141,13 @@ def gap_to_drill_tool(segment, time):
     acceleration = drill_tool_acceleration_at(segment, motion)
     if segment.contact == 0:
         curvature = acceleration - segment.free_mass_acceleration
-        return Guard(u_dt - u_fm, v_dt - v_fm, curvature, NO_ENVELOPE, 0.0)
+        return Guard(u_dt - u_fm, v_dt - v_fm, curvature, NO_SLOW_PART, 0.0)
     position, velocity, tip_acceleration = tip_motion_at(segment, time, motion)
     return Guard(
         u_dt - u_fm,
         v_dt - v_fm,
         acceleration - tip_acceleration,
-        u_dt - position - tip_amplitude(segment),
+        u_dt - position,
         v_dt - velocity,
     )
 
@@ -192,7 +192,7 @@ def force_from_tip(load, segment, time):
         slow + stiffness * u + damping * v,
         slow_slope + stiffness * v - damping * omega * omega * u,
         0.0,
-        slow - math.hypot(stiffness, damping * omega) * tip_amplitude(segment),
+        slow,
         slow_slope,
     )
 
@@ -228,10 +228,10 @@ def guard_at(segment, end, time):
         return gap_to_drill_tool(segment, time)
     if end == END_DRILL_TOOL_REST:
         value, slope = decaying_part(drill_tool_motion(segment), time)
-        return Guard(value, slope, 0.0, NO_ENVELOPE, 0.0)
+        return Guard(value, slope, 0.0, NO_SLOW_PART, 0.0)
     if segment.contact == CONTACT_DRILL_TOOL:
         value, slope = force_on_drill_tool(segment, time)
-        return Guard(value, slope, 0.0, NO_ENVELOPE, 0.0)
+        return Guard(value, slope, 0.0, NO_SLOW_PART, 0.0)
     return force_from_tip(load_of(segment, end), segment, time)
 
 
@@ -245,23 +245,28 @@ def guard_bounds(segment, end):
     dt_rate = undamped_frequency(drill_tool)
     np_second = np_rate**2 * decaying_amplitude(nodal_plane)
     dt_second = dt_rate**2 * decaying_amplitude(drill_tool)
-    vibration_second = omega**2 * tip_amplitude(segment)
+    amplitude = tip_amplitude(segment)
+    vibration_second = omega**2 * amplitude
     np_third = np_rate * np_second
     dt_third = dt_rate * dt_second
     vibration_third = omega * vibration_second
     if end == END_DRILL_TOOL_REST:
-        return Bounds(dt_second, math.inf, 0.0)
+        return Bounds(dt_second, math.inf, 0.0, 0.0)
     if end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT):
         if segment.contact != 0:
             slow = np_second + dt_second
-            return Bounds(slow + vibration_second, np_third + dt_third + vibration_third, slow)
+            third = np_third + dt_third + vibration_third
+            return Bounds(slow + vibration_second, third, slow, amplitude)
         if end == END_DRILL_TOOL_IMPACT:
-            return Bounds(dt_second + segment.gravity, dt_third, 0.0)
+            return Bounds(dt_second + segment.gravity, dt_third, 0.0, 0.0)
         slow = np_second + segment.gravity
-        return Bounds(slow + vibration_second, np_third + vibration_third, slow)
+        return Bounds(slow + vibration_second, np_third + vibration_third, slow, amplitude)
     if segment.contact == CONTACT_DRILL_TOOL:
-        return Bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0)
+        return Bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
     mass, damping, spring_rate, _ = load_of(segment, end)
     slow = np_second * (mass * np_rate**2 + damping * np_rate + spring_rate)
     vibration = vibration_second * (mass * omega**2 + damping * omega + spring_rate)
-    return Bounds(slow + vibration, math.inf, slow)
+    stiffness = spring_rate - mass * omega**2
+    resistance = damping * omega
+    force = math.sqrt(stiffness**2 + resistance**2) * amplitude
+    return Bounds(slow + vibration, math.inf, slow, force)

@@ -11,7 +11,13 @@ from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.motion import CONTACT_BOTH
-from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at, nodal_plane_integral
+from rpud_sim.model.segment import (
+    CONTACT_DRILL_TOOL,
+    drill_tool_motion,
+    motion_at,
+    nodal_plane_integral,
+)
+from rpud_sim.model.suspension import decaying_part
 from rpud_sim.model.vibration import TWO_PI
 
 # Samples of the contact force in which its maximum is sought while all three bodies are in contact.
@@ -30,14 +36,17 @@ def tip_integral(segment, time):
 @compiled
 def contact_impulse(segment, time):
     """Momentum that the drill tool receives in the first part of a segment in contact [N s]."""
-    _, _, _, _, u_start, v_start, _, _ = motion_at(segment, 0.0)
-    _, _, _, _, u_end, v_end, _, _ = motion_at(segment, time)
     if segment.contact == CONTACT_BOTH:
+        _, _, _, _, u_start, v_start, _, _ = motion_at(segment, 0.0)
+        _, _, _, _, u_end, v_end, _, _ = motion_at(segment, time)
         return (
             segment.drill_tool_mass * (v_end - v_start)
             + segment.drill_tool_damping * (u_end - u_start)
             + segment.drill_tool_spring_rate * tip_integral(segment, time)
         )
+    motion = drill_tool_motion(segment)
+    _, v_start = decaying_part(motion, 0.0)
+    _, v_end = decaying_part(motion, time)
     return segment.free_mass * (segment.gravity * time - (v_end - v_start))
 
 

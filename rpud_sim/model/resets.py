@@ -106,9 +106,7 @@ def exchange_momentum(drill, state, closed):
             approaching = True
             actuator_struck = True
             restitution = drill.actuator_restitution if count < MOST_COLLISIONS - 1 else 0.0
-            v_ut, state.v_fm = collide(
-                drill.rpud_mass, v_ut, struck_mass, state.v_fm, restitution
-            )
+            v_ut, state.v_fm = collide(drill.rpud_mass, v_ut, struck_mass, state.v_fm, restitution)
             if wedged:
                 state.v_dt = state.v_fm
         if closed & CONTACT_DRILL_TOOL and state.v_fm - state.v_dt > SAME_VELOCITY:
@@ -142,8 +140,9 @@ def tip_acceleration(drill, state, contact):
     displacement, velocity = decaying_part(motion, 0.0)
     acceleration, _ = decaying_derivatives(motion, displacement, velocity)
     omega = TWO_PI * state.frequency
-    in_phase, _ = harmonic_vibration(motion.vibration_sine + state.amplitude, 0.0, state.phase)
-    in_quadrature, _ = harmonic_vibration(motion.vibration_cosine, 0.0, state.phase + 0.25)
+    angle = TWO_PI * state.phase
+    in_phase = (motion.vibration_sine + state.amplitude) * math.sin(angle)
+    in_quadrature = motion.vibration_cosine * math.cos(angle)
     return acceleration - omega * omega * (in_phase + in_quadrature)
 
 
@@ -264,7 +263,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck):
         return 0
     u_hv, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
     v_ut = state.v_np + v_hv
-    tip = tip_acceleration(drill, state, 0)
+    tip = tip_acceleration(drill, state, 0) if closed & CONTACT_ACTUATOR else 0.0
     if drill.jammed and closed & CONTACT_DRILL_TOOL:
         wedged = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
         if (
@@ -274,7 +273,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck):
         ):
             return CONTACT_BOTH
         return CONTACT_DRILL_TOOL
-    tool = tool_acceleration(drill, state, 0)
+    tool = tool_acceleration(drill, state, 0) if closed & CONTACT_DRILL_TOOL else 0.0
     on_tip = closed & CONTACT_ACTUATOR and returns_at_once(state.v_fm - v_ut, tip - drill.gravity)
     behind = max(tip, drill.gravity) if on_tip else drill.gravity
     on_tool = closed & CONTACT_DRILL_TOOL and returns_at_once(

@@ -86,11 +86,11 @@ def first_root(segment, end, limit):
     bounds = guard_bounds(segment, end)
     bound = max(bounds.second, LEAST_BOUND)
     third_bound = max(bounds.third, LEAST_BOUND)
-    envelope_bound = max(bounds.envelope_second, LEAST_BOUND)
+    slow_bound = max(bounds.slow_second, LEAST_BOUND)
     allowance = allowance_of(end)
     time = 0.0
     for _ in range(LONGEST_SEARCH):
-        value, slope, curvature, envelope, envelope_slope = guard_at(segment, end, time)
+        value, slope, curvature, slow, slow_slope = guard_at(segment, end, time)
         # The guard is certain to rise to `crest` before it can fall.
         crest = value + max(slope, 0.0) ** 2 / (2.0 * bound)
         if crest > allowance:
@@ -99,8 +99,9 @@ def first_root(segment, end, limit):
         step = max(
             safe_step(value, slope, bound), convex_step(value, slope, curvature, third_bound)
         )
+        envelope = slow - bounds.vibration
         if envelope > 0.0:
-            step = max(step, safe_step(envelope, envelope_slope, envelope_bound))
+            step = max(step, safe_step(envelope, slow_slope, slow_bound))
         if slope >= 0.0:
             step = max(step, 10.0 * TIME_RESOLUTION)
         elif value <= 0.0 or step < TIME_RESOLUTION:

@@ -21,9 +21,9 @@ SEATING_STEPS = 20
 def seating(before: Drill, after: Drill) -> list[tuple[float, Drill]]:
     """Return through which constants the drill goes, and when after the change [s].
 
-    The last ones are those after the change. Steps before them are as before drilling: the impacts
-    of eqs. (11)-(13) and the suspension of eq. (14). All but the first change of a free drill to
-    the rock takes one step.
+    The last ones are those asked for. The steps before them are as before drilling: the impacts of
+    eqs. (11)-(13) and the suspension of eq. (14). Any change but that of a free drill tool to one
+    in the rock is done at once.
 
     Args:
         before: the present constants.

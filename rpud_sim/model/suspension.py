@@ -33,7 +33,6 @@ class Oscillation(NamedTuple):
     vibration_cosine: float  # [m]
 
 
-@compiled
 def damping_coefficient(damping_ratio, mass, spring_rate):
     """c = 2 xi omega_n m [N s/m], from the text after eqs. (2) and (14)."""
     return 2.0 * damping_ratio * math.sqrt(spring_rate / mass) * mass
@@ -161,10 +160,10 @@ def decaying_derivatives(motion, displacement, velocity):
 @compiled
 def decaying_amplitude(motion):
     """Bound on the decaying part at all later times [m]."""
-    return math.hypot(motion.cosine, motion.sine)
+    return math.sqrt(motion.cosine**2 + motion.sine**2)
 
 
 @compiled
 def undamped_frequency(motion):
     """omega_n [rad/s]: by this factor grows, at most, the bound of each further derivative."""
-    return math.hypot(motion.decay_rate, motion.angular_frequency)
+    return math.sqrt(motion.decay_rate**2 + motion.angular_frequency**2)

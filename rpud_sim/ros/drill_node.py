@@ -16,6 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rpud_sim.ros import standard_services
 from rpud_sim.ros.declaration import changed_values, check_changes, declare_settings
 from rpud_sim.ros.drilling import Drilling
 from rpud_sim.ros.fault_services import FaultServices
@@ -28,6 +29,7 @@ from rpud_sim.ros.publishers import DrillPublishers
 from rpud_sim.ros.report import Report
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.simulation_services import SimulationServices
+from rpud_sim.ros.standard_services import StandardServices
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import compile_kernels
@@ -52,7 +54,8 @@ class DrillNode(ManagedNode):
 
     Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
     ``simulation/get_state``, ``simulation/set_state``, ``simulation/step``, ``simulation/run_to``,
-    ``simulation/reset`` (rpud_msgs), and those of a managed node.
+    ``simulation/reset`` (rpud_msgs), those of a managed node, and where it is installed those of
+    ``simulation_interfaces``.
 
     Parameters: those of ``rpud_sim.ros.parameters.ALL_NAMES``; ``CHANGEABLE`` says which of them
     may be set while it runs.
@@ -81,6 +84,8 @@ class DrillNode(ManagedNode):
         self._simulation_services = SimulationServices(
             self, lambda: self.drilling, self._origin, self._ask_to_quit
         )
+        if standard_services.INSTALLED:
+            StandardServices(self, self._simulation_services, self._settings.telemetry_rate)
         FaultServices(self, lambda: self.drilling, self._origin, self._inbox.refuse_request)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)

@@ -230,7 +230,7 @@ class Drilling:
         if state:
             active = self._control.active
             self._begin(active)
-            self._outputs.begin(self._source.begin() if time else self._outputs.origin + now)
+            self._outputs.begin(self._source.begin(None if time else self._outputs.origin + now))
             self._account.begin()
         elif time:
             self._outputs.move(self._source.begin() - now)
@@ -273,8 +273,8 @@ class Drilling:
             f"drilling: regime {parameters.regime}, weight on bit {parameters.weight_on_bit:g} N, "
             f"drive {'on' if settings.configuration.drive_enabled else 'off'}"
         )
-        self._playing = self._source.follows or not settings.start_paused
         self._outputs.begin(self._source.wait(self._stop, self._requests.serve))
+        self._playing = self._source.follows or not settings.start_paused
         if self._playing:
             self._pacer.start(self._simulation.time, self._source.resume(self._simulation.time))
         self._account.finish()
@@ -330,10 +330,12 @@ class Drilling:
             self._logger.warning(refusal)
         commanded = self._take_commands()
         self._pacer.finish(until)
-        if commanded or self._account.due():
-            self._report()
-        if self._goal is not None and until >= self._goal:
+        reached = self._goal is not None and until >= self._goal
+        if reached:
             self._goal = None
+        if commanded or reached or self._account.due():
+            self._report()
+        if reached:
             self._step.set_result(until)
 
     def _take_commands(self) -> bool:

@@ -35,7 +35,8 @@ class Inbox:
         self._notify = notify
 
     def begin(self) -> None:
-        """Count from zero again."""
+        """Count from zero again, and forget what waits: it was meant for what was before."""
+        self._waiting.clear()
         self.accepted = 0
         self.rejected = 0
 

@@ -1,18 +1,34 @@
-"""A managed node that answers every request for a transition, also an impossible one."""
+"""A managed node that answers requests for transitions and parameters, impossible ones too."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.service import Service
+
+from rpud_sim.simulation import shown
 
 Node = TypeVar("Node", bound="ManagedNode")
 Transition = Callable[[Node, LifecycleState], TransitionCallbackReturn]
+Handler = Callable[[Any, Any], Any]
 
 
 class ManagedNode(LifecycleNode):
-    """rclpy's ``LifecycleNode``, but that an error in a transition is shown and ends nothing."""
+    """rclpy's ``LifecycleNode``, but that what a client may ask for never ends the process."""
+
+    def create_service(
+        self, srv_type: Any, srv_name: str, callback: Handler, **options: Any
+    ) -> Service:
+        """Create a service; those that set parameters refuse what has an unknown type."""
+        # rclpy raises ValueError out of the executor there.
+        guard = {SetParameters: _each_known, SetParametersAtomically: _all_known}.get(srv_type)
+        handler = guard(callback) if guard else callback
+        return super().create_service(srv_type, srv_name, handler, **options)
 
     # rclpy lets RCLError out of the executor when a client asks for a transition that the present
     # state does not have: the node would end, and the client wait for ever. This name is how Python
@@ -41,3 +57,38 @@ def told(transition: Transition[Node]) -> Transition[Node]:
 
     tell.__name__, tell.__doc__ = transition.__name__, transition.__doc__
     return tell
+
+
+def _each_known(callback: Handler) -> Handler:
+    def answer(request: SetParameters.Request, response: SetParameters.Response) -> Any:
+        for parameter in request.parameters:
+            refused = _refused(parameter)
+            if refused is None:
+                callback(SetParameters.Request(parameters=[parameter]), response)
+            else:
+                response.results.append(refused)
+        return response
+
+    return answer
+
+
+def _all_known(callback: Handler) -> Handler:
+    def answer(
+        request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
+    ) -> Any:
+        refused = next(filter(None, map(_refused, request.parameters)), None)
+        if refused is None:
+            return callback(request, response)
+        response.result = refused
+        return response
+
+    return answer
+
+
+def _refused(parameter: ParameterMessage) -> SetParametersResult | None:
+    """The refusal of a parameter whose type rclpy does not know, None if it does."""
+    number = parameter.value.type
+    if number <= ParameterType.PARAMETER_STRING_ARRAY:
+        return None
+    reason = f"{shown(parameter.name)} has the type {number}, which is none"
+    return SetParametersResult(successful=False, reason=reason)

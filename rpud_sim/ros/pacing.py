@@ -10,16 +10,6 @@ from collections.abc import Callable
 NANOSECONDS = 1_000_000_000
 
 
-def boundary(number: int, rate: int) -> int:
-    """Simulation time at which a block of 1 / rate ends [ns], exact for any whole rate [Hz]."""
-    return number * NANOSECONDS // rate
-
-
-def boundaries_until(time: int, rate: int) -> int:
-    """Number of the last block boundary at or before a simulation time [ns]."""
-    return ((time + 1) * rate - 1) // NANOSECONDS
-
-
 @dataclasses.dataclass(frozen=True)
 class Timing:
     """How well the schedule was kept.

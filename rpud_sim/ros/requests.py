@@ -51,7 +51,9 @@ class Requests:
             try:
                 return future.result(_LOOK)
             except FutureTimeoutError:
-                if self._closed.is_set() and not future.done():
+                if future.done():  # just now, or with a timeout of its own
+                    return future.result()
+                if self._closed.is_set():
                     raise StoppedError("the drill has stopped") from None
 
     def serve(self) -> None:

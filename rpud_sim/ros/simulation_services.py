@@ -70,6 +70,11 @@ class SimulationServices:
         ):
             node.create_service(kind, f"simulation/{name}", handler, callback_group=group)
 
+    def controls_time(self) -> bool:
+        """Whether the time can be paused and stepped, and is not that of another's ``/clock``."""
+        drilling = self._drilling()
+        return drilling is None or not drilling.follows_clock
+
     def get_state(self, request: Any, response: Any) -> Any:
         """Answer which state it is in."""
         drilling = self._drilling()

@@ -62,11 +62,17 @@ class TimeSource:
                 serve()
         return self.begin()
 
-    def begin(self) -> int:
-        """Return the stamp of simulation time zero [ns], if it is now."""
+    def begin(self, origin: int | None = None) -> int:
+        """Begin anew, and return the stamp of simulation time zero [ns].
+
+        Args:
+            origin: that stamp; now if None, which is zero where the node is the source.
+        """
         self._went_back.clear()
-        self._origin = 0 if self._publishes else self._now()
-        return self._origin
+        if origin is None:
+            origin = 0 if self._publishes else self._now()
+        self._origin = origin
+        return origin
 
     def resume(self, time: int) -> int | None:
         """Return when on the schedule a simulation time [ns] is due; None for now."""

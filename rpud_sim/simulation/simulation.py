@@ -145,7 +145,6 @@ class Simulation:
             self._go_on_to(stop)
             while self._schedule and self._schedule[0][0] <= stop:
                 heapq.heappop(self._schedule)[-1]()
-            self._update()
         self._go_on_to(time)
         covering, impacts = self._engine.take_covering()
         self._make_progress(impacts)
@@ -180,7 +179,6 @@ class Simulation:
             )
             self._actuator.drive(self._time, drive)
             self._applied = dataclasses.replace(before, drive=drive, drive_time=self._time)
-        self._update()
 
     def configure(self, configuration: Configuration) -> None:
         """Put other parameters into force at the present time; positions and velocities go on.
@@ -264,6 +262,7 @@ class Simulation:
         return min(step, self._schedule[0][0]) if self._schedule else step
 
     def _go_on_to(self, time: int) -> None:
+        self._tell()
         self._engine.advance(*_split(time))
         self._actuator.advance_to(time)
         self._time = time
@@ -291,14 +290,16 @@ class Simulation:
             "resonance"
         ):
             self._actuator.drift(self._time, self._conditions.resonance_offset)
-        self._update()
 
     def _commands(self) -> tuple[float, float, float]:
         weight = self._applied.weight_on_bit.force * self._conditions.preload_factor
         return weight, self._actuator.amplitude, self._actuator.frequency
 
-    def _update(self) -> None:
-        """Tell the engine what has changed; what has not leaves the trajectory as it is."""
+    def _tell(self) -> None:
+        """Tell the engine what has changed; what has not leaves the trajectory as it is.
+
+        It is told once for each instant, so that the order of changes there makes no difference.
+        """
         in_force = (self._drill, self._commands())
         if in_force != self._in_force:
             self._in_force = in_force

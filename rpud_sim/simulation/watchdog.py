@@ -32,8 +32,9 @@ class CommandWatchdog:
 
     def set(self, timeout: float, ramp: float) -> None:
         """Take another timeout and ramp [s]."""
-        self._timeout = timeout
-        self._ramp = ramp
+        # In nanoseconds, so that the end of the ramp is exact; the shortest timeout is not never.
+        self._timeout = max(1, round(timeout * NANOSECONDS)) if timeout > 0.0 else 0
+        self._ramp = round(ramp * NANOSECONDS)
 
     def heard(self, time: int) -> None:
         """Note that a command came."""
@@ -41,16 +42,14 @@ class CommandWatchdog:
 
     def lost(self, time: int) -> bool:
         """Whether commands are lost."""
-        return self._overdue(time) > 0.0
+        return self._overdue(time) > 0
 
     def share(self, time: int) -> float:
         """Share of the commands that is in force, from 1 to 0."""
         overdue = self._overdue(time)
-        if overdue <= 0.0:
+        if overdue <= 0:
             return 1.0
-        return max(0.0, 1.0 - overdue / self._ramp) if self._ramp > 0.0 else 0.0
+        return max(0.0, 1.0 - overdue / self._ramp) if self._ramp else 0.0
 
-    def _overdue(self, time: int) -> float:
-        if self._timeout == 0.0:
-            return 0.0
-        return (time - self._last) / NANOSECONDS - self._timeout
+    def _overdue(self, time: int) -> int:
+        return time - self._last - self._timeout if self._timeout else 0

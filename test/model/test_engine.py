@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from closed_forms import DRILL_TOOL, FREE_MASS, TIP, gap, motion, nodal_plane
+from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from invariants import check_trajectory
 
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
@@ -18,7 +19,6 @@ from rpud_sim.model.segment import (
     EVENT_DRILL_TOOL_IMPACT,
     motion_at,
 )
-from rpud_sim.model.tolerances import LOWEST_BOUNCE, SAME_VELOCITY, TOUCHING
 
 REGIMES = ("free", "drilling")
 
@@ -50,26 +50,6 @@ extremes = st.fixed_dictionaries(
         "load_spring_rate": st.sampled_from([100.0, 2000.0, 5e4]),
     }
 )
-
-
-def check_trajectory(segments):
-    """Bodies in order, time without gaps, a nodal plane that only collisions jolt."""
-    end = None
-    for segment in segments[:: max(1, len(segments) // 1000)]:
-        times = np.linspace(0.0, segment["duration"], 20)
-        assert gap(segment, FREE_MASS, TIP, times).min() > -1.01 * TOUCHING
-        assert gap(segment, DRILL_TOOL, FREE_MASS, times).min() > -1.01 * TOUCHING
-    for before, after in pairwise(segments[:2000]):
-        end = before["duration"]
-        step = float(after["start_seconds"] - before["start_seconds"])
-        step += after["start_fraction"] - before["start_fraction"]
-        assert step == pytest.approx(end, abs=1e-15)
-        assert nodal_plane(before, end) == pytest.approx(nodal_plane(after, 0.0), abs=1e-14)
-        jump = motion(before, FREE_MASS, end) - motion(after, FREE_MASS, 0.0)
-        assert abs(jump) < 1.01 * LOWEST_BOUNCE
-        if not after["event"] & EVENT_ACTUATOR_IMPACT:
-            jolt = nodal_plane(before, end, 1) - nodal_plane(after, 0.0, 1)
-            assert abs(jolt) < 2 * SAME_VELOCITY
 
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])

@@ -33,6 +33,14 @@ def test_a_refusal_is_counted_and_logged_with_its_reason():
     assert log.lines == ["command refused: weight_on_bit = -1 N is outside its range [0, 1000] N"]
 
 
+def test_a_refused_request_is_logged_and_no_command():
+    log = Log()
+    inbox = Inbox(log)
+    inbox.refuse_request("there is no fault 7 to clear")
+    assert (inbox.accepted, inbox.rejected) == (0, 0)
+    assert log.lines == ["request refused: there is no fault 7 to clear"]
+
+
 def test_a_flood_is_counted_in_full_and_logged_in_part():
     log = Log()
     inbox = Inbox(log)
@@ -43,6 +51,27 @@ def test_a_flood_is_counted_in_full_and_logged_in_part():
     assert 11 <= len(log.lines) <= 22
     assert log.lines[0] == "command refused: 0"
     assert "more is refused in this second; commands are counted" in log.lines
+
+
+def test_whoever_takes_is_woken_by_every_command_and_every_refusal():
+    inbox = Inbox(Log())
+    woken = []
+    inbox.accept(WeightOnBit(1.0))  # nobody is to be woken yet
+    inbox.notify(lambda: woken.append(True))
+    inbox.accept(WeightOnBit(1.0))
+    inbox.refuse("for a reason")
+    assert len(woken) == 2
+
+
+def test_a_new_beginning_forgets_what_waits_and_what_was_counted():
+    inbox = Inbox(Log())
+    inbox.accept(WeightOnBit(1.0))
+    inbox.take()
+    inbox.refuse("for a reason")
+    inbox.accept(WeightOnBit(2.0))
+    inbox.begin()
+    assert inbox.take() == []
+    assert (inbox.accepted, inbox.rejected) == (0, 0)
 
 
 def test_nothing_is_lost_between_two_threads():
@@ -60,3 +89,4 @@ def test_nothing_is_lost_between_two_threads():
         taken += inbox.take()
     filler.join()
     assert taken == forces
+    assert inbox.accepted == len(forces)

@@ -1,20 +1,37 @@
-"""Messages say what the simulation says: right types, exact stamps, a trajectory that rebuilds."""
+"""Messages say what the fields say: right types, exact stamps, a trajectory that rebuilds."""
 
 import array
 import dataclasses
+import math
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
 from numpy.testing import assert_allclose
 from rclpy.serialization import deserialize_message, serialize_message
-from rpud_msgs.msg import Trajectory, Waveform
+from rpud_msgs.msg import (
+    ContactForce,
+    DrillTool,
+    NodalPlane,
+    ReactingForce,
+    Status,
+    Trajectory,
+    Waveform,
+)
+from rpud_msgs.msg import Fault as FaultMessage
 from sensor_msgs.msg import JointState
 from trajectories import arrays_of, rebuild
 
 from rpud_sim.ros import messages
-from rpud_sim.simulation import CONSTANTS, SEGMENT, preset
+from rpud_sim.ros.messages import filled
+from rpud_sim.simulation import CONSTANTS, SEGMENT, fields, preset
+from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.ledger import Faults
+from rpud_sim.simulation.rock import SANDSTONE
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.simulation import Simulation
 
@@ -44,16 +61,24 @@ def numbered_samples():
     return Samples(**values | {"in_contact": np.array([False, True])})
 
 
+def trajectories(block, sequence, origin):
+    return [
+        filled(Trajectory(), values) for values in fields.trajectory_fields(block, sequence, origin)
+    ]
+
+
 @pytest.mark.parametrize(
-    ("convert", "frame", "fields"),
+    ("kind", "make", "frame", "channels"),
     [
         (
-            messages.samples_to_nodal_plane,
+            NodalPlane,
+            fields.nodal_plane_fields,
             "rpud_nodal_plane",
             {"position": "nodal_plane_position", "velocity": "nodal_plane_velocity"},
         ),
         (
-            messages.samples_to_drill_tool,
+            DrillTool,
+            fields.drill_tool_fields,
             "rpud_tool_tip",
             {
                 "displacement": "drill_tool_displacement",
@@ -61,24 +86,29 @@ def numbered_samples():
                 "in_contact": "in_contact",
             },
         ),
-        (messages.samples_to_reacting_force, "rpud_mount", {"force": "reacting_force"}),
+        (
+            ReactingForce,
+            fields.reacting_force_fields,
+            "rpud_mount",
+            {"force": "reacting_force"},
+        ),
     ],
 )
-def test_a_sample_is_said_field_by_field(convert, frame, fields):
+def test_a_sample_is_said_field_by_field(kind, make, frame, channels):
     samples = numbered_samples()
-    message = convert(samples, 1, ORIGIN + 7)
+    message = filled(kind(), make(samples, 1, ORIGIN + 7))
     assert nanoseconds(message.header.stamp) == ORIGIN + 7
     assert message.header.frame_id == frame
     said = set(message.get_fields_and_field_types()) - {"header"}
-    assert said == fields.keys()
-    for field, channel in fields.items():
+    assert said == channels.keys()
+    for field, channel in channels.items():
         assert getattr(message, field) == getattr(samples, channel)[1], field
         assert type(getattr(message, field)) in (float, bool)
     serialize_message(message)
 
 
 def test_the_wrench_is_what_the_mount_feels():
-    message = messages.samples_to_wrench(numbered_samples(), 1, ORIGIN)
+    message = filled(WrenchStamped(), fields.wrench_fields(numbered_samples(), 1, ORIGIN))
     force = numbered_samples().reacting_force[1]
     assert isinstance(message, WrenchStamped)
     assert message.header.frame_id == "rpud_mount"
@@ -91,7 +121,7 @@ def test_the_wrench_is_what_the_mount_feels():
 
 def test_the_state_of_the_joints_is_that_of_the_bodies():
     samples = numbered_samples()
-    message = messages.samples_to_joint_state(samples, 1, ORIGIN + 7)
+    message = filled(JointState(), fields.joint_state_fields(samples, 1, ORIGIN + 7))
     assert nanoseconds(message.header.stamp) == ORIGIN + 7
     assert message.header.frame_id == "rpud_mount"
     assert dict(zip(message.name, message.position, strict=True)) == {
@@ -104,14 +134,14 @@ def test_the_state_of_the_joints_is_that_of_the_bodies():
         samples.free_mass_velocity[1],
         samples.drill_tool_velocity[1],
     ]
-    wrench = messages.samples_to_wrench(samples, 1, ORIGIN).wrench
+    wrench = filled(WrenchStamped(), fields.wrench_fields(samples, 1, ORIGIN)).wrench
     assert message.effort.tolist() == [-wrench.force.z, 0.0, 0.0]
     assert deserialize_message(serialize_message(message), JointState) == message
 
 
 def test_an_impact_is_said_field_by_field(block):
     for impact in block.impacts:
-        message = messages.impact_to_contact_force(impact, ORIGIN)
+        message = filled(ContactForce(), fields.contact_force_fields(impact, ORIGIN))
         for field in set(message.get_fields_and_field_types()) - {"header"}:
             assert getattr(message, field) == impact[field], field
         assert type(message.sequence) is int
@@ -123,7 +153,7 @@ def test_an_impact_is_said_field_by_field(block):
 def test_the_stamp_of_an_impact_just_before_a_whole_second_is_valid(block):
     impact = block.impacts[:1].copy()
     impact["seconds"], impact["fraction"] = 4, 1.0 - 1e-12
-    stamp = messages.impact_to_contact_force(impact[0], 0).header.stamp
+    stamp = filled(ContactForce(), fields.contact_force_fields(impact[0], 0)).header.stamp
     assert (stamp.sec, stamp.nanosec) == (5, 0)
 
 
@@ -136,7 +166,7 @@ def test_times_are_exact(time):
 
 def test_a_waveform_is_the_samples():
     samples = numbered_samples()
-    message = messages.samples_to_waveform(samples, ORIGIN, 12, RATE)
+    message = filled(Waveform(), fields.waveform_fields(samples, ORIGIN, 12, RATE))
     assert nanoseconds(message.header.stamp) == ORIGIN
     assert message.sequence == 12
     assert message.sample_period == 1.0 / RATE
@@ -148,7 +178,7 @@ def test_a_waveform_is_the_samples():
 
 
 def test_a_trajectory_has_every_field_of_every_segment(block):
-    (message,) = messages.segments_to_trajectories(block, 5, ORIGIN)
+    (message,) = trajectories(block, 5, ORIGIN)
     assert message.sequence == 5
     assert nanoseconds(message.origin) == ORIGIN
     first = block.segments[0]
@@ -171,7 +201,7 @@ def test_a_trajectory_is_cut_where_constants_change(block):
     covering["free_mass"][3:] = 7e-3
     covering["gravity"][10:] = 1.62
     changed = dataclasses.replace(block, covering=covering)
-    found = list(messages.segments_to_trajectories(changed, 5, ORIGIN))
+    found = trajectories(changed, 5, ORIGIN)
     assert [message.sequence for message in found] == [5, 8, 15]
     assert [message.free_mass for message in found] == [5e-3, 7e-3, 7e-3]
     assert [message.gravity for message in found] == [9.81, 9.81, 1.62]
@@ -184,7 +214,7 @@ def test_a_trajectory_is_cut_where_constants_change(block):
 
 def test_no_segments_are_no_trajectory(block):
     nothing = dataclasses.replace(block, covering=block.covering[-1:])
-    assert list(messages.segments_to_trajectories(nothing, 5, ORIGIN)) == []
+    assert trajectories(nothing, 5, ORIGIN) == []
 
 
 def test_constants_of_contacts_and_events_are_those_of_the_model(block):
@@ -200,8 +230,8 @@ def test_constants_of_contacts_and_events_are_those_of_the_model(block):
 def test_the_waveform_is_rebuilt_from_the_trajectory_message_alone(block):
     first = RATE + 50
     times = Times.from_grid(first, RATE // 12, RATE)
-    waveform = messages.samples_to_waveform(block.sample(times), ORIGIN, first, RATE)
-    (message,) = messages.segments_to_trajectories(block, 0, ORIGIN)
+    waveform = filled(Waveform(), fields.waveform_fields(block.sample(times), ORIGIN, first, RATE))
+    (message,) = trajectories(block, 0, ORIGIN)
     # As a reader has them, who knows nothing of this package.
     waveform = deserialize_message(serialize_message(waveform), Waveform)
     message = deserialize_message(serialize_message(message), Trajectory)
@@ -221,3 +251,72 @@ def test_the_waveform_is_rebuilt_from_the_trajectory_message_alone(block):
         )
     if message.drill_tool_spring_rate > 1e6:  # in the rock
         assert max(waveform.contact_force) > 100.0
+
+
+@pytest.mark.parametrize("time", [0, 1, SECOND - 1, ORIGIN])
+def test_the_stamp_of_a_message_s_fields_is_its_time(time):
+    assert fields.stamp_of({"header": fields.header_fields(time, "rpud_mount")}) == time
+
+
+def test_the_status_says_how_the_drill_is():
+    simulation = Simulation(
+        Configuration(actuator=ActuatorParameters(actuator_model="resonance"), rock=SANDSTONE)
+    )
+    simulation.advance_to(SECOND)
+    simulation.inject(Fault("lost_preload"))
+    status = filled(Status(), fields.drill_fields(simulation))
+    assert status.impacts == simulation.impact_count > 50
+    assert status.vibration_amplitude == simulation.actuator.amplitude > 0.0
+    assert status.resonance_frequency == 16000.0
+    assert status.actuator_temperature == 293.15
+    assert status.electrical_power == pytest.approx(100.0**2 / 100.0 / 2.0, rel=1e-2)
+    assert status.depth == simulation.depth > 0.0
+    assert status.penetration_rate == simulation.penetration_rate > 0.0
+    assert status.active_faults == 1
+
+
+def test_what_the_drill_does_not_have_is_not_a_number():
+    status = filled(Status(), fields.drill_fields(Simulation(preset("drilling"))))
+    assert math.isnan(status.electrical_power)
+    assert math.isnan(status.depth)
+    assert math.isnan(status.penetration_rate)
+
+
+def test_the_ledger_is_said_record_by_record():
+    ledger = Faults()
+    ledger.inject(3, Fault("bias", "wrench", 2.5))
+    ledger.inject(5, Fault("free_mass_jammed"))
+    ledger.clear(SECOND + 4, 1)
+    message = messages.faults_to_message(ledger, 2 * SECOND, ORIGIN)
+    assert nanoseconds(message.header.stamp) == ORIGIN + 2 * SECOND
+    assert message.header.frame_id == "rpud_mount"
+    assert message.forgotten == 0
+    over, lasting = message.faults
+    assert (over.number, over.kind, over.channel, over.magnitude) == (1, "bias", "wrench", 2.5)
+    assert (lasting.number, lasting.kind, lasting.channel) == (2, "free_mass_jammed", "")
+    assert (over.active, lasting.active) == (False, True)
+    assert [nanoseconds(fault.onset) - ORIGIN for fault in message.faults] == [3, 5]
+    assert nanoseconds(over.clear) == ORIGIN + SECOND + 4
+    assert lasting.clear == Time()
+    assert messages.record_to_fault(ledger.active[0], ORIGIN) == lasting
+    assert deserialize_message(serialize_message(message), type(message)) == message
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_fault_that_nobody_filled_is_the_default_unless_zero_is_a_magnitude(kind):
+    channel = "" if KINDS[kind].physical else "wrench"
+    asked = messages.message_to_fault(FaultMessage(kind=kind, channel=channel))
+    if kind in ("restitution_loss", "wrong"):
+        assert asked == Fault(kind, channel, 0.0) != Fault(kind, channel)
+    else:
+        assert asked == Fault(kind, channel)
+    default = FaultMessage(kind=kind, channel=channel, magnitude=math.nan)
+    assert messages.message_to_fault(default) == Fault(kind, channel)
+
+
+def test_a_magnitude_is_taken_at_its_word():
+    asked = FaultMessage(kind="bias", channel="wrench", magnitude=-2.0)
+    assert messages.message_to_fault(asked) == Fault("bias", "wrench", -2.0)
+    for kind, magnitude in (("rusty", 0.0), ("choking", 2.0), ("choking", math.inf)):
+        with pytest.raises(FaultError):
+            messages.message_to_fault(FaultMessage(kind=kind, magnitude=magnitude))

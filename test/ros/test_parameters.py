@@ -1,63 +1,93 @@
-"""The drill node's parameters: checked, described, and read-only once it runs."""
+"""The drill node's parameters: checked together, and read into settings that do not change."""
 
 import dataclasses
 import math
 
 import pytest
-import rclpy
-from rcl_interfaces.msg import ParameterType
-from rclpy.parameter import Parameter
+from hypothesis import given
+from hypothesis import strategies as st
 
-from rpud_sim.ros.parameters import Settings, check_settings, declare_settings
-from rpud_sim.simulation import NAMES, QUANTITIES, ParameterError, Parameters, preset
-from rpud_sim.simulation.configuration import NODE_NAMES
-
-EVERY = (*NAMES, *NODE_NAMES)
-NUMBERS = {*EVERY} - {"contact_model", "regime", "drive_enabled", "publish_clock"}
+from rpud_sim.ros.parameters import (
+    ALL_NAMES,
+    ALL_QUANTITIES,
+    CHANGEABLE,
+    CHOICES,
+    FLAGS,
+    TEXTS,
+    Settings,
+    check_settings,
+)
+from rpud_sim.simulation import ParameterError, Parameters, preset
+from rpud_sim.simulation.actuator import ActuatorParameters
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.rock import RockParameters
 
 
 @pytest.fixture
-def node():
-    rclpy.init()
-    made = []
-
-    def create(**values):
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
-        made.append(rclpy.create_node("drill_node", parameter_overrides=overrides))
-        return made[-1]
-
-    yield create
-    for each in made:
-        each.destroy_node()
-    rclpy.try_shutdown()
+def scenario(tmp_path):
+    path = tmp_path / "faults.yaml"
+    path.write_text("seed: 7\nfaults: [{kind: free_mass_jammed, onset: {uniform: [1, 2]}}]")
+    return path
 
 
 def test_without_values_it_drills_with_the_paper_s():
-    assert check_settings({}) == Settings(Parameters())
-    assert check_settings({"regime": "free"}).parameters == preset("free")
+    assert check_settings({}) == Settings()
+    assert Settings().configuration == Configuration()
+    assert check_settings({"regime": "free"}).configuration.parameters == preset("free")
 
 
-def test_settings_are_what_was_given_and_whole_rates_are_integers():
-    settings = check_settings(
-        {
-            "weight_on_bit": 20,
-            "telemetry_rate": 250.0,
-            "sample_rate": 48000,
-            "block_duration": 1,
-            "nominal_voltage": 60,
-            "drive_enabled": False,
-            "publish_clock": True,
-        }
+def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
+    given_values = {
+        "weight_on_bit": 20,
+        "nominal_voltage": 60,
+        "actuator_model": "resonance",
+        "rock_model": "specific_energy",
+        "drive_enabled": False,
+        "autostart": False,
+        "start_paused": True,
+        "publish_clock": True,
+        "real_time_factor": 2,
+        "command_timeout": 0.2,
+        "command_loss_ramp": 1,
+        "telemetry_rate": 250.0,
+        "sample_rate": 48000,
+        "block_duration": 1,
+        "scenario": str(scenario),
+        "seed": 5.0,
+    }
+    settings = check_settings(given_values)
+    assert settings == Settings(
+        Configuration(
+            Parameters(weight_on_bit=20.0),
+            ActuatorParameters(actuator_model="resonance", nominal_voltage=60.0),
+            RockParameters(rock_model="specific_energy"),
+            drive_enabled=False,
+        ),
+        autostart=False,
+        start_paused=True,
+        publish_clock=True,
+        real_time_factor=2.0,
+        command_timeout=0.2,
+        command_loss_ramp=1.0,
+        telemetry_rate=250,
+        sample_rate=48000,
+        block_duration=1.0,
+        scenario=str(scenario),
+        seed=5,
     )
-    assert settings == Settings(Parameters(weight_on_bit=20.0), False, 60.0, 250, 48000, 1.0, True)
-    assert type(settings.telemetry_rate) is type(settings.sample_rate) is int
-    assert type(settings.block_duration) is type(settings.nominal_voltage) is float
+    for name in ("telemetry_rate", "sample_rate", "seed"):
+        assert type(settings.value(name)) is int
+    for name in ("block_duration", "nominal_voltage", "real_time_factor", "command_loss_ramp"):
+        assert type(settings.value(name)) is float
+    for name, value in given_values.items():
+        assert settings.value(name) == value, name
 
 
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
         ({"drive_enabled": 1}, "drive_enabled = 1 is not true or false"),
+        ({"autostart": None}, "autostart = None is not true or false"),
         ({"publish_clock": "yes"}, "publish_clock = 'yes' is not true or false"),
         ({"telemetry_rate": 0}, "telemetry_rate = 0 Hz is outside its range [1, 1000] Hz"),
         ({"telemetry_rate": 1001}, "telemetry_rate = 1001 Hz is outside its range [1, 1000] Hz"),
@@ -71,6 +101,15 @@ def test_settings_are_what_was_given_and_whole_rates_are_integers():
         ({"nominal_voltage": "100"}, "nominal_voltage = '100' V is outside its range"),
         ({"weight_on_bit": -1}, "weight_on_bit = -1 N is outside its range [0, 1000] N"),
         ({"wieght_on_bit": 1.0}, "wieght_on_bit is not a parameter; known are "),
+        ({"command_timeout": -1}, "command_timeout = -1 s is outside its range [0, 3600] s"),
+        ({"command_loss_ramp": 61}, "command_loss_ramp = 61 s is outside its range [0, 60] s"),
+        ({"seed": 0.5}, "seed = 0.5 is not a whole number"),
+        ({"seed": -1}, "seed = -1 is outside its range [0, 4.29497e+09]"),
+        ({"real_time_factor": 1e4}, "real_time_factor = 10000 is outside its range [0, 1000]"),
+        ({"real_time_factor": 0.005}, "real_time_factor = 0.005 is neither 0, as fast as "),
+        ({"scenario": 3}, "scenario = 3 is not a text"),
+        ({"scenario": "/missing.yaml"}, "/missing.yaml: No such file or directory"),
+        ({"heating": True}, "heating = True needs actuator_model = resonance"),
         (
             {"block_duration": 0.005, "telemetry_rate": 100},
             "block_duration = 0.005 s is shorter than one period of telemetry_rate = 100 Hz",
@@ -90,88 +129,62 @@ def test_a_block_may_be_one_period_long():
     assert check_settings({"block_duration": 0.001, "telemetry_rate": 1000}).telemetry_rate == 1000
 
 
+def test_time_may_go_as_fast_as_possible_or_slowly():
+    assert check_settings({"real_time_factor": 0}).real_time_factor == 0.0
+    assert check_settings({"real_time_factor": 0.01}).real_time_factor == 0.01
+
+
 def test_settings_do_not_change():
     with pytest.raises(dataclasses.FrozenInstanceError):
         check_settings({}).telemetry_rate = 5
 
 
-def test_every_parameter_is_declared_with_its_value(node):
-    drill = node()
-    settings = declare_settings(drill)
-    assert settings == Settings(Parameters())
-    for name in EVERY:
-        value = getattr(settings.parameters if name in NAMES else settings, name)
-        assert drill.get_parameter(name).value == value, name
+def test_every_parameter_is_described_once():
+    described = [*ALL_QUANTITIES, *CHOICES, *FLAGS, *TEXTS]
+    assert sorted(described) == sorted(ALL_NAMES)
+    assert set(CHANGEABLE) < set(ALL_NAMES)
 
 
-def test_every_parameter_says_what_it_is(node):
-    drill = node()
-    declare_settings(drill)
-    for name in EVERY:
-        described = drill.describe_parameter(name)
-        assert described.name == name
-        assert described.description, name
-        assert described.read_only, name
-        assert not described.dynamic_typing, name
+def test_a_change_keeps_everything_else():
+    settings = check_settings({"regime": "free", "weight_on_bit": 7.0, "seed": 3})
+    changed = settings.replace({"regime": "drilling", "gravity": 1.62})
+    for name in ALL_NAMES:
+        expected = {"regime": "drilling", "gravity": 1.62}.get(name, settings.value(name))
+        assert changed.value(name) == expected, name
 
 
-def test_every_number_has_its_unit_and_its_range(node):
-    drill = node()
-    declare_settings(drill)
-    for name in NUMBERS:
-        described = drill.describe_parameter(name)
-        assert described.type == ParameterType.PARAMETER_DOUBLE, name
-        [allowed] = described.floating_point_range
-        assert allowed.from_value < allowed.to_value, name
-        assert described.additional_constraints.startswith("in "), name
-        if name in QUANTITIES:
-            quantity = QUANTITIES[name]
-            assert described.description.endswith(f"[{quantity.unit or '1'}]")
-            assert described.additional_constraints == f"in {quantity.range}"
-            assert (allowed.from_value, allowed.to_value) == (quantity.minimum, quantity.maximum)
-    assert "one of free, drilling" in drill.describe_parameter("regime").additional_constraints
-    assert (
-        "one of printed, rayleigh"
-        in drill.describe_parameter("contact_model").additional_constraints
+def test_there_is_no_value_without_a_name():
+    with pytest.raises(KeyError):
+        Settings().value("wieght_on_bit")
+
+
+@given(
+    st.dictionaries(
+        st.sampled_from(CHANGEABLE),
+        st.one_of(st.floats(), st.integers(), st.text(), st.none(), st.booleans()),
+        max_size=3,
     )
-
-
-def test_the_regime_chooses_the_defaults_and_a_whole_number_is_a_number(node):
-    drill = node(regime="free", gravity=2, vibration_frequency=20000)
-    settings = declare_settings(drill)
-    assert settings.parameters == preset("free").replace(gravity=2.0, vibration_frequency=2e4)
-    assert drill.get_parameter("weight_on_bit").value == 0.0
-    assert drill.get_parameter("gravity").value == 2.0
-    assert drill.get_parameter("gravity").type_ == Parameter.Type.DOUBLE
-
-
-@pytest.mark.parametrize("name", EVERY)
-def test_no_parameter_changes_while_it_runs_and_the_reason_is_said(node, name):
-    drill = node()
-    declare_settings(drill)
-    before = drill.get_parameter(name).value
-    [result] = drill.set_parameters([Parameter(name, value=before)])
-    assert not result.successful
-    assert "read-only" in result.reason
-    assert drill.get_parameter(name).value == before
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "complaint"),
-    [
-        ("weight_on_bit", "heavy", "weight_on_bit = 'heavy' N is outside its range [0, 1000] N"),
-        ("weight_on_bit", True, "weight_on_bit = True N is outside its range [0, 1000] N"),
-        ("weight_on_bit", math.nan, "weight_on_bit = nan N is outside its range [0, 1000] N"),
-        ("weight_on_bit", [1.0, 2.0], "weight_on_bit = [1.0, 2.0] N is outside its range"),
-        ("regime", 3, "regime = 3 is not one of free, drilling"),
-        ("regime", "moon", "regime = 'moon' is not one of free, drilling"),
-        ("drive_enabled", "off", "drive_enabled = 'off' is not true or false"),
-        ("telemetry_rate", 33.3, "telemetry_rate = 33.3 Hz is not a whole number"),
-    ],
 )
-def test_an_override_that_cannot_be_used_is_named(node, name, value, complaint):
-    drill = node(**{name: value})
-    with pytest.raises(ParameterError) as caught:
-        declare_settings(drill)
-    assert str(caught.value).startswith(complaint)
-    assert "\n" not in str(caught.value)
+def test_any_change_gives_settings_or_is_refused_in_one_line(changes):
+    settings = Settings()
+    try:
+        changed = settings.replace(changes)
+    except ParameterError as error:
+        refusal = str(error)
+    else:
+        assert {name: changed.value(name) for name in changes} == changes
+        return
+    assert "\n" not in refusal
+    assert len(refusal) < 300
+    assert settings == Settings()
+
+
+def test_a_scenario_is_drawn_with_the_seed_that_is_given_and_otherwise_with_its_own(scenario):
+    own = check_settings({"scenario": str(scenario)})
+    assert own.read_scenario().seed == 7
+    assert own.read_scenario(0) == own.read_scenario()
+    assert own.read_scenario(9).seed == 9
+    seeded = check_settings({"scenario": str(scenario), "seed": 4})
+    assert seeded.read_scenario().seed == 4
+    assert seeded.read_scenario(9) == own.read_scenario(9) != own.read_scenario()
+    assert Settings().read_scenario() is None

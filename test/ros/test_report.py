@@ -29,7 +29,16 @@ REPORT = Report(
     impacts=1234,
     commands_accepted=2,
     commands_rejected=7,
+    commands_lost=False,
+    commanders=1,
     messages_dropped=1,
+    vibration_amplitude=28e-6,
+    resonance_frequency=16010.0,
+    actuator_temperature=300.5,
+    electrical_power=12.5,
+    depth=0.003,
+    penetration_rate=1e-5,
+    active_faults=0,
     timing=ON_TIME,
     figures={},
 )
@@ -64,6 +73,15 @@ def test_the_status_says_every_figure():
         "commands_rejected": 7,
         "deadlines_missed": 4,
         "messages_dropped": 1,
+        "commands_lost": False,
+        "commanders": 1,
+        "vibration_amplitude": 28e-6,
+        "resonance_frequency": 16010.0,
+        "actuator_temperature": 300.5,
+        "electrical_power": 12.5,
+        "depth": 0.003,
+        "penetration_rate": 1e-5,
+        "active_faults": 0,
         "real_time_factor": 0.9998,
         "lateness_max": 0.003,
         "lag": 0.0,
@@ -99,11 +117,13 @@ def test_what_is_late_depends_on_the_period():
 def test_the_diagnostics_have_names_and_values():
     message = diagnostics(REPORT)
     assert message.header.stamp.sec == 9
-    timing, commands = message.status
+    timing, commands, drill = message.status
     assert timing.name == "/rpud/drill_node: timing"
     assert commands.name == "/rpud/drill_node: commands"
     assert commands.message == "7 refused"
-    values = {pair.key: pair.value for pair in (*timing.values, *commands.values)}
+    assert drill.name == "/rpud/drill_node: drill"
+    assert (drill.level, drill.message) == (DiagnosticStatus.OK, "running")
+    values = {pair.key: pair.value for status in message.status for pair in status.values}
     assert values["deadlines_missed"] == "4"
     assert values["real_time_factor"] == "0.9998"
     assert values["lateness_max [s]"] == "0.003000"
@@ -112,4 +132,32 @@ def test_the_diagnostics_have_names_and_values():
     assert values["weight_on_bit [N]"] == "30"
     assert values["drive_enabled"] == "False"
     assert values["drive_frequency [Hz]"] == "17000"
+    assert values["commanders"] == "1"
+    assert values["regime"] == "drilling"
+    assert values["impacts"] == "1234"
+    assert values["vibration_amplitude [m]"] == "2.8e-05"
+    assert values["actuator_temperature [K]"] == "300.5"
+    assert values["depth [m]"] == "0.003"
     serialize_message(message)
+
+
+@pytest.mark.parametrize(
+    ("changes", "level", "text"),
+    [
+        ({}, DiagnosticStatus.OK, "7 refused"),
+        ({"commanders": 2}, DiagnosticStatus.WARN, "2 publishers command at once"),
+        (
+            {"commanders": 2, "commands_lost": True},
+            DiagnosticStatus.ERROR,
+            "commands are lost: the drill is made safe",
+        ),
+    ],
+)
+def test_lost_commands_and_two_commanders_are_told(changes, level, text):
+    commands = diagnostics(dataclasses.replace(REPORT, **changes)).status[1]
+    assert (commands.level, commands.message) == (level, text)
+
+
+def test_faults_that_last_are_told_with_their_number():
+    drill = diagnostics(dataclasses.replace(REPORT, active_faults=2)).status[2]
+    assert (drill.level, drill.message) == (DiagnosticStatus.WARN, "2 faults injected")

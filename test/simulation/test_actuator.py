@@ -406,6 +406,6 @@ def test_a_choice_that_is_not_known_is_refused(name, value):
 )
 def test_every_parameter_may_be_at_its_limit(values, drive):
     parameters = ActuatorParameters(actuator_model="resonance", heating=True, **values)
-    actuator = Actuator(parameters, 1e-9, drive)
+    actuator = Actuator(parameters, 1e-10, drive)
     actuator.advance_to(SECOND // 10)
     assert all(math.isfinite(float(value)) for value in seen(actuator))

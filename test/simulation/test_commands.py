@@ -5,8 +5,8 @@ import math
 
 import pytest
 
-from rpud_sim.simulation import ParameterError, Parameters
-from rpud_sim.simulation.commands import Drive, WeightOnBit, vibration_amplitude
+from rpud_sim.simulation import ParameterError
+from rpud_sim.simulation.commands import Drive, WeightOnBit
 
 NO_NUMBERS = [math.nan, math.inf, -math.inf, True, "30", None, [30.0], 10**400]
 
@@ -63,24 +63,3 @@ def test_commands_do_not_change():
         WeightOnBit(1.0).force = 2.0
     with pytest.raises(dataclasses.FrozenInstanceError):
         Drive(True, 100.0, 16000.0).voltage = 2.0
-
-
-def test_the_amplitude_is_proportional_to_the_voltage():
-    parameters = Parameters(vibration_amplitude=40e-6)
-    amplitudes = [
-        vibration_amplitude(Drive(True, voltage, 16000.0), parameters, 50.0)
-        for voltage in (0.0, 25.0, 50.0, 100.0)
-    ]
-    assert amplitudes == pytest.approx([0.0, 20e-6, 40e-6, 80e-6], rel=1e-15)
-
-
-def test_a_drive_that_is_off_has_no_amplitude():
-    assert vibration_amplitude(Drive(False, 1e3, 16000.0), Parameters(), 1e-9) == 0.0
-
-
-def test_a_voltage_that_would_break_the_stack_is_refused():
-    with pytest.raises(ParameterError) as caught:
-        vibration_amplitude(Drive(True, 500.0, 16000.0), Parameters(), 10.0)
-    assert str(caught.value) == (
-        "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"
-    )

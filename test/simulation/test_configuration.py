@@ -96,7 +96,7 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         read_parameter_file(tmp_path / "missing.yaml")
     with pytest.raises(ParameterError, match=r"Is a directory$"):
         read_parameter_file(tmp_path)
-    with pytest.raises(ParameterError, match="embedded null byte$"):
+    with pytest.raises(ParameterError, match=r"embedded null byte$"):
         read_parameter_file("a\0b")
 
 
@@ -239,10 +239,12 @@ def test_any_file_is_parameters_by_name_or_refused_in_one_line(tmp_path_factory,
     try:
         values = read_parameter_file(path)
     except ParameterError as error:
-        assert str(error).startswith(str(path))
-        assert "\n" not in str(error)
+        refusal = str(error)
     else:
         assert all(isinstance(name, str) for name in values)
+        return
+    assert refusal.startswith(str(path))
+    assert "\n" not in refusal
 
 
 VALUES = st.one_of(
@@ -263,7 +265,9 @@ def test_any_values_are_a_configuration_or_refused_in_one_line(values):
     try:
         configuration = to_configuration(values)
     except ParameterError as error:
-        assert "\n" not in str(error)
-        assert len(str(error)) < 3000
+        refusal = str(error)
     else:
         assert isinstance(configuration, Configuration)
+        return
+    assert "\n" not in refusal
+    assert len(refusal) < 2000

@@ -4,13 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from trajectories import evaluate
 
-from rpud_sim.simulation import ParameterError, Parameters, preset
+from rpud_sim.simulation import EVENT_ACTUATOR_IMPACT, ParameterError, Parameters, preset
+from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
@@ -137,6 +139,7 @@ def test_segments_follow_each_other_without_a_gap_or_a_jump(parameters, given_co
 
 @settings(max_examples=60)
 @given(regimes, moments, commands)
+@example(preset("free"), 0, Drive(True, 50.0, 27558.0))
 def test_nodal_plane_and_phase_are_continuous_at_a_command(parameters, time, command):
     simulation = Simulation(parameters)
     before = simulation.advance_to(time)
@@ -147,7 +150,9 @@ def test_nodal_plane_and_phase_are_continuous_at_a_command(parameters, time, com
     assert new["actuator_position"] == pytest.approx(old["actuator_position"], abs=1e-13)
     cycles = phase(after.open_segment, time) - phase(before.open_segment, time)
     assert cycles == pytest.approx(round(cycles), abs=1e-9)
-    if not before.open_segment["contact"][0] & 1:
+    # Where the tip touches the free mass, a vibration that is faster at once strikes it at once.
+    struck = after.open_segment["event"][0] & EVENT_ACTUATOR_IMPACT
+    if not (struck or before.open_segment["contact"][0] & 1):
         assert new["nodal_plane_velocity"] == pytest.approx(old["nodal_plane_velocity"], abs=1e-13)
 
 
@@ -194,7 +199,7 @@ def test_a_command_that_changes_nothing_leaves_every_bit(regime, command):
 
 
 def test_commands_come_back_as_applied_with_their_time():
-    simulation = Simulation(Parameters(), nominal_voltage=50.0)
+    simulation = Simulation(Configuration(actuator=ActuatorParameters(nominal_voltage=50.0)))
     assert simulation.applied.weight_on_bit == WeightOnBit(10.0)
     assert simulation.applied.drive == Drive(True, 50.0, 16000.0)
     assert (simulation.applied.weight_on_bit_time, simulation.applied.drive_time) == (0, 0)
@@ -234,21 +239,16 @@ def test_a_drive_that_is_on_takes_zero_volts_at_its_word():
 
 
 def test_a_drive_that_would_break_the_stack_changes_nothing():
-    simulation = Simulation(Parameters(), nominal_voltage=10.0)
+    configuration = Configuration(actuator=ActuatorParameters(nominal_voltage=10.0))
+    simulation = Simulation(configuration)
     simulation.advance_to(MILLISECOND)
     before = simulation.applied
     with pytest.raises(ParameterError, match="vibration_amplitude at drive voltage 900 V"):
         simulation.apply(Drive(True, 900.0, 16000.0))
     assert simulation.applied == before
-    undisturbed = Simulation(Parameters(), nominal_voltage=10.0)
+    undisturbed = Simulation(configuration)
     undisturbed.advance_to(MILLISECOND)
     assert same(simulation.advance_to(SECOND).segments, undisturbed.advance_to(SECOND).segments)
-
-
-@pytest.mark.parametrize("voltage", [0.0, -1.0, float("nan"), 1e9])
-def test_a_nominal_voltage_outside_its_range_is_refused(voltage):
-    with pytest.raises(ParameterError, match=r"nominal_voltage = .* V is outside its range \(0, "):
-        Simulation(Parameters(), nominal_voltage=voltage)
 
 
 @pytest.mark.parametrize("regime", ["free", "drilling"])
@@ -268,14 +268,14 @@ def test_the_drill_settles_without_its_drive_and_strikes_again_with_it(regime):
     assert rest["in_contact"]
     assert rest["contact_force"] == pytest.approx(rest["reacting_force"] + weight, rel=1e-6)
     assert rest["drill_tool_displacement"] == pytest.approx(
-        rest["contact_force"] / simulation.drill.tool_spring_rate, rel=1e-6
+        rest["contact_force"] / quiet.open_segment["drill_tool_spring_rate"][0], rel=1e-6
     )
     simulation.apply(ON)
     assert len(simulation.advance_to(5 * SECOND).impacts) > 50
 
 
 def test_a_drill_that_starts_without_its_drive_rests():
-    simulation = Simulation(Parameters(), drive_enabled=False)
+    simulation = Simulation(Configuration(drive_enabled=False))
     simulation.advance_to(SECOND)
     assert len(simulation.advance_to(2 * SECOND).impacts) == 0
     assert not simulation.applied.drive.enabled
@@ -297,3 +297,22 @@ def test_more_weight_on_bit_pushes_harder():
         statistics.add(simulation.advance_to(simulation.time + 4 * SECOND))
         means.append(statistics.figures()["reacting_force_mean"])
     assert means[1] > means[0] + 5.0
+
+
+@settings(max_examples=25)
+@given(regimes, moments, st.permutations([WeightOnBit(7.0), OFF, WeightOnBit(31.0)]))
+def test_the_order_of_commands_for_different_things_at_one_instant_changes_no_bit(
+    parameters, moment, given_commands
+):
+    def trajectory(commands_in_order):
+        simulation = Simulation(parameters)
+        blocks = [simulation.advance_to(moment)]
+        for command in commands_in_order:
+            simulation.apply(command)
+        return collect([*blocks, simulation.advance_to(SECOND // 3)])
+
+    weights_first = sorted(given_commands, key=lambda command: isinstance(command, Drive))
+    segments, impacts = trajectory(given_commands)
+    others, other_impacts = trajectory(weights_first)
+    assert same(segments, others)
+    assert same(impacts, other_impacts)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.sampling import Times, sample
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
@@ -91,7 +92,7 @@ def test_the_mean_reacting_force_of_a_part_is_that_of_the_part():
 
 
 def test_the_reacting_force_of_a_drill_at_rest_is_what_rests_on_it():
-    simulation = Simulation(preset("drilling"), drive_enabled=False)
+    simulation = Simulation(Configuration(preset("drilling"), drive_enabled=False))
     simulation.advance_to(5 * SECOND)
     found = figures([simulation.advance_to(6 * SECOND)])
     assert found["events"] == 0
@@ -107,7 +108,7 @@ def test_nothing_to_average_is_none_and_not_zero():
     assert nothing["events"] == 0
     for name in {*FIGURES} - {"events"}:
         assert nothing[name] is None, name
-    quiet = Simulation(preset("drilling"), drive_enabled=False)
+    quiet = Simulation(Configuration(preset("drilling"), drive_enabled=False))
     quiet.advance_to(SECOND)
     found = figures([quiet.advance_to(2 * SECOND)])
     assert found["contact_force_mean"] is found["contact_force_max"] is None

@@ -1,0 +1,230 @@
+"""`rpud sweep`: the same bytes whatever happens to those who do the work."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+from distributed import LocalCluster
+
+FILES = ("manifest.json", "points.parquet", "simulations.parquet")
+SPECIFICATION = {
+    "design": "latin_hypercube",
+    "points": 16,
+    "seed": 3,
+    "repeat": 4,
+    "duration": 10.0,
+    "swept": {"weight_on_bit": {"minimum": 5.0, "maximum": 20.0}},
+}
+CHUNKS = 32
+
+
+def rpud(*words):
+    return subprocess.run(
+        ["rpud", *map(str, words)], capture_output=True, text=True, timeout=110, check=False
+    )
+
+
+def wait_for(condition, timeout=60.0):
+    """Return what a condition gives as soon as it holds."""
+    deadline = time.monotonic() + timeout
+    while not (found := condition()):
+        assert time.monotonic() < deadline, "it did not come about"
+        time.sleep(0.002)
+    return found
+
+
+def descendants(pid):
+    """Return the processes that a process has begun, and those that these have."""
+    try:
+        text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
+    except OSError:
+        return []
+    children = [int(word) for word in text.split()]
+    return children + [inner for child in children for inner in descendants(child)]
+
+
+def workers(pid):
+    """Return the processes that run chunks: those of the server that forks them."""
+    return {inner for child in descendants(pid) for inner in descendants(child)}
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def chunks(folder):
+    return set(folder.glob("chunks/*.parquet"))
+
+
+def same(folder, other):
+    return all((folder / name).read_bytes() == (other / name).read_bytes() for name in FILES)
+
+
+@pytest.fixture(scope="module")
+def spec(tmp_path_factory):
+    path = tmp_path_factory.mktemp("specification") / "spec.yaml"
+    path.write_text(yaml.safe_dump(SPECIFICATION))
+    return path
+
+
+@pytest.fixture(scope="module")
+def made(spec, tmp_path_factory):
+    """A sweep by one worker that nothing happened to."""
+    folder = tmp_path_factory.mktemp("sweep") / "new" / "made"
+    done = rpud("sweep", spec, "--out", folder, "--workers", 1, "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    return folder, json.loads(done.stdout)
+
+
+def test_one_object_says_what_was_made(made):
+    folder, printed = made
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest == {name: printed[name] for name in manifest}
+    assert (printed["points"], printed["simulations"], printed["chunks"]) == (16, 64, CHUNKS)
+    assert (printed["run"], printed["kept"], printed["failures"]) == (64, 0, 0)
+    for path in printed["pictures"]:
+        assert Path(path).read_bytes().startswith(b"\x89PNG")
+    assert {path.name for path in folder.iterdir()} == {*FILES, "figures.png"}
+
+
+def test_any_point_can_be_simulated_again(made):
+    import pyarrow.parquet as pq
+
+    folder, _ = made
+    point = pq.read_table(folder / "points.parquet").to_pylist()[5]
+    weight, seed = point["weight_on_bit"], point["seed"]
+    done = rpud(
+        *("simulate", "--set", f"weight_on_bit={weight!r}", "--repeat", 4, "--seed", seed),
+        *("--duration", 10, "--json"),
+    )
+    figures = json.loads(done.stdout)
+    for name, error in figures["standard_error"].items():
+        assert point[name] == pytest.approx(figures[name], rel=1e-12), name
+        assert point[f"{name}_standard_error"] == pytest.approx(error, rel=1e-9), name
+
+
+def test_a_killed_worker_costs_its_own_chunk_alone(spec, made, tmp_path, process):
+    out = tmp_path / "out"
+    sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
+    wait_for(lambda: chunks(out))
+    victim, survivor = wait_for(lambda: len(found := workers(sweep.pid)) == 2 and sorted(found))
+    os.kill(victim, signal.SIGKILL)
+    before = chunks(out)
+    assert len(before) < CHUNKS
+    wait_for(lambda: len(found := workers(sweep.pid)) == 2 and victim not in found)
+    assert survivor in workers(sweep.pid)
+    assert sweep.wait() == 0
+    assert "64 run, 0 kept, 0 failed" in sweep.output
+    assert same(out, made[0])
+
+
+def test_a_killed_sweep_goes_on_where_it_was(spec, made, tmp_path, process):
+    out = tmp_path / "out"
+    sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
+    wait_for(lambda: len(chunks(out)) > 1)
+    begun = descendants(sweep.pid)
+    assert len(begun) > 2
+    sweep.kill()
+    wait_for(lambda: not any(map(alive, begun)))  # nobody works on for nobody
+    kept = {path: path.stat().st_mtime_ns for path in chunks(out)}
+    assert 1 < len(kept) < CHUNKS
+    again = rpud("sweep", spec, "--out", out, "--workers", 2, "--json")
+    assert (again.returncode, again.stderr) == (0, "")
+    printed = json.loads(again.stdout)
+    assert printed["kept"] == 2 * len(kept)
+    assert printed["run"] == 64 - 2 * len(kept)
+    assert same(out, made[0])
+
+
+def test_a_finished_sweep_is_not_run_again_and_another_is_refused(spec, made, tmp_path):
+    folder, _ = made
+    before = {name: (folder / name).stat().st_mtime_ns for name in FILES}
+    again = rpud("sweep", spec, "--out", folder)
+    assert again.returncode == 0
+    assert "0 run, 64 kept" in again.stdout
+    other = tmp_path / "other.yaml"
+    other.write_text(yaml.safe_dump(SPECIFICATION | {"repeat": 5}))
+    refused = rpud("sweep", other, "--out", folder)
+    assert refused.returncode == 2
+    assert refused.stderr == (
+        f"rpud sweep: {folder}/manifest.json: is of another sweep: specification.repeat is 4 there "
+        "and 5 here; choose another --out\n"
+    )
+    assert {name: (folder / name).stat().st_mtime_ns for name in FILES} == before
+
+
+def test_ctrl_c_ends_a_sweep_and_its_workers_without_a_trace(spec, tmp_path, process):
+    out = tmp_path / "out"
+    sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
+    wait_for(lambda: chunks(out))
+    begun = descendants(sweep.pid)
+    os.killpg(sweep.pid, signal.SIGINT)
+    assert sweep.wait() == 130
+    assert "Traceback" not in sweep.output
+    wait_for(lambda: not any(map(alive, begun)))
+
+
+@pytest.fixture
+def cluster():
+    with LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, protocol="tcp"
+    ) as made:
+        yield made
+
+
+def test_a_cluster_gives_the_same_bytes_even_if_it_loses_a_worker(
+    spec, made, tmp_path, process, cluster
+):
+    out = tmp_path / "out"
+    assert cluster.scheduler_address.startswith("tcp://")
+    sweep = process("rpud", "sweep", spec, "--out", out, "--scheduler", cluster.scheduler_address)
+    wait_for(lambda: chunks(out))
+    os.kill(cluster.workers[0].pid, signal.SIGKILL)
+    assert len(chunks(out)) < CHUNKS
+    assert sweep.wait(90.0) == 0
+    assert same(out, made[0])
+
+
+def test_a_cluster_that_is_not_there_is_one_line(spec, tmp_path):
+    done = rpud("sweep", spec, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:1")
+    assert done.returncode == 1
+    assert done.stderr.startswith("rpud sweep: --scheduler tcp://127.0.0.1:1: cannot be reached")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--out", "out"], "rpud sweep: missing.yaml: No such file or directory"),
+        ([], "rpud sweep: the following arguments are required: --out; see rpud sweep --help"),
+        (["--out", "out", "--workers", "0"], "rpud sweep: argument --workers: '0' is no whole"),
+        (["--out", "o", "--workers", "2", "--scheduler", "tcp://a:1"], "rpud sweep: argument"),
+    ],
+)
+def test_a_wrong_call_is_one_line_and_exit_code_2(words, complaint):
+    done = rpud("sweep", "missing.yaml", *words)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(complaint)
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_folder_that_cannot_be_made_is_one_line(spec, tmp_path):
+    (tmp_path / "file").write_text("")
+    done = rpud("sweep", spec, "--out", tmp_path / "file" / "folder")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == f"rpud sweep: {tmp_path}/file/folder: Not a directory\n"
+
+
+def test_the_example_in_the_configuration_is_one():
+    from rpud_sim.analysis.sweep.specification import read_specification
+
+    example = read_specification(Path(__file__).parents[2] / "config" / "sweep.yaml")
+    assert example.simulations == 256

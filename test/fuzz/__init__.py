@@ -1,0 +1,1 @@
+"""Hostile inputs to every way into the drill."""

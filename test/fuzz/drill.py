@@ -1,0 +1,147 @@
+"""A real drill under attack: its callbacks get real messages, as the executor would give them."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from rclpy.logging import LoggingSeverity, get_logger
+from rclpy.parameter import Parameter
+from rpud_msgs.srv import SetSimulationState
+
+from rpud_sim.ros.drill_node import DrillNode
+from rpud_sim.ros.parameters import CHANGEABLE
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+
+PLAYING = SetSimulationState.Request().state.STATE_PLAYING
+OPTIONS = {
+    "rock_model": "specific_energy",  # so that every fault can be honoured
+    "actuator_model": "resonance",
+    "command_timeout": 3600.0,  # so that stamps are looked at
+}
+
+
+class Drill:
+    """A drill that plays in real time while it is attacked in another thread.
+
+    Attributes:
+        reasons: of the commands that were refused.
+
+    Args:
+        folder: for files.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self.node = self.create(**OPTIONS)
+        for logger in (self.node.get_logger(), get_logger("rcl_lifecycle"), get_logger("rcl")):
+            logger.set_level(LoggingSeverity.FATAL)  # thousands of reasons
+        self.reasons: list[str] = []
+        inbox = self.node._inbox
+        refuse = inbox.refuse
+
+        def remember(reason: str) -> None:
+            self.reasons.append(reason)
+            refuse(reason)
+
+        inbox.refuse = remember
+        self._interval = sys.getswitchinterval()
+        sys.setswitchinterval(1e-4)  # the attack must not keep the drill from its turn
+        self.node.start()
+        self.services = {
+            service.srv_name.rsplit("drill_node/")[-1].removeprefix("/"): service
+            for service in self.node.services
+        }
+        self.topics = {each.topic_name.removeprefix("/"): each for each in self.node.subscriptions}
+        self._settings = self.node.settings
+
+    def create(self, **overrides: Any) -> DrillNode:
+        """Make a node, as a launch with these parameters would."""
+        given = [Parameter(name, value=value) for name, value in overrides.items()]
+        return DrillNode(context=self._context, parameter_overrides=given)
+
+    def close(self) -> None:
+        """End the drill."""
+        self.node.stop()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
+        sys.setswitchinterval(self._interval)
+
+    def command(self, topic: str, message: Any) -> None:
+        """Give a command, as if it had come over DDS."""
+        self.topics[topic].callback(message)
+
+    def call(self, name: str, request: Any) -> Any:
+        """Call a service, as if the request had come over DDS."""
+        service = self.services[name]
+        return service.callback(request, service.srv_type.Response())
+
+    def do(self, action: Callable[[Any], Any]) -> Any:
+        """Have something done, or read, in the thread of the drill."""
+        drilling = self.node.drilling
+        return drilling.request(lambda: action(drilling))
+
+    def now(self) -> int:
+        """The stamp of the present simulation time [ns]."""
+        return self.node._origin() + self.do(lambda drilling: drilling.simulation.time)
+
+    @property
+    def rejected(self) -> int:
+        """Commands that were refused."""
+        return self.node._inbox.rejected
+
+    def state(self) -> tuple[Any, ...]:
+        """All that a refused input must leave as it is."""
+
+        def read(drilling: Any) -> tuple[Any, ...]:
+            simulation = drilling.simulation
+            return (
+                simulation.applied,
+                simulation.configuration,
+                simulation.faults.records,
+                simulation.faults.forgotten,
+                drilling.control.active,
+                drilling.control.commands_lost,
+                drilling.playing,
+                drilling.at_start,
+                drilling.stepping,
+            )
+
+        parameters = self.node.get_parameters_by_prefix("")
+        values = tuple((name, repr(each.value)) for name, each in sorted(parameters.items()))
+        return (self.node.settings, values, *self.do(read))
+
+    def sound(self) -> bool:
+        """Whether what is in force is finite."""
+        applied = self.do(lambda drilling: drilling.simulation.applied)
+        numbers = (applied.weight_on_bit.force, applied.drive.voltage, applied.drive.frequency)
+        return all(map(math.isfinite, numbers))
+
+    def restore(self) -> None:
+        """Take back what was accepted, so that every input meets the same drill."""
+        if self.node.settings != self._settings:
+            parameters = [Parameter(each, value=self._settings.value(each)) for each in CHANGEABLE]
+            self.node.set_parameters_atomically(parameters)
+        configuration = self._settings.configuration
+        drive = Drive(
+            True,
+            configuration.actuator.nominal_voltage,
+            configuration.parameters.vibration_frequency,
+        )
+
+        def act(drilling: Any) -> None:
+            drilling.simulation.clear_all()
+            weight_on_bit = WeightOnBit(configuration.parameters.weight_on_bit)
+            for command in (*self.node._inbox.take(), weight_on_bit, drive):
+                drilling.control.take(command, drilling.simulation)
+
+        self.do(act)
+        request = SetSimulationState.Request()
+        request.state.state = PLAYING
+        self.call("simulation/set_state", request)

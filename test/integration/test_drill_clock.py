@@ -1,0 +1,117 @@
+"""A drill that follows the /clock of somebody else."""
+
+import pytest
+from drill_client import SECOND, Client, nanoseconds, stamps, start_drill, steps
+from rcl_interfaces.srv import GetParameters
+from rosgraph_msgs.msg import Clock
+from rpud_msgs.msg import Result, SimulationState, Status
+from rpud_msgs.srv import GetSimulationState
+
+TICK = SECOND // 50
+BEGIN = 5000 * SECOND
+
+
+class Source:
+    """Somebody's simulation, whose time goes on when it is told to."""
+
+    def __init__(self, client):
+        self._client = client
+        self._publisher = client.node.create_publisher(Clock, "/clock", 1000)
+        self.now = BEGIN
+
+    def connect(self):
+        self._client.until(self._publisher.get_subscription_count)
+
+    def run(self, length):
+        """Go on, or back, at once or tick by tick, and leave nothing out."""
+        for _ in range(max(1, length // TICK)):
+            self.now += min(length, TICK)
+            message = Clock()
+            message.clock.sec, message.clock.nanosec = divmod(self.now, SECOND)
+            self._publisher.publish(message)
+
+
+@pytest.fixture
+def client():
+    client = Client("/following")
+    yield client
+    client.close()
+
+
+@pytest.fixture
+def source(client):
+    return Source(client)
+
+
+@pytest.fixture
+def drill():
+    # Its own factor has no meaning: the time is not its own.
+    process = start_drill("/following", use_sim_time=True, real_time_factor=0.0, seed=3)
+    yield process
+    process.stop()
+
+
+def test_it_goes_and_stands_with_the_clock_and_begins_anew_when_that_goes_back(
+    drill, client, source
+):
+    drill.wait_for_line("waiting for /clock, as use_sim_time is set", timeout=100.0)
+    planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
+    statuses = client.listen("status")
+    # It answers while it waits.
+    state = client.call(
+        GetSimulationState, "simulation/get_state", GetSimulationState.Request()
+    ).state
+    assert state.state == SimulationState.STATE_PAUSED
+    names = GetParameters.Request(names=["seed"])
+    assert client.call(GetParameters, "/following/drill_node/get_parameters", names).values
+    assert not client.inject("no_such_kind").success
+    assert client.inject("bias", "reacting_force", 1.0).success
+    source.connect()
+    source.run(TICK)
+    client.until(lambda: statuses[-1].state == Status.STATE_RUNNING)
+    zero = nanoseconds(statuses[-1].drive_applied)
+    assert zero == source.now
+    source.run(SECOND)
+    client.until(lambda: planes and stamps(planes)[-1] == source.now)
+    assert set(steps(stamps(planes))) == {SECOND // 100}
+    assert all(zero <= stamp <= source.now for stamp in stamps(impacts))
+
+    # The clock stands still, and so does the drill: but it tells that it is there.
+    count, heard = len(planes), len(statuses)
+    client.until(lambda: len(statuses) >= heard + 2)
+    assert len(planes) == count
+    assert statuses[-1].lag == 0.0
+    for refused in (
+        client.set_state(SimulationState.STATE_PAUSED),
+        client.reset(),
+    ):
+        assert refused.result == Result.RESULT_FEATURE_UNSUPPORTED
+        assert refused.error_message.startswith("the time is that of /clock")
+
+    # It goes on where it stood,
+    source.run(SECOND // 2)
+    client.until(lambda: stamps(planes)[-1] == source.now)
+    assert set(steps(stamps(planes))) == {SECOND // 100}
+    assert set(steps([message.sequence for message in impacts])) == {1}
+
+    # and begins anew when the clock does.
+    assert statuses[-1].active_faults == 1
+    source.run(-SECOND)
+    drill.wait_for_line("/clock went back: the drill begins anew")
+    client.until(lambda: statuses[-1].active_faults == 0)
+    back = len(planes)
+    assert stamps(statuses)[-1] == source.now
+    source.run(SECOND // 2)
+    client.until(lambda: len(planes) > back and stamps(planes)[-1] == source.now)
+    assert stamps(planes)[back] == source.now - SECOND // 2 + SECOND // 100
+    client.until(lambda: any(step < 0 for step in steps([it.sequence for it in impacts])))
+    sequence = [message.sequence for message in impacts]
+    [second] = [number for number, step in enumerate(steps(sequence), 1) if step < 0]
+    assert sequence[second] == 0
+
+
+def test_a_signal_ends_it_while_it_waits(drill, client):
+    drill.wait_for_line("waiting for /clock, as use_sim_time is set", timeout=100.0)
+    drill.terminate()
+    assert drill.wait() == 0
+    assert "Traceback" not in drill.output

@@ -1,0 +1,284 @@
+"""Faults of a drill at work, in the rock and at resonance: seen in the ground truth and outside."""
+
+import numpy as np
+import pytest
+from drill_client import COMPILED, SECOND, Client, nanoseconds, stamps, start_drill, steps
+from rpud_msgs.msg import Drive, Status
+from rpud_msgs.srv import ClearFault, ListFaults
+from std_srvs.srv import SetBool
+
+from rpud_sim.simulation.channels import CHANNELS
+
+TELEMETRY = ("nodal_plane", "reacting_force", "wrench")
+PARAMETERS = {"start_paused": True, "publish_clock": True}
+SCENARIO = """
+seed: 4
+faults:
+  - {kind: lost_preload, onset: 0.1234, duration: 0.2}
+  - {kind: stuck, channel: nodal_plane, onset: 0.25}
+"""
+
+
+@pytest.fixture(scope="module")
+def drill():
+    process = start_drill(
+        "/faulty",
+        rock_model="specific_energy",
+        actuator_model="resonance",
+        weight_on_bit=30.0,
+        **PARAMETERS,
+    )
+    try:
+        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+        yield process
+    finally:
+        process.stop()
+
+
+@pytest.fixture
+def client(drill):
+    """In the rock, at time zero and paused, with every listener known."""
+    client = Client("/faulty")
+    topics = ("status", "faults", *TELEMETRY, "contact_force")
+    client.heard = {topic: client.listen(topic) for topic in topics}
+    client.status = client.heard["status"]
+    engage(client, True)
+    client.until(lambda: client.reset() and client.step(0.1) and all(client.heard.values()))
+    client.reset()
+    at(client, 0)
+    client.step(0.02)
+    at(client, SECOND // 50)
+    arrived(client)
+    client.reset()
+    at(client, 0)
+    client.step(0.01)
+    at(client, SECOND // 100)
+    arrived(client)
+    for topic in topics[2:]:
+        client.heard[topic].clear()
+    yield client
+    client.close()
+
+
+def engage(client, data):
+    assert client.call(SetBool, "engage", SetBool.Request(data=data)).success
+
+
+def at(client, stamp):
+    """Give the status of a simulation time, after all telemetry until then."""
+    client.until(lambda: stamps(client.status)[-1] == stamp)
+    return client.status[-1]
+
+
+def advance(client, seconds):
+    """Step and give what the telemetry said of it, by topic."""
+    begin = stamps(client.status)[-1]
+    at(client, client.step(seconds))
+    arrived(client)
+    return {
+        topic: [message for message in client.heard[topic] if begin < stamps([message])[0]]
+        for topic in TELEMETRY
+    }
+
+
+def arrived(client):
+    """Wait for the telemetry up to the last status."""
+    end = stamps(client.status)[-1]
+    for topic in TELEMETRY:
+        client.until(lambda heard=client.heard[topic]: stamps(heard)[-1] == end)
+
+
+def clear(client, number=0):
+    response = client.call(ClearFault, "clear_fault", ClearFault.Request(number=number))
+    return response.success, response.message
+
+
+def truth(client, active):
+    """Give the ground truth as soon as so many faults last."""
+
+    def lasting():
+        heard = client.heard["faults"]
+        return sum(fault.active for fault in heard[-1].faults) == active
+
+    client.until(lasting)
+    return client.heard["faults"][-1]
+
+
+def test_the_ground_truth_has_onset_and_clear_to_the_nanosecond(client):
+    now = client.step(0.000000123)
+    first = client.inject("hard_rock", magnitude=2.0, seconds=0.123456789)
+    assert (first.success, first.number) == (True, 1)
+    assert client.inject("bias", "reacting_force", 3.0).number == 2
+    begun = truth(client, 2)
+    assert [nanoseconds(fault.onset) for fault in begun.faults] == [now, now]
+    assert [nanoseconds(fault.clear) for fault in begun.faults] == [0, 0]
+    client.step(0.2)
+    ended = truth(client, 1).faults[0]
+    assert (ended.number, ended.kind, ended.magnitude) == (1, "hard_rock", 2.0)
+    assert nanoseconds(ended.clear) == now + 123_456_789
+    end = client.step(0.0333)
+    assert clear(client, 2) == (True, "")
+    assert nanoseconds(truth(client, 0).faults[1].clear) == end
+    late = Client("/faulty")
+    try:
+        heard = late.listen("faults")
+        late.until(lambda: heard)
+        assert heard[-1] == client.heard["faults"][-1]
+    finally:
+        late.close()
+
+
+def test_what_lasts_and_what_could_be_is_listed(client):
+    assert client.inject("choking").success
+    listed = client.call(ListFaults, "list_faults", ListFaults.Request())
+    assert [(fault.number, fault.kind) for fault in listed.faults] == [(1, "choking")]
+    assert {"free_mass_jammed", "resonance_drift", "hard_rock", "off"} <= set(listed.kinds)
+    assert set(listed.channels) == set(CHANNELS)
+
+
+@pytest.mark.parametrize(
+    ("kind", "channel", "magnitude", "said"),
+    [
+        ("nonsense", "", 0.0, "nonsense"),
+        ("bias", "", 1.0, "channel"),
+        ("bias", "waveform", 1.0, "waveform"),
+        ("lost_preload", "", 1.5, "1.5 is outside its range (0, 1]"),
+        ("lost_preload", "wrench", 0.5, "wrench"),
+        ("noise", "wrench", float("inf"), "inf"),
+        ("choking", "", 0.8, "already there as fault 1"),
+    ],
+)
+def test_what_cannot_be_honoured_is_refused_with_the_reason(client, kind, channel, magnitude, said):
+    assert client.inject("choking").success
+    refused = client.inject(kind, channel, magnitude)
+    assert not refused.success
+    assert refused.number == 0
+    assert said in refused.message
+    assert "\n" not in refused.message
+    assert [fault.kind for fault in truth(client, 1).faults] == ["choking"]
+
+
+def test_there_is_nothing_to_clear_but_what_lasts(client):
+    assert clear(client, 99) == (False, "there is no fault 99 to clear")
+    assert clear(client) == (True, "")
+
+
+def test_a_jam_silences_the_impacts_and_its_end_brings_them_back(client):
+    impacts = client.heard["contact_force"]
+    client.step(0.5)
+    client.until(lambda: len(impacts) > 50)
+    assert client.inject("free_mass_jammed").success
+    jammed = at(client, client.step(0.5))
+    assert jammed.drive_enabled
+    again = at(client, client.step(0.5))
+    assert again.impacts == jammed.impacts
+    assert clear(client) == (True, "")
+    assert at(client, client.step(0.5)).impacts > again.impacts + 50
+
+
+def test_a_lost_preload_is_felt_in_the_reacting_force(client):
+    def mean():
+        forces = [message.force for message in advance(client, 4.0)["reacting_force"]]
+        assert len(forces) == 400
+        return np.mean(forces)
+
+    before = mean()
+    assert client.inject("lost_preload", magnitude=0.9).success
+    client.step(0.5)
+    # 27 N less on average; nowhere near as much by chance.
+    assert mean() < before - 13.0
+
+
+def test_signal_faults_change_their_channel_alone(client):
+    assert client.inject("bias", "reacting_force", 5.0).success
+    heard = advance(client, 0.2)
+    told = [message.force for message in heard["reacting_force"]]
+    true = [-message.wrench.force.z for message in heard["wrench"]]
+    assert told == pytest.approx([force + 5.0 for force in true], abs=1e-9)
+    assert client.inject("stuck", "nodal_plane").success
+    last = client.heard["nodal_plane"][-1]
+    heard = advance(client, 0.2)
+    assert {message.position for message in heard["nodal_plane"]} == {last.position}
+    assert stamps(heard["nodal_plane"]) == stamps(heard["wrench"])
+    assert client.inject("off", "contact_force").success
+    begin = stamps(client.status)[-1]
+    first = at(client, client.step(0.2)).impacts
+    assert clear(client) == (True, "")
+    heard = advance(client, 0.2)
+    impacts = client.heard["contact_force"]
+    client.until(lambda: impacts and impacts[-1].sequence >= first)
+    # What was lost shows as a gap.
+    lost = [stamp for stamp in stamps(impacts) if begin < stamp < begin + SECOND // 5]
+    assert lost == []
+    assert max(steps([message.sequence for message in impacts])) > 20
+    assert len({message.position for message in heard["nodal_plane"]}) > 10
+    told = [message.force for message in heard["reacting_force"]]
+    assert told == [-message.wrench.force.z for message in heard["wrench"]]
+
+
+def test_the_hole_gets_deeper_while_it_is_in_the_rock_and_slower_in_a_harder_one(client):
+    def progress():
+        before = client.status[-1].depth
+        return at(client, client.step(1.0)).depth - before
+
+    soft = progress()
+    assert soft > 0.0
+    assert client.status[-1].penetration_rate > 0.0
+    assert client.inject("hard_rock", magnitude=10.0).success
+    assert 0.0 < progress() < soft / 3.0
+    engage(client, False)
+    client.until(lambda: client.status[-1].regime == Status.REGIME_FREE)
+    assert progress() == 0.0
+    engage(client, True)
+    assert clear(client) == (True, "")
+    assert progress() > 0.0
+
+
+def test_the_actuator_rings_up_draws_power_and_suffers_from_a_drift(client):
+    client.command(Drive(enabled=False))
+    client.until(lambda: not client.status[-1].drive_enabled)
+    still = at(client, client.step(0.3))
+    assert still.vibration_amplitude < 1e-7
+    assert still.electrical_power == 0.0
+    frequency = still.resonance_frequency
+    client.command(Drive(enabled=True, voltage=100.0, frequency=frequency))
+    client.until(lambda: client.status[-1].drive_enabled)
+    ringing = [at(client, client.step(0.001)).vibration_amplitude for _ in range(5)]
+    assert ringing == sorted(ringing)
+    full = at(client, client.step(0.3))
+    assert full.vibration_amplitude > 1.2 * ringing[0]
+    assert full.electrical_power > 0.0
+    assert client.inject("resonance_drift", magnitude=-500.0).success
+    drifted = at(client, client.step(0.3))
+    assert drifted.resonance_frequency == pytest.approx(frequency - 500.0)
+    assert drifted.vibration_amplitude < full.vibration_amplitude / 2
+
+
+def test_a_scenario_comes_by_itself_at_its_times_and_again_after_a_reset(tmp_path):
+    path = tmp_path / "scenario.yaml"
+    path.write_text(SCENARIO)
+    process = start_drill("/scripted", scenario=path, **PARAMETERS)
+    client = Client("/scripted")
+    try:
+        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+        heard = client.listen("faults")
+
+        def lasting():
+            return [
+                (fault.kind, fault.channel, nanoseconds(fault.onset), nanoseconds(fault.clear))
+                for fault in heard[-1].faults
+            ]
+
+        client.until(lambda: heard and not lasting())
+        for _ in range(2):
+            client.step(0.5)
+            expected = [
+                ("lost_preload", "", 123_400_000, 323_400_000),
+                ("stuck", "nodal_plane", 250_000_000, 0),
+            ]
+            client.until(lambda expected=expected: lasting() == expected)
+            client.reset()
+            client.until(lambda: not lasting())
+    finally:
+        client.close()
+        process.stop()

@@ -1,0 +1,196 @@
+"""A managed drill: nothing is driven unless it is active, and no request ends it."""
+
+import pytest
+from drill_client import COMPILED, SECOND, Client, stamps, start_drill
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
+from rpud_msgs.srv import ListFaults, StepSimulation
+
+NODE = "/managed/drill_node"
+CONFIGURE = Transition.TRANSITION_CONFIGURE
+ACTIVATE = Transition.TRANSITION_ACTIVATE
+DEACTIVATE = Transition.TRANSITION_DEACTIVATE
+CLEANUP = Transition.TRANSITION_CLEANUP
+PARAMETERS = {"autostart": False, "start_paused": True, "publish_clock": True}
+# Elastic masses that nobody drives would bounce for ever.
+INELASTIC = {"actuator_restitution": 0.8, "drill_tool_restitution": 0.8}
+WAYS = {
+    "active": (DEACTIVATE, CLEANUP),
+    "inactive": (CLEANUP,),
+    "unconfigured": (),
+}
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scenario") / "scenario.yaml"
+    path.write_text("faults: []\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def drill(scenario):
+    process = start_drill("/managed", scenario=scenario, **PARAMETERS, **INELASTIC)
+    yield process
+    process.stop()
+
+
+@pytest.fixture
+def client(drill):
+    """To a drill that is not configured."""
+    client = Client("/managed")
+    for transition in WAYS[state_of(client)]:
+        assert change(client, transition)
+    client.status = client.listen("status")
+    yield client
+    client.close()
+
+
+def change(client, transition, node=NODE):
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return client.call(ChangeState, f"{node}/change_state", request).success
+
+
+def state_of(client):
+    return client.call(GetState, f"{NODE}/get_state", GetState.Request()).current_state.label
+
+
+def hard_impacts(impacts, since):
+    """Give those that are more than a mass at rest, which weighs 0.05 N."""
+    return [
+        impact
+        for impact, stamp in zip(impacts, stamps(impacts), strict=True)
+        if stamp >= since and impact.peak_force > 1.0
+    ]
+
+
+def test_without_autostart_it_waits_and_says_so_to_whoever_asks(client):
+    assert state_of(client) == "unconfigured"
+    step = client.call(StepSimulation, "simulation/step", StepSimulation.Request())
+    assert step.result.result == Result.RESULT_INCORRECT_STATE
+    assert step.result.error_message == "the node has not been activated"
+    refused = client.set_state(SimulationState.STATE_PLAYING)
+    assert refused.result == Result.RESULT_INCORRECT_STATE
+    injected = client.inject("lost_preload")
+    assert not injected.success
+    assert injected.message == "the node has not been activated"
+    assert client.call(ListFaults, "list_faults", ListFaults.Request()).faults == []
+    assert client.node.count_publishers("/managed/nodal_plane") == 0
+
+
+def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
+    def last():
+        status = client.status[-1]
+        return status.state, status.weight_on_bit, status.drive_enabled
+
+    impacts, planes = client.listen("contact_force"), client.listen("nodal_plane")
+    assert change(client, CONFIGURE)
+    client.until(lambda: client.status and last() == (Status.STATE_INACTIVE, 0.0, False))
+    assert change(client, ACTIVATE)
+    client.until(lambda: last() == (Status.STATE_PAUSED, 10.0, True))
+    client.step(0.5)
+    client.command(WeightOnBit(force=20.0))
+    client.until(lambda: client.status[-1].weight_on_bit == 20.0)
+    assert change(client, DEACTIVATE)
+    client.until(lambda: last() == (Status.STATE_INACTIVE, 0.0, False))
+    # The drill goes on: the motion that is left dies away, and nothing strikes any more.
+    client.step(2.0)
+    client.until(lambda: stamps(planes)[-1] == stamps(client.status)[-1] == 5 * SECOND // 2)
+    assert client.status[-1].impacts > 50
+    assert hard_impacts(impacts, 3 * SECOND // 2) == []
+    assert abs(planes[-1].velocity) < 1e-6
+    # What is commanded begins anew.
+    assert change(client, ACTIVATE)
+    client.until(lambda: last() == (Status.STATE_PAUSED, 10.0, True))
+    client.step(0.5)
+    client.until(lambda: len(hard_impacts(impacts, 5 * SECOND // 2)) > 50)
+
+
+def test_commands_are_refused_counted_and_logged_while_it_is_inactive(client, drill):
+    assert change(client, CONFIGURE)
+    client.command(WeightOnBit(force=20.0))
+    drill.wait_for_line("command refused: weight on bit: the drill is not active")
+    assert change(client, ACTIVATE)
+    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
+    assert client.status[-1].commands_rejected == 1
+    assert change(client, DEACTIVATE)
+    client.command(Drive(enabled=True, voltage=50.0, frequency=16000.0))
+    client.until(lambda: client.status[-1].commands_rejected == 2)
+    assert change(client, ACTIVATE)
+    client.until(lambda: client.status[-1].state == Status.STATE_PAUSED)
+    last = client.status[-1]
+    assert (last.weight_on_bit, last.drive_voltage) == (10.0, 100.0)
+    assert (last.commands_accepted, last.commands_rejected) == (0, 2)
+
+
+@pytest.mark.parametrize("transition", [ACTIVATE, DEACTIVATE, CLEANUP, 77])
+def test_an_impossible_transition_is_answered_and_ends_nothing(client, drill, transition):
+    assert not change(client, transition)
+    drill.wait_for_line("transition refused: ")
+    assert state_of(client) == "unconfigured"
+    assert drill.running
+
+
+def test_after_a_clean_up_all_begins_anew(client):
+    assert change(client, CONFIGURE)
+    assert change(client, ACTIVATE)
+    assert client.step(0.5) == SECOND // 2
+    assert client.inject("lost_preload").success
+    client.command(WeightOnBit(force=20.0))
+    client.until(lambda: client.status[-1].weight_on_bit == 20.0)
+    assert change(client, DEACTIVATE)
+    assert change(client, CLEANUP)
+    client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
+    client.until(lambda: client.node.count_publishers("/managed/status") == 0)
+    assert change(client, CONFIGURE)
+    assert change(client, ACTIVATE)
+    client.until(lambda: client.status[-1].state == Status.STATE_PAUSED)
+    last = client.status[-1]
+    assert (last.weight_on_bit, last.active_faults, last.commands_accepted) == (10.0, 0, 0)
+    assert client.step(0.1) == SECOND // 10
+
+
+def test_a_transition_that_fails_says_why_and_can_be_tried_again(client, drill, scenario):
+    text = scenario.read_text()
+    scenario.unlink()
+    assert not change(client, CONFIGURE)
+    drill.wait_for_line(f"on_configure: .*{scenario}")
+    assert state_of(client) == "unconfigured"
+    client.until(lambda: client.node.count_publishers("/managed/status") == 0)
+    scenario.write_text(text)
+    assert change(client, CONFIGURE)
+    assert change(client, ACTIVATE)
+    assert client.step(0.1) == SECOND // 10
+
+
+@pytest.mark.parametrize(
+    ("before", "transition"),
+    [
+        ((), Transition.TRANSITION_UNCONFIGURED_SHUTDOWN),
+        ((CONFIGURE, ACTIVATE), Transition.TRANSITION_ACTIVE_SHUTDOWN),
+    ],
+)
+def test_a_shutdown_ends_the_process(before, transition):
+    process = start_drill("/shut", **PARAMETERS)
+    client = Client("/shut")
+    try:
+        for each in (*before, transition):
+            assert change(client, each, "/shut/drill_node")
+        assert process.wait(COMPILED) == 0
+        assert "Traceback" not in process.output
+    finally:
+        client.close()
+        process.stop()
+
+
+def test_a_drill_that_cannot_start_by_itself_ends_and_says_why(tmp_path):
+    path = tmp_path / "scenario.yaml"
+    path.write_text("faults: [{kind: hard_rock, onset: 1.0}]\n")  # and there is no rock
+    process = start_drill("/unstarted", scenario=path)
+    try:
+        assert process.wait(COMPILED) == 1
+        assert "hard_rock" in process.output
+        assert "Traceback" not in process.output
+    finally:
+        process.stop()

@@ -1,0 +1,286 @@
+"""A drill that waits to be stepped: states, steps, resets, and the same bytes on every run."""
+
+import pytest
+from builtin_interfaces.msg import Time
+from drill_client import (
+    COMPILED,
+    SECOND,
+    TELEMETRY,
+    Client,
+    contents,
+    duration,
+    nanoseconds,
+    stamps,
+    start_drill,
+    steps,
+)
+from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
+from rpud_msgs.srv import (
+    ClearFault,
+    GetSimulationState,
+    ResetSimulation,
+    RunToTime,
+    SetSimulationState,
+    StepSimulation,
+)
+
+PARAMETERS = {"start_paused": True, "publish_clock": True}
+RECORDED = (*TELEMETRY, "contact_force", "waveform", "trajectory")
+Reset = ResetSimulation.Request
+
+
+@pytest.fixture(scope="module")
+def drill():
+    process = start_drill("/stepped", **PARAMETERS)
+    try:
+        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+        yield process
+    finally:
+        process.stop()
+
+
+@pytest.fixture
+def client(drill):
+    """At time zero, paused, with seed zero."""
+    client = Client("/stepped")
+    client.status = client.listen("status")
+    client.set_state(SimulationState.STATE_PAUSED)
+    assert client.reset(seed=0).result == Result.RESULT_OK
+    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
+    yield client
+    client.close()
+
+
+def state_of(client):
+    request = GetSimulationState.Request()
+    return client.call(GetSimulationState, "simulation/get_state", request).state.state
+
+
+def run_to(client, stamp):
+    seconds, rest = divmod(stamp, SECOND)
+    request = RunToTime.Request(time=Time(sec=seconds, nanosec=rest))
+    return client.call(RunToTime, "simulation/run_to", request)
+
+
+def try_step(client, seconds):
+    request = StepSimulation.Request(duration=duration(seconds))
+    return client.call(StepSimulation, "simulation/step", request)
+
+
+def test_steps_add_up_to_the_nanosecond_and_all_that_happened_is_heard(client):
+    planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
+
+    def heard():
+        client.reset()
+        client.step(0.01)
+        return planes and impacts
+
+    client.until(heard)
+    client.reset()
+    planes.clear()
+    impacts.clear()
+    assert client.step(0.25) == SECOND // 4
+    assert client.step(0.001234567) == SECOND // 4 + 1_234_567
+    reached = run_to(client, SECOND)
+    assert reached.result.result == Result.RESULT_OK
+    assert nanoseconds(reached.time) == SECOND
+    client.until(lambda: len(planes) >= 100)
+    assert stamps(planes) == [number * SECOND // 100 for number in range(1, 101)]
+    last = client.until(lambda: next((s for s in client.status if stamps([s]) == [SECOND]), None))
+    assert last.state == Status.STATE_PAUSED
+    client.until(lambda: len(impacts) >= last.impacts - 1)
+    assert [message.sequence for message in impacts] == list(range(len(impacts)))
+    assert state_of(client) == SimulationState.STATE_PAUSED
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, 2e6])
+def test_a_step_that_goes_nowhere_is_refused(client, seconds):
+    refused = try_step(client, seconds)
+    assert refused.result.result == Result.RESULT_OPERATION_FAILED
+    said = f"step = {seconds:g} s is outside its range (0, 1e+06] s"
+    assert refused.result.error_message == said
+    assert client.step(0.01) == SECOND // 100
+
+
+def test_a_run_to_the_past_is_refused(client):
+    client.step(0.5)
+    refused = run_to(client, SECOND // 4)
+    assert refused.result.result == Result.RESULT_OPERATION_FAILED
+    assert "step = -0.25 s is outside its range" in refused.result.error_message
+
+
+def test_it_plays_pauses_and_stops_with_the_results_of_the_standard(client):
+    playing, paused, stopped = (
+        SimulationState.STATE_PLAYING,
+        SimulationState.STATE_PAUSED,
+        SimulationState.STATE_STOPPED,
+    )
+    already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
+    assert client.set_state(paused).result == already
+    assert client.set_state(playing).result == Result.RESULT_OK
+    assert client.set_state(playing).result == already
+    assert state_of(client) == playing
+    for refused in (try_step(client, 0.01), run_to(client, 1000 * SECOND)):
+        assert refused.result.result == Result.RESULT_OPERATION_FAILED
+        assert refused.result.error_message == "it is playing, not paused"
+    clock = client.listen("/clock")
+    client.until(lambda: len(clock) > 10)
+    assert client.set_state(stopped).result == Result.RESULT_OK
+    assert client.set_state(stopped).result == already
+    assert try_step(client, 0.01).result.error_message == "it is stopped, not paused"
+    client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
+    assert stamps(client.status)[-1] == 0
+    assert client.set_state(paused).result == Result.RESULT_OK
+    assert client.step(0.02) == SECOND // 50
+    unknown = client.set_state(9)
+    assert unknown.result == Result.RESULT_FEATURE_UNSUPPORTED
+    assert unknown.error_message == "state 9 is unknown"
+
+
+def test_a_pause_or_a_reset_ends_a_step_and_its_client_hears_of_it(client):
+    for act, said in (
+        (lambda: client.set_state(SimulationState.STATE_PAUSED), "the simulation was paused"),
+        (client.reset, "the simulation was reset"),
+    ):
+        request = StepSimulation.Request(duration=duration(1e6))
+        step = client.call_async(StepSimulation, "simulation/step", request)
+        client.until(lambda: client.status[-1].state == Status.STATE_RUNNING)
+        assert act().result == Result.RESULT_OK
+        client.until(step.done)
+        assert step.result().result.result == Result.RESULT_OPERATION_FAILED
+        assert step.result().result.error_message == f"interrupted: {said}"
+        client.until(lambda: client.status[-1].state == Status.STATE_PAUSED)
+
+
+def test_a_reset_of_the_state_lets_stamps_go_on(client):
+    client.command(WeightOnBit(force=20.0))
+    client.until(lambda: client.status[-1].weight_on_bit == 20.0)
+    client.step(0.3)
+    assert client.inject("lost_preload").success
+    assert client.reset(Reset.SCOPE_STATE).result == Result.RESULT_OK
+    client.until(lambda: client.status[-1].weight_on_bit == 10.0)
+    last = client.status[-1]
+    assert (last.active_faults, last.commands_accepted) == (0, 0)
+    assert last.impacts <= 1  # at time zero all gaps are closed
+    assert stamps([last]) == [3 * SECOND // 10]
+    assert client.step(0.1) == 4 * SECOND // 10
+
+
+def test_a_reset_of_the_time_leaves_the_state(client):
+    client.step(0.3)
+    client.until(lambda: client.status[-1].impacts > 0)
+    impacts = client.status[-1].impacts
+    assert client.inject("lost_preload").success
+    assert client.reset(Reset.SCOPE_TIME).result == Result.RESULT_OK
+    client.until(lambda: stamps(client.status)[-1] == 0)
+    assert (client.status[-1].impacts, client.status[-1].active_faults) == (impacts, 1)
+    assert client.step(0.1) == SECOND // 10
+    assert client.reset(Reset.SCOPE_SPAWNED).result == Result.RESULT_OK
+    client.until(lambda: client.status[-1].active_faults == 0)
+    assert stamps(client.status)[-1] == SECOND // 10
+    assert client.status[-1].impacts > impacts
+
+
+def test_an_unknown_scope_is_refused_and_resets_nothing(client):
+    client.step(0.1)
+    refused = client.reset(8)
+    assert refused.result == Result.RESULT_FEATURE_UNSUPPORTED
+    assert refused.error_message == "scope 8 is unknown"
+    assert client.step(0.1) == SECOND // 5
+
+
+def script(client):
+    """Drill for a second, with commands and faults in between; give the stamp at its end."""
+    client.step(0.3)
+    accepted = client.status[-1].commands_accepted
+    client.command(WeightOnBit(force=25.0))
+    client.command(Drive(enabled=True, voltage=90.0, frequency=16100.0))
+    client.until(lambda: client.status[-1].commands_accepted == accepted + 2)
+    client.step(0.2)
+    assert client.inject("restitution_loss", magnitude=0.9, seconds=0.123456789).success
+    assert client.inject("noise", "reacting_force", 2.0).success
+    assert client.inject("intermittent", "contact_force", 0.5).success
+    client.step(0.3003)
+    cleared = client.call(ClearFault, "clear_fault", ClearFault.Request(number=0))
+    assert cleared.success
+    return client.step(0.2)
+
+
+class Tape:
+    """All that goes out, bit by bit."""
+
+    def __init__(self, client):
+        self._client = client
+        self._heard = {topic: client.listen(topic) for topic in RECORDED}
+        self._faults = client.listen("faults")
+        # Whether the other side knows of all listeners shows in what they hear.
+        client.until(lambda: client.step(0.1) and all(self._heard.values()))
+
+    def record(self, seed):
+        """Give the contents of all messages of a run from a reset on, and the ground truth."""
+        assert self._client.reset(seed=seed).result == Result.RESULT_OK
+        self._client.until(lambda: stamps(self._client.status)[-1] == 0)
+        self.drain()
+        for messages in self._heard.values():
+            messages.clear()
+        end = script(self._client)
+        sampled = end - end % (SECOND // 100)
+        last = [self._heard[topic] for topic in TELEMETRY]
+        self._client.until(lambda: all(stamps(it)[-1:] == [sampled] for it in last))
+        self.drain()
+        recorded = {topic: list(map(contents, heard)) for topic, heard in self._heard.items()}
+        return {**recorded, "faults": contents(self._faults[-1])}
+
+    def drain(self):
+        """Hear what is still on its way: of a drill that stands still, nothing follows."""
+        before = -1
+        while before != (before := sum(map(len, self._heard.values()))):
+            self._client.spin(0.3)
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(client):
+    tape = Tape(client)
+    first, again, other = tape.record(7), tape.record(7), tape.record(8)
+    for topic, recorded in first.items():
+        assert recorded
+        assert recorded == again[topic], topic
+    for topic in ("nodal_plane", "contact_force", "trajectory", "reacting_force"):
+        assert first[topic] != other[topic], topic
+    # A drill that is started with the seed begins as one that is reset to it.
+    with_seed = start_drill("/seeded", seed=7, **PARAMETERS)
+    fresh = Client("/seeded")
+    try:
+        with_seed.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+        fresh.status = fresh.listen("status")
+        assert Tape(fresh).record(None) == first
+    finally:
+        fresh.close()
+        with_seed.stop()
+
+
+def test_a_signal_ends_a_step_and_its_client_hears_of_it():
+    process = start_drill("/ended", **PARAMETERS)
+    client = Client("/ended")
+    try:
+        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+        status = client.listen("status")
+        request = StepSimulation.Request(duration=duration(1e6))
+        step = client.call_async(StepSimulation, "simulation/step", request)
+        client.until(lambda: status and status[-1].state == Status.STATE_RUNNING)
+        process.terminate()
+        client.until(step.done)
+        assert step.result().result.error_message == "interrupted: the drill has stopped"
+        assert process.wait(10.0) == 0
+        assert "Traceback" not in process.output
+    finally:
+        client.close()
+        process.stop()
+
+
+def test_stamps_of_a_stepped_drill_are_evenly_spaced_across_steps(client):
+    clock = client.listen("/clock")
+    client.until(lambda: client.step(0.01) and clock)
+    for _ in range(20):
+        client.step(0.0125)
+    client.until(lambda: nanoseconds(clock[-1].clock) >= stamps(client.status)[-1])
+    assert all(step > 0 for step in steps([nanoseconds(message.clock) for message in clock]))

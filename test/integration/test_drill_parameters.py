@@ -1,0 +1,169 @@
+"""Parameters of a drill at work: those that may change do so all or none."""
+
+import pytest
+from drill_client import COMPILED, Client, start_drill
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
+from rpud_msgs.msg import Status
+from std_srvs.srv import SetBool
+
+from rpud_sim.ros.parameters import ALL_NAMES, CHANGEABLE
+
+NODE = "/changed/drill_node"
+
+
+@pytest.fixture(scope="module")
+def drill():
+    process = start_drill("/changed", start_paused=True, publish_clock=True)
+    try:
+        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+        yield process
+    finally:
+        process.stop()
+
+
+@pytest.fixture
+def client(drill):
+    """To a drill in the rock, at time zero and paused."""
+    client = Client("/changed")
+    client.status = client.listen("status")
+    assert all(result.successful for result in set_each(client, regime="drilling", gravity=9.81))
+    client.reset()
+    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
+    yield client
+    client.close()
+
+
+def parameters(values):
+    kinds = {
+        float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
+        str: (ParameterType.PARAMETER_STRING, "string_value"),
+        bool: (ParameterType.PARAMETER_BOOL, "bool_value"),
+    }
+    return [
+        Parameter(name=name, value=ParameterValue(type=kind, **{field: value}))
+        for name, value in values.items()
+        for kind, field in [kinds[type(value)]]
+    ]
+
+
+def set_each(client, **values):
+    request = SetParameters.Request(parameters=parameters(values))
+    return client.call(SetParameters, f"{NODE}/set_parameters", request).results
+
+
+def set_together(client, **values):
+    request = SetParametersAtomically.Request(parameters=parameters(values))
+    name = f"{NODE}/set_parameters_atomically"
+    return client.call(SetParametersAtomically, name, request).result
+
+
+def get(client, *names):
+    request = GetParameters.Request(names=names)
+    values = client.call(GetParameters, f"{NODE}/get_parameters", request).values
+    return [value.string_value or value.double_value for value in values]
+
+
+def engage(client, data):
+    response = client.call(SetBool, "engage", SetBool.Request(data=data))
+    assert response.success, response.message
+
+
+def test_exactly_those_that_may_change_are_not_read_only(client):
+    request = DescribeParameters.Request(names=ALL_NAMES)
+    described = client.call(DescribeParameters, f"{NODE}/describe_parameters", request).descriptors
+    assert {it.name for it in described if not it.read_only} == set(CHANGEABLE)
+    [result] = set_each(client, weight_on_bit=20.0)
+    assert not result.successful
+    assert "read-only" in result.reason
+    [result] = set_each(client, use_sim_time=True)
+    assert not result.successful
+    assert "use_sim_time is read-only" in result.reason
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"gravity": -1.0}, "gravity = -1 m/s^2 is outside its range [0, 100] m/s^2"),
+        ({"gravity": float("nan")}, "gravity = nan m/s^2 is outside its range"),
+        ({"regime": "flying"}, "regime = 'flying'"),
+        ({"actuator_restitution": 1.5}, "actuator_restitution = 1.5 is outside its range [0, 1]"),
+        ({"real_time_factor": 0.001}, "real_time_factor = 0.001 is neither 0"),
+        ({"command_timeout": -1.0}, "command_timeout = -1 s is outside its range"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line_together_with_all_that_came_with_it(
+    client, values, said
+):
+    before = get(client, *CHANGEABLE)
+    good = {"drill_tool_restitution": 0.5, "load_spring_rate": 1500.0}
+    result = set_together(client, **good, **values)
+    assert not result.successful
+    # The ranges in the descriptors are checked first, and rclpy says it in its own words.
+    assert said in result.reason or f"{next(iter(values))} out of range" in result.reason
+    assert "\n" not in result.reason
+    assert get(client, *CHANGEABLE) == before
+    # One by one, each stands for itself.
+    first, second, bad = set_each(client, **good, **values)
+    assert (first.successful, second.successful, bad.successful) == (True, True, False)
+    assert get(client, *good) == list(good.values())
+    assert set_together(client, drill_tool_restitution=1.0, load_spring_rate=2000.0).successful
+    assert get(client, *CHANGEABLE) == before
+
+
+def test_a_change_is_seen_in_the_motion_from_then_on(client):
+    planes = client.listen("nodal_plane")
+    client.until(lambda: client.step(0.5) and planes)
+
+    def resting_place():
+        """Where the drill comes to rest on its spring without the drive."""
+        client.step(2.0)
+        count = len(planes)
+        client.step(0.01)
+        client.until(lambda: len(planes) > count)
+        return planes[-1].position
+
+    before = resting_place()
+    assert set_together(client, gravity=0.0, load_spring_rate=4000.0).successful
+    after = resting_place()
+    assert after != pytest.approx(before, rel=0.05)
+    assert set_together(client, gravity=9.81, load_spring_rate=2000.0).successful
+
+
+def test_the_regime_by_parameter_and_by_engage_are_the_same(client):
+    engage(client, False)
+    client.until(lambda: client.status[-1].regime == "free")
+    assert get(client, "regime") == ["free"]
+    [result] = set_each(client, regime="drilling")
+    assert result.successful
+    client.until(lambda: client.status[-1].regime == "drilling")
+    engage(client, True)  # it is there already
+    assert get(client, "regime") == ["drilling"]
+    forces = []
+    for leave in (lambda: engage(client, False), lambda: set_each(client, regime="free")):
+        engage(client, True)
+        client.reset()
+        heard = client.listen("reacting_force")
+        client.until(lambda heard=heard: client.step(0.1) and heard)
+        client.reset()
+        heard.clear()
+        client.step(0.2)
+        leave()
+        client.step(0.2)
+        client.until(lambda heard=heard: len(heard) == 40)
+        forces.append([message.force for message in heard])
+    assert forces[0] == forces[1]
+
+
+def test_what_is_no_parameter_or_has_another_type_is_refused_and_ends_nothing(client, drill):
+    for values in ({"no_such": 1.0}, {"gravity": "much"}, {"regime": 1.0}, {"gravity": True}):
+        [result] = set_each(client, **values)
+        assert not result.successful
+        assert result.reason
+    assert get(client, "gravity", "regime") == [9.81, "drilling"]
+    assert drill.running

@@ -1,0 +1,76 @@
+"""Simulated time over elapsed time: as the parameter says, and it may change meanwhile."""
+
+import time
+
+import pytest
+from drill_client import COMPILED, SECOND, Client, nanoseconds, start_drill
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+
+RATE = 50
+
+
+@pytest.fixture(scope="module")
+def drill():
+    process = start_drill("/fast", publish_clock=True, telemetry_rate=RATE)
+    try:
+        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+        yield process
+    finally:
+        process.stop()
+
+
+@pytest.fixture
+def client(drill):
+    client = Client("/fast")
+    yield client
+    client.close()
+
+
+def set_factor(client, factor):
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=factor)
+    request = SetParameters.Request(parameters=[Parameter(name="real_time_factor", value=value)])
+    [result] = client.call(SetParameters, "/fast/drill_node/set_parameters", request).results
+    assert result.successful, result.reason
+
+
+def measured(client, clocks, ticks):
+    """Give simulated over elapsed time from one tick to a later one."""
+
+    def now():
+        return nanoseconds(clocks[-1].clock)
+
+    clocks.clear()
+    client.until(lambda: clocks)
+    began, begin = time.monotonic(), now()
+    client.until(lambda: now() >= begin + ticks * SECOND // RATE)
+    return (now() - begin) / SECOND / (time.monotonic() - began)
+
+
+@pytest.mark.parametrize(("factor", "ticks"), [(0.1, 8), (1.0, 50), (5.0, 250)])
+def test_time_goes_as_fast_as_it_is_told_to(client, factor, ticks):
+    clocks, statuses = client.listen("/clock"), client.listen("status")
+    set_factor(client, factor)
+    client.until(lambda: statuses and statuses[-1].lag == 0.0)
+    # In time, or in time again on a busy machine.
+    client.until(lambda: measured(client, clocks, ticks) == pytest.approx(factor, rel=0.1))
+    count = len(statuses)
+    client.until(
+        lambda: (
+            statuses[-1].real_time_factor == pytest.approx(factor, rel=0.2)
+            and len(statuses) > count + 1
+        )
+    )
+
+
+def test_a_factor_of_zero_waits_for_nothing_but_its_listeners(client):
+    clocks, impacts = client.listen("/clock"), client.listen("contact_force")
+    client.until(lambda: impacts)
+    set_factor(client, 0.0)
+    count = len(impacts)
+    client.until(lambda: measured(client, clocks, 100) > 1.0)
+    # They hear every impact all the same.
+    client.until(lambda: len(impacts) > count + 5000)
+    sequences = [message.sequence for message in impacts]
+    assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
+    set_factor(client, 1.0)

@@ -1,0 +1,134 @@
+"""The command watchdog: what happens when commands stay out, come late, or from two sides."""
+
+import pytest
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from drill_client import COMPILED, SECOND, Client, stamps, start_drill
+from rpud_msgs.msg import Status, WeightOnBit
+
+
+@pytest.fixture(scope="module")
+def drill():
+    process = start_drill(
+        "/watched",
+        start_paused=True,
+        publish_clock=True,
+        command_timeout=0.5,
+        command_loss_ramp=0.4,
+        # Elastic masses that nobody drives would bounce for ever.
+        actuator_restitution=0.8,
+        drill_tool_restitution=0.8,
+    )
+    try:
+        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+        yield process
+    finally:
+        process.stop()
+
+
+@pytest.fixture
+def client(drill):
+    """At time zero and paused."""
+    client = Client("/watched")
+    client.status, client.diagnostics = client.listen("status"), client.listen("/diagnostics")
+    client.reset()
+    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
+    yield client
+    client.close()
+
+
+def at(client, stamp):
+    """Give the status of a simulation time."""
+    client.until(lambda: stamps(client.status)[-1] == stamp)
+    return client.status[-1]
+
+
+def commands_diagnosed(client, level, message):
+    def found():
+        return any(
+            (status.level, status.message) == (level, message)
+            for array in client.diagnostics
+            for status in array.status
+            if status.name == "/watched/drill_node: commands"
+        )
+
+    client.until(found)
+
+
+def test_without_commands_drive_and_weight_go_to_zero_by_a_ramp_and_come_back_with_one(client):
+    impacts = client.listen("contact_force")
+
+    def forces_since(begin):
+        forces = zip(stamps(impacts), (impact.peak_force for impact in impacts), strict=True)
+        return [force for stamp, force in forces if stamp >= begin and force > 1.0]
+
+    last = at(client, client.step(0.5))
+    assert (last.commands_lost, last.weight_on_bit, last.drive_voltage) == (False, 10.0, 100.0)
+    last = at(client, client.step(0.1))
+    assert last.commands_lost
+    assert last.weight_on_bit == pytest.approx(7.5)
+    assert last.drive_voltage == pytest.approx(75.0)
+    last = at(client, client.step(0.2))
+    assert last.weight_on_bit == pytest.approx(2.5)
+    assert last.drive_enabled
+    last = at(client, client.step(0.2))
+    assert (last.weight_on_bit, last.drive_enabled, last.commands_lost) == (0.0, False, True)
+    commands_diagnosed(client, DiagnosticStatus.ERROR, "commands are lost: the drill is made safe")
+    quiet = client.step(1.0)
+    at(client, client.step(1.0))
+    client.until(lambda: impacts)
+    # What is left dies away: a mass at rest weighs 0.05 N.
+    assert forces_since(quiet) == []
+    client.diagnostics.clear()
+    client.command(WeightOnBit(force=12.0))
+    client.until(lambda: not client.status[-1].commands_lost)
+    last = client.status[-1]
+    assert (last.weight_on_bit, last.drive_enabled, last.drive_voltage) == (12.0, True, 100.0)
+    commands_diagnosed(client, DiagnosticStatus.OK, "0 refused")
+    client.step(0.5)
+    client.until(lambda: len(forces_since(quiet)) > 50)
+
+
+def test_commands_that_keep_coming_keep_it_drilling(client):
+    for number in range(1, 6):
+        client.command(WeightOnBit(force=10.0 + number))
+        client.until(lambda number=number: client.status[-1].weight_on_bit == 10.0 + number)
+        assert not at(client, client.step(0.4)).commands_lost
+    assert client.status[-1].commands_accepted == 5
+
+
+@pytest.mark.parametrize(
+    ("stamp", "said"),
+    [(1.0, "1.000 s old"), (1.499, "0.501 s old"), (2.501, "0.501 s ahead of the drill's time")],
+)
+def test_a_stale_command_is_refused_counted_and_changes_nothing(client, drill, stamp, said):
+    before = at(client, client.step(2.0))
+    message = WeightOnBit(force=15.0)
+    seconds, rest = divmod(round(stamp * SECOND), SECOND)
+    message.header.stamp = Time(sec=seconds, nanosec=rest)
+    client.command(message)
+    client.until(lambda: client.status[-1].commands_rejected == before.commands_rejected + 1)
+    assert client.status[-1].weight_on_bit == before.weight_on_bit
+    assert client.status[-1].commands_lost
+    drill.wait_for_line(f"command refused: weight on bit is stale: its stamp is {said}; allowed is")
+
+
+@pytest.mark.parametrize("stamp", [0.0, 1.501, 2.0, 2.499])
+def test_a_command_that_is_not_stale_or_has_no_stamp_is_taken(client, stamp):
+    at(client, client.step(2.0))
+    message = WeightOnBit(force=15.0)
+    seconds, rest = divmod(round(stamp * SECOND), SECOND)
+    message.header.stamp = Time(sec=seconds, nanosec=rest)
+    client.command(message)
+    client.until(lambda: client.status[-1].weight_on_bit == 15.0)
+
+
+def test_two_commanders_are_reported_as_long_as_there_are_two(client):
+    client.until(lambda: client.status[-1].commanders == 1)
+    other = Client("/watched")
+    try:
+        client.until(lambda: client.status[-1].commanders == 2)
+        commands_diagnosed(client, DiagnosticStatus.WARN, "2 publishers command at once")
+    finally:
+        other.close()
+    client.until(lambda: client.status[-1].commanders == 1)

@@ -1,0 +1,241 @@
+"""Changes of the drill while it runs, in whatever state they find it."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from invariants import check_trajectory
+from trajectories import rebuild
+
+from rpud_sim.model.drill import derive
+from rpud_sim.model.engine import Engine
+from rpud_sim.model.parameters import QUANTITIES, preset
+from rpud_sim.model.seating import SEATING_TIME
+
+REGIMES = ("free", "drilling")
+COMMANDS = (10.0, 35e-6, 16000.0)
+
+
+def scaled(name, least, greatest):
+    """Give values over many orders of magnitude, and the allowed greatest."""
+    values = st.floats(math.log(least), math.log(greatest)).map(math.exp)
+    return values.map(lambda value: min(value, QUANTITIES[name].maximum))
+
+
+ratios = st.sampled_from([0.0, 0.1, 0.5, 0.99])
+restitutions = st.sampled_from([0.0, 0.3, 0.9, 1.0])
+constants = st.fixed_dictionaries(
+    {"regime": st.sampled_from(REGIMES)},
+    optional={
+        "contact_model": st.sampled_from(["printed", "rayleigh"]),
+        "actuator_restitution": restitutions,
+        "drill_tool_restitution": restitutions,
+        "rpud_damping_ratio": ratios,
+        "drill_tool_damping_ratio": ratios,
+        "gravity": st.sampled_from([0.0, 1e-3, 9.81, 100.0]),
+        "rpud_mass": scaled("rpud_mass", 0.1, 1e3),
+        "load_spring_rate": scaled("load_spring_rate", 100.0, 1e7),
+        "free_mass": scaled("free_mass", 1e-4, 1.0),
+        "drill_tool_mass": scaled("drill_tool_mass", 1e-4, 10.0),
+        "restoring_spring_rate": scaled("restoring_spring_rate", 1.0, 1e7),
+        "elastic_modulus": scaled("elastic_modulus", 1e7, 1e12),
+    },
+)
+commands = st.tuples(
+    st.sampled_from([0.0, 1.0, 10.0, 100.0]),
+    st.sampled_from([0.0, 1e-6, 35e-6, 1e-4]),
+    st.sampled_from([1000.0, 16000.0, 40000.0]),
+)
+changes = st.dictionaries(
+    st.floats(0.0, 0.3),
+    st.tuples(constants, st.booleans(), commands),
+    min_size=1,
+    max_size=6,
+)
+
+
+def drill_of(values, jammed=False):
+    return derive(preset(values["regime"]).replace(**values), jammed)
+
+
+def run(regime, planned, stops, end=0.35):
+    engine = Engine(preset(regime), 0.2)
+    for at in sorted({*planned, *stops, end}):
+        engine.advance(0, at)
+        if at in planned:
+            values, jammed, new = planned[at]
+            engine.change(0, at, drill_of(values, jammed), new)
+    return engine.take()
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
+@given(regime=st.sampled_from(REGIMES), planned=changes)
+def test_changes_at_any_time_keep_the_order_of_bodies_and_continuity(regime, planned):
+    segments, impacts = run(regime, planned, [])
+    assert np.isfinite(segments["duration"]).all()
+    check_trajectory(segments)
+    for name in impacts.dtype.names:
+        assert np.isfinite(impacts[name]).all()
+    assert (impacts["sequence"] == np.arange(len(impacts))).all()
+    assert (impacts["peak_force"] > 0.0).all()
+    assert (impacts["contact_duration"] >= 0.0).all()
+
+
+@settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    regime=st.sampled_from(REGIMES),
+    planned=changes,
+    stops=st.lists(st.floats(0.0, 0.3), min_size=1, max_size=10),
+)
+def test_it_does_not_matter_where_a_caller_stops(regime, planned, stops):
+    one, other = run(regime, planned, []), run(regime, planned, stops)
+    for part, again in zip(one, other, strict=True):
+        assert part.tobytes() == again.tobytes()
+
+
+FREE, DRILLING = preset("free").replace(weight_on_bit=10.0), preset("drilling")
+
+
+def reacting_force(engine, seconds):
+    """Mean reacting force from the last time on until a whole second [N]."""
+    engine.take()
+    engine.advance(seconds, 0.0)
+    segments, _ = engine.take()
+    start = segments["start_seconds"][0] + segments["start_fraction"][0]
+    times = np.linspace(start, seconds, 200_000, endpoint=False)
+    return rebuild(segments, np.floor(times), times % 1.0)["reacting_force"].mean()
+
+
+@pytest.mark.parametrize(("before", "after"), [(FREE, DRILLING), (DRILLING, FREE)])
+def test_a_drill_that_changed_its_regime_is_as_one_that_began_in_it(before, after):
+    changed, fresh = Engine(before, 0.2), Engine(after, 0.2)
+    changed.change(1, 0.0, derive(after), COMMANDS)
+    for engine in (changed, fresh):
+        engine.advance(2, 0.0)
+    counts = changed.impact_count, fresh.impact_count
+    assert reacting_force(changed, 22) == pytest.approx(reacting_force(fresh, 22), rel=0.05)
+    struck = changed.impact_count - counts[0], fresh.impact_count - counts[1]
+    assert struck[0] == pytest.approx(struck[1], rel=0.05)
+
+
+def test_the_rock_lifts_a_drill_that_rests_on_its_tool_without_throwing_it():
+    engine = Engine(FREE, 0.0, drive=False)
+    rest = (10.0, 0.0, 16000.0)
+    engine.advance(5, 0.0)
+    k_1, k_2 = FREE.load_spring_rate, FREE.restoring_spring_rate
+    sag = (10.0 + FREE.free_mass * FREE.gravity) / (k_1 + k_2)
+    assert nodal_plane(engine.take()[0][-1], 0.0) == pytest.approx(sag, rel=1e-3)
+    engine.change(5, 0.0, derive(DRILLING), rest)
+    engine.advance(9, 0.0)
+    segments, _ = engine.take()
+    fastest = max(abs(nodal_plane(segment, 0.0, 1)) for segment in segments)
+    assert fastest < 20.0 * sag / SEATING_TIME
+    assert abs(nodal_plane(segments[-1], 0.0)) < 1e-6
+    check_trajectory(segments)
+
+
+def instant(regime, wanted, begun=0.5):
+    """Give a time in the middle of a segment that the condition wants, after the time given."""
+    engine = Engine(preset(regime), 0.2)
+    engine.advance(1, 0.0)
+    for segment in engine.take()[0]:
+        start = segment["start_seconds"] + segment["start_fraction"]
+        if start > begun and segment["duration"] > 1e-6 and wanted(segment):
+            return start + 0.5 * segment["duration"]
+    raise AssertionError("there is no such segment")
+
+
+def test_an_impact_in_progress_is_reported_over_a_change_of_constants():
+    at = instant("drilling", lambda segment: segment["contact"] == 2)
+    engine = Engine(DRILLING, 0.2)
+    engine.advance(0, at)
+    engine.change(0, at, derive(DRILLING.replace(elastic_modulus=0.5e11, free_mass=7e-3)), COMMANDS)
+    engine.advance(1, 0.0)
+    segments, impacts = engine.take()
+    starts = impacts["seconds"] + impacts["fraction"]
+    impact = impacts[np.flatnonzero(starts < at)[-1]]
+    end = impact["fraction"] + impact["contact_duration"]
+    assert impact["fraction"] < at < end
+    times = np.linspace(impact["fraction"], end, 200_001)
+    found = rebuild(segments, np.zeros(len(times)), times)["contact_force"]
+    assert impact["peak_force"] == pytest.approx(found.max(), rel=1e-3)
+    # Less the blow itself, which is instantaneous: eq. (21).
+    tool = derive(DRILLING).tool_mass
+    blow = impact["impact_velocity"] * 5e-3 * tool / (5e-3 + tool)
+    assert impact["impulse"] - blow == pytest.approx(
+        found.mean() * impact["contact_duration"], rel=1e-3
+    )
+
+
+def test_an_impact_in_progress_ends_where_the_rock_is_left():
+    at = instant("drilling", lambda segment: segment["contact"] == 2)
+    engine = Engine(DRILLING, 0.2)
+    engine.change(0, at, derive(FREE), COMMANDS)
+    _, impacts = engine.take()
+    assert impacts["fraction"][-1] + impacts["contact_duration"][-1] == pytest.approx(at, abs=1e-12)
+    assert impacts["peak_force"][-1] > 0.0
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+@pytest.mark.parametrize("drive", [35e-6, 0.0])
+def test_a_jammed_mass_strikes_the_tool_no_more(regime, drive):
+    parameters = preset(regime).replace(weight_on_bit=10.0)
+    engine = Engine(parameters, 0.2)
+    engine.advance(0, 0.5)
+    engine.take()
+    engine.change(0, 0.5, derive(parameters, jammed=True), (10.0, drive, 16000.0))
+    engine.advance(0, 0.6)
+    joined, impacts = engine.take()
+    assert len(impacts) <= 2  # the one in progress, and the one that wedges it
+    check_trajectory(joined)
+    engine.advance(3, 0.0)
+    segments, impacts = engine.take()
+    assert len(impacts) == 0
+    assert (segments["contact"] & 2 == 2).all()
+    assert len(segments) < 2.4 * 50_000
+    check_trajectory(segments)
+    if drive:
+        assert np.count_nonzero(segments["event"] & 1) > 10
+    else:
+        assert np.count_nonzero(segments["start_seconds"] == 2) < 110  # it has come to rest
+
+    engine.change(3, 0.0, derive(parameters), COMMANDS)
+    engine.advance(4, 0.0)
+    segments, impacts = engine.take()
+    check_trajectory(segments)
+    assert len(impacts) > 50
+
+
+def test_the_actuator_strikes_a_jammed_mass_and_the_tool_as_one_body():
+    parameters = DRILLING.replace(actuator_restitution=0.7)
+    drill = derive(parameters, jammed=True)
+    engine = Engine(parameters, 0.2)
+    engine.change(0, 0.1, drill, COMMANDS)
+    engine.advance(1, 0.0)
+    segments, _ = engine.take()
+    joined = drill.free_mass + drill.tool_mass
+    checked = 0
+    for before, after in pairwise(segments[500:]):
+        if not (after["event"] == 1 and before["contact"] == after["contact"] == 2):
+            continue
+        end = before["duration"]
+        v_1, w_1 = motion(before, TIP, end, 1), motion(after, TIP, 0.0, 1)
+        v_2, w_2 = motion(before, FREE_MASS, end, 1), motion(after, DRILL_TOOL, 0.0, 1)
+        assert w_1 - v_1 == pytest.approx(-joined / drill.rpud_mass * (w_2 - v_2), abs=1e-9)
+        assert w_2 - w_1 == pytest.approx(0.7 * (v_1 - v_2), abs=1e-8)
+        checked += 1
+    assert checked > 100
+
+
+def test_a_jam_in_the_rock_takes_the_hammering_from_the_mount():
+    """The reacting force falls to the weight on bit; the actuator strikes far more often."""
+    healthy, jammed = Engine(DRILLING, 0.2), Engine(DRILLING, 0.2)
+    jammed.change(0, 0.0, derive(DRILLING, jammed=True), COMMANDS)
+    for engine in (healthy, jammed):
+        engine.advance(2, 0.0)
+    assert reacting_force(jammed, 12) == pytest.approx(10.0, abs=0.5)
+    assert reacting_force(healthy, 12) > 15.0

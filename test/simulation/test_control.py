@@ -1,0 +1,186 @@
+"""What is commanded acts, unless the drill is inactive or its commanders are gone."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.simulation import Parameters
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.control import Control
+from rpud_sim.simulation.simulation import Simulation
+
+SECOND = 1_000_000_000
+MILLISECOND = 1_000_000
+NOMINAL = Drive(True, 100.0, 16000.0)
+
+
+def made(timeout=0.0, ramp=0.5, active=True, **options):
+    simulation = Simulation(Configuration(Parameters(), **options))
+    control = Control(simulation.applied, timeout, ramp, active)
+    control.act(simulation)
+    return simulation, control
+
+
+def go_on(simulation, control, time):
+    """Advance, and let act what shall act then; tell what ``act`` does."""
+    simulation.advance_to(time)
+    return control.act(simulation)
+
+
+def acting(simulation):
+    drive = simulation.applied.drive
+    return simulation.applied.weight_on_bit.force, drive.voltage if drive.enabled else 0.0
+
+
+def test_the_configuration_acts_until_the_first_command():
+    simulation, control = made()
+    go_on(simulation, control, 10 * MILLISECOND)
+    assert acting(simulation) == (10.0, 100.0)
+    control.take(WeightOnBit(20.0), simulation)
+    assert acting(simulation) == (20.0, 100.0)
+    assert simulation.applied.weight_on_bit_time == 10 * MILLISECOND
+
+
+def test_a_configuration_without_drive_starts_without_drive():
+    simulation, control = made(drive_enabled=False)
+    go_on(simulation, control, MILLISECOND)
+    assert acting(simulation) == (10.0, 0.0)
+    control.take(NOMINAL, simulation)
+    assert acting(simulation) == (10.0, 100.0)
+
+
+def test_acting_again_changes_nothing():
+    simulation, control = made()
+    control.take(WeightOnBit(20.0), simulation)
+    control.take(Drive(True, 60.0, 17000.0), simulation)
+    before = simulation.applied
+    go_on(simulation, control, MILLISECOND)
+    assert simulation.applied == before
+
+
+def test_an_inactive_drill_has_neither_drive_nor_weight_on_bit():
+    simulation, control = made(active=False)
+    assert not control.active
+    assert acting(simulation) == (0.0, 0.0)
+    control.take(WeightOnBit(20.0), simulation)
+    control.take(NOMINAL, simulation)
+    go_on(simulation, control, MILLISECOND)
+    assert acting(simulation) == (0.0, 0.0)
+
+
+def test_activation_begins_with_the_configuration_and_not_with_the_last_command():
+    simulation, control = made()
+    control.take(WeightOnBit(20.0), simulation)
+    control.take(Drive(True, 60.0, 17000.0), simulation)
+    go_on(simulation, control, MILLISECOND)
+    control.activate(False, MILLISECOND)
+    control.act(simulation)
+    assert acting(simulation) == (0.0, 0.0)
+    go_on(simulation, control, 2 * MILLISECOND)
+    control.activate(True, 2 * MILLISECOND)
+    control.act(simulation)
+    assert acting(simulation) == (10.0, 100.0)
+    assert simulation.applied.drive == NOMINAL
+
+
+def test_activating_an_active_drill_leaves_its_commands():
+    simulation, control = made()
+    control.take(WeightOnBit(20.0), simulation)
+    control.activate(True, 0)
+    control.act(simulation)
+    assert acting(simulation) == (20.0, 100.0)
+
+
+def test_lost_commands_ramp_down_are_told_once_and_come_back_whole():
+    simulation, control = made(timeout=0.1, ramp=0.2)
+    assert not go_on(simulation, control, 100 * MILLISECOND)
+    assert not control.commands_lost
+    assert go_on(simulation, control, 150 * MILLISECOND)
+    assert control.commands_lost
+    assert acting(simulation) == (7.5, 75.0)
+    assert not go_on(simulation, control, 200 * MILLISECOND)
+    assert acting(simulation) == (5.0, 50.0)
+    go_on(simulation, control, 300 * MILLISECOND)
+    assert acting(simulation) == (0.0, 0.0)
+    # A weight on bit alone shows that there is a commander, and so the drive comes back as well.
+    control.take(WeightOnBit(20.0), simulation)
+    assert control.act(simulation)
+    assert not control.commands_lost
+    assert acting(simulation) == (20.0, 100.0)
+    assert simulation.applied.drive == NOMINAL
+
+
+def test_a_drive_that_is_off_stays_off_when_commands_come_back():
+    simulation, control = made(timeout=0.1, ramp=0.1)
+    control.take(Drive(False, 0.0, 0.0), simulation)
+    go_on(simulation, control, SECOND)
+    assert acting(simulation) == (0.0, 0.0)
+    control.take(WeightOnBit(20.0), simulation)
+    control.act(simulation)
+    assert acting(simulation) == (20.0, 0.0)
+    control.take(Drive(True, 80.0, 16000.0), simulation)
+    assert acting(simulation) == (20.0, 80.0)
+
+
+def test_the_watchdog_does_not_wait_while_inactive():
+    simulation, control = made(timeout=0.1, ramp=0.1, active=False)
+    assert not go_on(simulation, control, SECOND)
+    assert not control.commands_lost
+    control.activate(True, SECOND)
+    assert not control.act(simulation)
+    assert acting(simulation) == (10.0, 100.0)
+    assert go_on(simulation, control, SECOND + 150 * MILLISECOND)
+    assert control.commands_lost
+
+
+def test_another_timeout_holds_from_now_on():
+    simulation, control = made()
+    go_on(simulation, control, SECOND)
+    control.set(0.5, 0.0)
+    assert control.act(simulation)
+    assert acting(simulation) == (0.0, 0.0)
+    control.set(0.0, 0.0)
+    assert control.act(simulation)
+    assert acting(simulation) == (10.0, 100.0)
+
+
+commands = st.one_of(
+    st.builds(WeightOnBit, st.floats(0.0, 60.0)),
+    st.builds(Drive, st.just(True), st.floats(0.0, 200.0), st.floats(8e3, 40e3)),
+    st.just(Drive(False, 0.0, 0.0)),
+)
+
+
+@settings(max_examples=50)
+@given(st.lists(st.one_of(commands, st.booleans(), st.integers(1, 400)), min_size=1, max_size=20))
+def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events):
+    simulation, control = made(timeout=0.05, ramp=0.1)
+    weight_on_bit, drive = simulation.applied.weight_on_bit, simulation.applied.drive
+    for event in events:
+        if isinstance(event, bool):
+            if event and not control.active:
+                weight_on_bit, drive = WeightOnBit(10.0), NOMINAL
+            control.activate(event, simulation.time)
+        elif isinstance(event, int):
+            simulation.advance_to(simulation.time + event * MILLISECOND)
+        else:
+            control.take(event, simulation)
+            if control.active and isinstance(event, WeightOnBit):
+                weight_on_bit = event
+            elif control.active:
+                drive = Drive(
+                    event.enabled,
+                    event.voltage if event.enabled else drive.voltage,
+                    event.frequency or drive.frequency,
+                )
+        control.act(simulation)
+        force, voltage = acting(simulation)
+        if not control.active:
+            assert (force, voltage) == (0.0, 0.0)
+        elif control.commands_lost:
+            assert force <= weight_on_bit.force
+            assert voltage <= (drive.voltage if drive.enabled else 0.0)
+        else:
+            assert force == weight_on_bit.force
+            assert simulation.applied.drive.enabled == drive.enabled
+            assert voltage == (drive.voltage if drive.enabled else 0.0)

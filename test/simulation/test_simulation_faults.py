@@ -1,0 +1,421 @@
+"""Faults, another configuration and the actuator change the drill at their exact instants."""
+
+import dataclasses
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.simulation import Parameters, preset
+from rpud_sim.simulation.actuator import ActuatorParameters
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.rock import SANDSTONE
+from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.simulation import Simulation
+
+SECOND = 1_000_000_000
+MILLISECOND = 1_000_000
+END = 80 * MILLISECOND
+RESONANT = ActuatorParameters(actuator_model="resonance")
+FULL = Configuration(actuator=RESONANT, rock=SANDSTONE)
+HOT = dataclasses.replace(RESONANT, heating=True, heat_capacity=0.01)
+PHYSICAL = [name for name, kind in KINDS.items() if kind.physical]
+
+
+def scheduled(kind, onset, clear=None, magnitude=math.nan, channel=""):
+    return ScheduledFault(onset, clear, Fault(kind, channel, magnitude))
+
+
+def scenario(*faults):
+    return Scenario(0, tuple(sorted(faults, key=lambda fault: fault.onset)))
+
+
+def spans(simulation):
+    return [(record.fault.kind, record.onset, record.clear) for record in simulation.faults.records]
+
+
+def state_at(block, time):
+    samples = block.sample(Times.from_nanoseconds(time))
+    return {name: values[0] for name, values in dataclasses.asdict(samples).items()}
+
+
+def starts(segments):
+    return np.rint(
+        segments["start_seconds"] * float(SECOND) + segments["start_fraction"] * SECOND
+    ).astype(int)
+
+
+@st.composite
+def scenarios(draw):
+    faults = []
+    for kind in draw(st.lists(st.sampled_from(PHYSICAL), unique=True, max_size=5)):
+        instants = draw(st.lists(st.integers(0, END), min_size=1, max_size=4, unique=True))
+        for onset, clear in list(pairwise([*sorted(instants), None]))[::2]:
+            faults.append(scheduled(kind, onset, clear))
+    return scenario(*faults)
+
+
+commands = st.one_of(
+    st.builds(WeightOnBit, st.floats(0.0, 60.0)),
+    st.builds(Drive, st.just(True), st.floats(50.0, 200.0), st.floats(15e3, 17e3)),
+    st.just(Drive(False, 0.0, 0.0)),
+)
+moments = st.integers(0, END)
+
+
+@settings(max_examples=20)
+@given(
+    st.sampled_from(["free", "drilling"]),
+    st.sampled_from([RESONANT, HOT]),
+    scenarios(),
+    st.dictionaries(moments, commands, max_size=3),
+    st.lists(moments, max_size=15),
+)
+def test_where_a_caller_stops_changes_no_bit(regime, actuator, faults, given_commands, stops):
+    configuration = Configuration(preset(regime), actuator, SANDSTONE)
+
+    def run(times):
+        simulation = Simulation(configuration, scenario=faults)
+        segments, impacts = [], []
+        for time in sorted({*times, *given_commands, END}):
+            block = simulation.advance_to(time)
+            segments.append(block.segments)
+            impacts.append(block.impacts)
+            if time in given_commands:
+                simulation.apply(given_commands[time])
+        segments.append(block.open_segment)
+        assert simulation.take_refusals() == []
+        return (
+            np.concatenate(segments),
+            np.concatenate(impacts),
+            (
+                spans(simulation),
+                simulation.depth,
+                simulation.penetration_rate,
+                simulation.impact_count,
+                simulation.actuator.amplitude,
+                simulation.actuator.temperature,
+            ),
+        )
+
+    for one, other in zip(run([]), run(stops), strict=True):
+        assert len(one) == len(other)
+        assert np.all(one == other) if isinstance(one, np.ndarray) else one == other
+
+
+@given(st.lists(st.integers(1, SECOND), max_size=5, unique=True))
+def test_scheduled_faults_come_and_go_at_their_instants_whatever_the_blocks(stops):
+    faults = scenario(
+        scheduled("lost_preload", 0, 123_456_789, 0.5),
+        scheduled("restitution_loss", 123_456_789),
+        scheduled("load_spring_binding", 400_000_001, 400_000_002),
+    )
+    simulation = Simulation(Parameters(), scenario=faults)
+    segments = []
+    for time in sorted({*stops, SECOND}):
+        segments.append(simulation.advance_to(time).segments)
+    assert spans(simulation) == [
+        ("lost_preload", 0, 123_456_789),
+        ("restitution_loss", 123_456_789, None),
+        ("load_spring_binding", 400_000_001, 400_000_002),
+    ]
+    segments = np.concatenate(segments)
+    begun = starts(segments)
+    lost = segments["weight_on_bit"] == 5.0
+    assert begun[lost].max() < 123_456_789
+    assert (segments["weight_on_bit"][begun >= 123_456_789] == 10.0).all()
+    stiff = segments["load_spring_rate"] == 10_000.0
+    assert set(begun[stiff]) == {400_000_001}
+    assert segments["duration"][stiff].sum() == pytest.approx(1e-9, rel=1e-3)
+
+
+def test_at_one_instant_ends_come_before_beginnings():
+    faults = scenario(
+        scheduled("lost_preload", SECOND, 2 * SECOND, 0.2),
+        scheduled("lost_preload", 2 * SECOND, None, 0.4),
+    )
+    simulation = Simulation(Parameters(), scenario=faults)
+    simulation.advance_to(3 * SECOND)
+    assert simulation.take_refusals() == []
+    assert spans(simulation) == [
+        ("lost_preload", SECOND, 2 * SECOND),
+        ("lost_preload", 2 * SECOND, None),
+    ]
+
+
+def test_an_injected_fault_makes_room_for_a_scheduled_one_at_the_instant_of_its_end():
+    simulation = Simulation(
+        Parameters(), scenario=scenario(scheduled("free_mass_jammed", 2 * SECOND))
+    )
+    simulation.advance_to(SECOND)
+    simulation.inject(Fault("free_mass_jammed"), SECOND)
+    simulation.advance_to(2 * SECOND)
+    assert simulation.take_refusals() == []
+    assert len(simulation.faults.active) == 1
+
+
+def test_a_scheduled_fault_that_is_there_already_is_refused_and_told():
+    simulation = Simulation(
+        Parameters(),
+        scenario=scenario(
+            scheduled("free_mass_jammed", SECOND), scheduled("lost_preload", 2 * SECOND)
+        ),
+    )
+    assert simulation.inject(Fault("free_mass_jammed")) == 1
+    simulation.advance_to(3 * SECOND)
+    assert simulation.take_refusals() == [
+        "scheduled fault refused: free_mass_jammed is already there as fault 1"
+    ]
+    assert simulation.take_refusals() == []
+    assert spans(simulation) == [
+        ("free_mass_jammed", 0, None),
+        ("lost_preload", 2 * SECOND, None),
+    ]
+
+
+def test_a_scheduled_fault_that_has_lost_its_sense_is_refused_and_told():
+    free = Configuration(preset("free"))
+    simulation = Simulation(free, scenario=scenario(scheduled("drill_tool_binding", SECOND)))
+    simulation.configure(Configuration(preset("free").replace(regime="drilling")))
+    simulation.advance_to(2 * SECOND)
+    [refusal] = simulation.take_refusals()
+    assert refusal.startswith("scheduled fault refused: drill_tool_binding cannot be honoured: ")
+    assert simulation.faults.records == ()
+
+
+def test_a_scenario_that_cannot_be_honoured_is_refused_at_once():
+    with pytest.raises(FaultError, match="hard_rock cannot be honoured"):
+        Simulation(Parameters(), scenario=scenario(scheduled("hard_rock", SECOND)))
+
+
+def test_a_fault_that_cannot_be_honoured_changes_nothing():
+    simulation, undisturbed = Simulation(Parameters()), Simulation(Parameters())
+    simulation.advance_to(MILLISECOND)
+    with pytest.raises(FaultError, match="resonance_drift cannot be honoured"):
+        simulation.inject(Fault("resonance_drift"))
+    assert simulation.faults.records == ()
+    simulation.advance_to(SECOND)
+    undisturbed.advance_to(SECOND)
+    assert (
+        simulation.advance_to(2 * SECOND).covering == undisturbed.advance_to(2 * SECOND).covering
+    ).all()
+
+
+def test_a_duration_ends_the_fault_and_a_clear_before_ends_it_once():
+    simulation = Simulation(Parameters())
+    simulation.advance_to(10)
+    first = simulation.inject(Fault("lost_preload"), 500)
+    second = simulation.inject(Fault("noise", "wrench"), 700)
+    simulation.advance_to(100)
+    assert simulation.clear(second).clear == 100
+    # One of the same kind may begin, and the first one's end is not its own.
+    third = simulation.inject(Fault("noise", "wrench"))
+    simulation.advance_to(SECOND)
+    ends = {record.number: record.clear for record in simulation.faults.records}
+    assert ends == {first: 510, second: 100, third: None}
+
+
+def test_all_faults_clear_at_once_and_the_drill_is_as_it_was():
+    simulation = Simulation(FULL)
+    for kind in PHYSICAL:
+        simulation.inject(Fault(kind))
+    simulation.advance_to(SECOND // 10)
+    simulation.clear_all()
+    assert simulation.faults.active == ()
+    assert {record.clear for record in simulation.faults.records} == {SECOND // 10}
+    constants = simulation.advance_to(SECOND // 5).segments[-1]
+    healthy = Simulation(FULL).advance_to(SECOND // 5).segments[-1]
+    for name in ("load_spring_rate", "load_spring_damping", "drill_tool_spring_rate", "gravity"):
+        assert constants[name] == healthy[name], name
+    assert constants["weight_on_bit"] == 10.0
+    assert simulation.actuator.resonance_frequency == 16000.0
+
+
+def test_there_is_nothing_to_clear_that_was_not_injected():
+    simulation = Simulation(Parameters())
+    with pytest.raises(FaultError, match="there is no fault 7 to clear"):
+        simulation.clear(7)
+
+
+def test_a_jam_silences_the_impacts_and_its_end_brings_them_back():
+    simulation = Simulation(Parameters())
+    before = len(simulation.advance_to(SECOND).impacts)
+    number = simulation.inject(Fault("free_mass_jammed"))
+    assert len(simulation.advance_to(2 * SECOND).impacts) <= 1
+    simulation.clear(number)
+    assert len(simulation.advance_to(3 * SECOND).impacts) > before // 2 > 50
+
+
+def test_lost_preload_changes_what_acts_and_not_what_is_commanded():
+    simulation = Simulation(Parameters())
+    simulation.inject(Fault("lost_preload", magnitude=0.25))
+    assert simulation.applied.weight_on_bit == WeightOnBit(10.0)
+    assert (simulation.advance_to(SECOND).segments["weight_on_bit"][1:] == 7.5).all()
+    simulation.apply(WeightOnBit(20.0))
+    assert simulation.applied.weight_on_bit == WeightOnBit(20.0)
+    assert simulation.advance_to(2 * SECOND).open_segment["weight_on_bit"] == 15.0
+
+
+def test_the_kinds_that_are_honoured_follow_the_configuration():
+    simulation = Simulation(Configuration(preset("free")))
+    assert "drill_tool_binding" in simulation.honoured_kinds()
+    simulation.configure(Configuration(preset("free").replace(regime="drilling")))
+    assert "drill_tool_binding" not in simulation.honoured_kinds()
+    assert Simulation(FULL).honoured_kinds() == tuple(KINDS)
+
+
+@pytest.mark.parametrize(
+    ("fault", "factor"),
+    [
+        (Fault("hard_rock", magnitude=4.0), 0.25),
+        (Fault("choking", magnitude=0.75), 0.25),
+        (Fault("drill_tool_binding", magnitude=2.0), 0.5),
+    ],
+)
+def test_faults_of_the_rock_slow_the_progress_of_every_impact(fault, factor):
+    simulation = Simulation(FULL)
+    energy = simulation.advance_to(SECOND).impacts["energy"].sum()
+    before = simulation.depth
+    simulation.inject(fault)
+    assert simulation.depth == before > 0.0
+    slow = simulation.advance_to(3 * SECOND).impacts["energy"].sum()
+    reached = simulation.depth
+    assert (reached - before) / slow == pytest.approx(factor * before / energy, rel=1e-9)
+    simulation.clear_all()
+    again = simulation.advance_to(4 * SECOND).impacts["energy"].sum()
+    assert (simulation.depth - reached) / again == pytest.approx(before / energy, rel=1e-9)
+    assert simulation.penetration_rate == pytest.approx(simulation.depth - reached, rel=1e-9)
+
+
+def test_another_specific_energy_counts_from_its_instant_on():
+    plain, harder = Simulation(FULL), Simulation(FULL)
+    for simulation in (plain, harder):
+        simulation.advance_to(SECOND)
+    before = plain.depth
+    for energy in (1e9, 150e6):  # the second counts from the sandstone's as well
+        rock = dataclasses.replace(SANDSTONE, rock_specific_energy=energy)
+        harder.configure(dataclasses.replace(FULL, rock=rock))
+    assert harder.configuration.rock.rock_specific_energy == 150e6
+    plain.advance_to(3 * SECOND)
+    harder.advance_to(3 * SECOND)
+    assert harder.depth - before == pytest.approx((plain.depth - before) / 2.0, rel=1e-9)
+
+
+def test_there_is_progress_in_the_rock_alone():
+    simulation = Simulation(Configuration(preset("free"), rock=SANDSTONE))
+    assert len(simulation.advance_to(SECOND).impacts) > 50
+    assert simulation.depth == simulation.penetration_rate == 0.0
+    engaged = simulation.parameters.replace(regime="drilling")
+    simulation.configure(Configuration(engaged, rock=SANDSTONE))
+    simulation.advance_to(2 * SECOND)
+    reached = simulation.depth
+    assert reached > 0.0
+    simulation.configure(Configuration(engaged.replace(regime="free"), rock=SANDSTONE))
+    simulation.advance_to(4 * SECOND)
+    assert simulation.depth == reached
+    assert simulation.penetration_rate == 0.0
+
+
+def test_without_a_rock_there_is_no_depth():
+    simulation = Simulation(Parameters())
+    simulation.advance_to(SECOND)
+    assert math.isnan(simulation.depth)
+    assert math.isnan(simulation.penetration_rate)
+
+
+@settings(max_examples=30)
+@given(
+    st.sampled_from(["free", "drilling"]),
+    st.integers(0, END),
+    st.fixed_dictionaries(
+        {},
+        optional={
+            "regime": st.sampled_from(["free", "drilling"]),
+            "load_spring_rate": st.floats(500.0, 5e3),
+            "rpud_damping_ratio": st.floats(0.0, 0.9),
+            "gravity": st.floats(0.0, 20.0),
+            "actuator_restitution": st.floats(0.3, 1.0),
+        },
+    ),
+)
+def test_positions_and_the_plane_s_velocity_go_on_into_another_configuration(regime, time, changes):
+    simulation = Simulation(preset(regime))
+    before = state_at(simulation.advance_to(time), time)
+    simulation.configure(Configuration(simulation.parameters.replace(**changes)))
+    after = state_at(simulation.advance_to(time), time)
+    for name in ("nodal_plane_position", "actuator_position", "free_mass_position"):
+        assert after[name] == pytest.approx(before[name], abs=1e-8), name
+    if not before["in_contact"]:
+        name = "nodal_plane_velocity"
+        assert after[name] == pytest.approx(before[name], abs=1e-9)
+    later = simulation.advance_to(time + 50 * MILLISECOND).covering[-1]
+    wanted = simulation.parameters
+    assert later["load_spring_rate"] == wanted.load_spring_rate
+    assert later["gravity"] == wanted.gravity
+    assert simulation.parameters.replace(**changes) == wanted
+
+
+def test_the_same_configuration_again_leaves_every_bit():
+    simulation, undisturbed = Simulation(FULL), Simulation(FULL)
+    simulation.advance_to(33_333_333)
+    simulation.configure(FULL)
+    simulation.advance_to(SECOND)
+    undisturbed.advance_to(SECOND)
+    assert simulation.depth == undisturbed.depth
+    assert (
+        simulation.advance_to(2 * SECOND).covering == undisturbed.advance_to(2 * SECOND).covering
+    ).all()
+
+
+def test_commands_and_faults_outlast_another_configuration():
+    simulation = Simulation(Parameters())
+    simulation.apply(WeightOnBit(20.0))
+    simulation.inject(Fault("lost_preload"))
+    simulation.configure(Configuration(Parameters(gravity=1.62)))
+    last = simulation.advance_to(SECOND).segments[-1]
+    assert (last["weight_on_bit"], last["gravity"]) == (10.0, 1.62)
+    assert simulation.applied.weight_on_bit == WeightOnBit(20.0)
+
+
+def test_the_actuator_rings_up_as_its_segments_show():
+    simulation = Simulation(Configuration(actuator=RESONANT))
+    segments = simulation.advance_to(100 * MILLISECOND).segments
+    amplitude = segments["vibration_amplitude"]
+    assert amplitude[0] == 0.0
+    assert (np.diff(amplitude) >= 0.0).all()
+    assert amplitude[-1] == pytest.approx(35e-6, rel=2e-3)
+    # A new amplitude waits for the vibration's zero, at most half a cycle.
+    time_constant = RESONANT.quality_factor / (math.pi * RESONANT.resonance_frequency)
+    expected = 35e-6 * -np.expm1(-starts(segments) / SECOND / time_constant)
+    late = 35e-6 * 0.5 / 16000.0 / time_constant
+    assert np.abs(amplitude - expected).max() < 0.01 * 35e-6 + late
+
+
+def test_the_resonance_drifts_and_comes_back():
+    simulation = Simulation(FULL)
+    simulation.advance_to(SECOND)
+    number = simulation.inject(Fault("resonance_drift", magnitude=-100.0))
+    assert simulation.actuator.resonance_frequency == 15_900.0
+    faint = simulation.advance_to(2 * SECOND).open_segment["vibration_amplitude"][0]
+    detuning = 2.0 * RESONANT.quality_factor * 100.0 / 15_900.0
+    assert faint == pytest.approx(35e-6 / math.hypot(1.0, detuning), rel=2e-3)
+    simulation.clear(number)
+    whole = simulation.advance_to(3 * SECOND).open_segment["vibration_amplitude"][0]
+    assert whole == pytest.approx(35e-6, rel=2e-3)
+
+
+def test_a_drive_that_is_off_rings_down():
+    simulation = Simulation(FULL)
+    simulation.advance_to(SECOND)
+    simulation.apply(Drive(False, 0.0, 0.0))
+    amplitude = simulation.advance_to(SECOND + 10 * MILLISECOND).open_segment[
+        "vibration_amplitude"
+    ][0]
+    assert amplitude == pytest.approx(35e-6 * math.exp(-0.01 * math.pi * 32.0), rel=0.05)
+    assert simulation.advance_to(2 * SECOND).open_segment["vibration_amplitude"] == 0.0

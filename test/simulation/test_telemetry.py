@@ -1,0 +1,191 @@
+"""What goes out of the blocks of a run is complete, at its times, and does not depend on them."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.simulation import Parameters, fields
+from rpud_sim.simulation.block import boundary
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.telemetry import Telemetry
+
+SECOND = 1_000_000_000
+MILLISECOND = 1_000_000
+END = 200 * MILLISECOND
+ORIGIN = 1_700_000_000 * SECOND + 5
+SENSORS = ("nodal_plane", "drill_tool", "reacting_force", "wrench")
+
+
+def periods(rate, end=END):
+    """The ends of all telemetry periods until a time."""
+    numbers = itertools.count(1)
+    return list(itertools.takewhile(lambda time: time <= end, (boundary(n, rate) for n in numbers)))
+
+
+def told(telemetry, times, faults=(), simulation=None):
+    """Everything that goes out until the last of the times, as (time, message) by topic."""
+    if simulation is None:
+        simulation = Simulation(Parameters(), scenario=Scenario(0, tuple(faults)))
+    found = {}
+    for time in times:
+        block = simulation.advance_to(time)
+        for out, topic, values in telemetry.take(block, simulation.faults.since(block.start)):
+            assert block.start <= out <= block.end
+            found.setdefault(topic, []).append((out, values))
+    for out, topic, values in telemetry.flush():
+        found.setdefault(topic, []).append((out, values))
+    return found
+
+
+def stamps(messages):
+    return [fields.stamp_of(values) for _, values in messages]
+
+
+@pytest.mark.parametrize("rate", [100, 333, 1000])
+def test_sensors_are_sampled_at_the_boundaries_alone(rate):
+    times = sorted({*periods(rate), *range(7_654_321, END, 7_654_321), END})
+    telemetry = Telemetry(rate)
+    telemetry.begin(ORIGIN)
+    found = told(telemetry, times)
+    whole = Simulation(Parameters()).advance_to(END)
+    due = periods(rate)
+    samples = whole.sample(Times.from_nanoseconds(np.array(due)))
+    for topic in (*SENSORS, "joint_states"):
+        assert [time for time, _ in found[topic]] == due
+        assert stamps(found[topic]) == [ORIGIN + time for time in due]
+    for index, (_, values) in enumerate(found["nodal_plane"]):
+        assert values["position"] == samples.nodal_plane_position[index]
+
+
+def test_every_impact_is_told_once_and_in_order():
+    found = told(Telemetry(), [*periods(100), END])["contact_force"]
+    impacts = Simulation(Parameters()).advance_to(END).impacts
+    assert [values["sequence"] for _, values in found] == list(range(len(impacts)))
+    assert [values["peak_force"] for _, values in found] == impacts["peak_force"].tolist()
+    times = [time for time, _ in found]
+    assert times == sorted(times)
+
+
+def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
+    end = END - 3_210_987
+    found = told(Telemetry(100, 48_000, 0.03), [*periods(100, end), end])
+    whole = Simulation(Parameters()).advance_to(end)
+    ends = [30, 60, 90, 120, 150, 180]
+    assert [time for time, _ in found["waveform"]] == [ms * MILLISECOND for ms in ends] + [end]
+    lengths = [len(values["contact_force"]) for _, values in found["waveform"]]
+    assert lengths[:-1] == [1440] * 6
+    sequences = [values["sequence"] for _, values in found["waveform"]]
+    assert sequences == [0, *itertools.accumulate(lengths[:-1])]
+    samples = whole.sample(Times.from_grid(0, sum(lengths), 48_000))
+    forces = np.concatenate([values["contact_force"] for _, values in found["waveform"]])
+    assert (forces == samples.contact_force).all()
+    counts = [len(values["duration"]) for _, values in found["trajectory"]]
+    sequences = [values["sequence"] for _, values in found["trajectory"]]
+    assert sequences == [0, *itertools.accumulate(counts[:-1])]
+    assert sum(counts) == len(whole.segments)
+
+
+def test_there_is_nothing_left_after_the_rest():
+    telemetry = Telemetry()
+    told(telemetry, [3 * MILLISECOND])
+    assert list(telemetry.flush()) == []
+
+
+FAULTS = (
+    ScheduledFault(0, None, Fault("noise", "wrench")),
+    ScheduledFault(20 * MILLISECOND, 95 * MILLISECOND, Fault("delayed", "nodal_plane", 0.03)),
+    ScheduledFault(33_333_333, 120 * MILLISECOND, Fault("intermittent", "contact_force", 0.5)),
+    ScheduledFault(50 * MILLISECOND, None, Fault("slow", "drill_tool", 0.025)),
+    ScheduledFault(70 * MILLISECOND, 130 * MILLISECOND, Fault("off", "reacting_force")),
+    ScheduledFault(100 * MILLISECOND, None, Fault("lost_preload")),
+)
+
+
+@settings(max_examples=20)
+@given(st.lists(st.integers(1, END), max_size=20), st.sampled_from([(), FAULTS]))
+def test_what_is_told_does_not_depend_on_further_stops(stops, faults):
+    def run(times):
+        found = told(Telemetry(), times, faults)
+        return {topic: [repr(values) for _, values in found[topic]] for topic in found}
+
+    assert run(periods(100)) == run(sorted({*periods(100), *stops}))
+
+
+def test_faults_act_on_their_channel_and_the_ground_truth_stays():
+    healthy, faulty = (told(Telemetry(), periods(100), faults) for faults in ((), FAULTS[:-1]))
+    for topic in ("waveform", "trajectory", "joint_states"):
+        assert repr(faulty[topic]) == repr(healthy[topic])
+    silent = [time for time in periods(100) if 70 * MILLISECOND <= time < 130 * MILLISECOND]
+    kept = [message for message in healthy["reacting_force"] if message[0] not in silent]
+    assert faulty["reacting_force"] == kept
+    slow = [time // MILLISECOND for time, _ in faulty["drill_tool"]]
+    assert slow == [10, 20, 30, 40, 50, 80, 110, 140, 170, 200]
+    lost = len(healthy["contact_force"]) - len(faulty["contact_force"])
+    assert 0 < lost < len(healthy["contact_force"])
+    assert stamps(faulty["wrench"]) == stamps(healthy["wrench"])
+    assert faulty["wrench"] != healthy["wrench"]
+    late = [
+        (time - stamp) // MILLISECOND
+        for (time, _), stamp in zip(
+            faulty["nodal_plane"], stamps(faulty["nodal_plane"]), strict=True
+        )
+    ]
+    # The fault begins with the sample at 20 ms; its end, seen at 100 ms, lets go what waits.
+    assert late == [0] + [30] * 5 + [30, 20, 10] + [0] * 11
+    assert stamps(faulty["nodal_plane"]) == periods(100)
+
+
+def test_the_seed_draws_what_is_drawn():
+    def run(seed):
+        telemetry = Telemetry()
+        telemetry.reseed(seed)
+        return repr(told(telemetry, periods(100), FAULTS))
+
+    assert run(3) == run(3)
+    assert run(3) != run(4)
+
+
+def test_what_nobody_wants_is_left_out_but_counted():
+    heard = set()
+    telemetry = Telemetry(wanted=heard.__contains__)
+    simulation = Simulation(Parameters())
+    found = told(telemetry, periods(100, END // 2), simulation=simulation)
+    assert set(found) == {*SENSORS, "contact_force"}
+    heard |= {"trajectory", "waveform", "joint_states"}
+    more = told(telemetry, periods(100)[10:], simulation=simulation)
+    before = len(Simulation(Parameters()).advance_to(END // 2).segments)
+    assert more["trajectory"][0][1]["sequence"] == before
+    assert more["waveform"][0][1]["sequence"] == 5000
+    assert len(more["joint_states"]) == 10
+
+
+def test_a_beginning_forgets_what_was_and_has_a_stamp_of_its_own():
+    telemetry = Telemetry()
+    told(telemetry, periods(100))
+    simulation = Simulation(Parameters())
+    list(telemetry.take(simulation.advance_to(MILLISECOND), ()))  # is still to be told
+    telemetry.begin(ORIGIN)
+    assert telemetry.origin == ORIGIN
+    assert list(telemetry.flush()) == []
+    found = told(telemetry, periods(100))
+    assert stamps(found["wrench"])[0] == ORIGIN + 10 * MILLISECOND
+    assert found["trajectory"][0][1]["sequence"] == 0
+    assert stamps(found["trajectory"])[0] == ORIGIN
+
+
+def test_a_move_changes_stamps_and_nothing_else():
+    telemetry = Telemetry()
+    simulation = Simulation(Parameters())
+    told(telemetry, periods(100, END // 2), simulation=simulation)
+    telemetry.move(ORIGIN)
+    found = told(telemetry, periods(100)[10:], simulation=simulation)
+    assert stamps(found["wrench"])[0] == ORIGIN + END // 2 + 10 * MILLISECOND
+    assert stamps(found["waveform"])[0] == ORIGIN + END // 2
+    assert found["waveform"][0][1]["sequence"] == 5000
+    assert found["trajectory"][0][1]["sequence"] > 0
