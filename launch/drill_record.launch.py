@@ -18,6 +18,14 @@ def generate_launch_description() -> LaunchDescription:
                 default_value=f"rpud_{datetime.now():%Y_%m_%d-%H_%M_%S}",
                 description="Folder of the new bag",
             ),
+            DeclareLaunchArgument(
+                "compression", default_value="zstd", description="none, lz4 or zstd"
+            ),
+            DeclareLaunchArgument(
+                "max_loss",
+                default_value="1.0",
+                description="Seconds of messages that a crash may cost at most",
+            ),
             # Declares namespace, config, log_level and use_sim_time for all that follows too.
             IncludeLaunchDescription(
                 PathJoinSubstitution([FindPackageShare("rpud_sim"), "launch", "drill.launch.py"])
@@ -26,7 +34,11 @@ def generate_launch_description() -> LaunchDescription:
                 package="rpud_sim",
                 executable="recorder",
                 namespace=LaunchConfiguration("namespace"),
-                arguments=["--out", LaunchConfiguration("bag")],
+                arguments=[
+                    *("--out", LaunchConfiguration("bag")),
+                    *("--compression", LaunchConfiguration("compression")),
+                    *("--max-loss", LaunchConfiguration("max_loss")),
+                ],
                 parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
                 ros_arguments=["--log-level", LaunchConfiguration("log_level")],
                 output="screen",

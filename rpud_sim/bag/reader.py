@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path, PurePosixPath
@@ -20,7 +20,8 @@ from rpud_sim.bag.storage_file import StorageFile, TopicSummary, clear_errors
 class BagReader:
     """An open bag: what is in it, and its messages in the order of their log times.
 
-    `path` is a bag's directory or one MCAP file. All times are integer nanoseconds since the
+    `path` is a bag's directory or one MCAP file. What a file repeats of the one before is there
+    only where it is the first file. All times are integer nanoseconds since the
     epoch. Raises BagNotFoundError, or BagFormatError where a file is damaged or incomplete.
     """
 
@@ -30,8 +31,8 @@ class BagReader:
         self._open_files = ExitStack()
         try:
             self._files = [
-                self._open_files.enter_context(StorageFile(file))
-                for file in storage_files(self._path)
+                self._open_files.enter_context(StorageFile(file, repeats=number == 0))
+                for number, file in enumerate(storage_files(self._path))
             ]
         except BaseException:
             self.close()
@@ -50,7 +51,7 @@ class BagReader:
     @property
     def message_count(self) -> int:
         """Messages of all topics."""
-        return sum(file.statistics.message_count for file in self._files)
+        return sum(file.message_count for file in self._files)
 
     @property
     def start_time(self) -> int:
@@ -122,7 +123,7 @@ class BagReader:
     @property
     def _filled(self) -> list[StorageFile]:
         # Statistics of a file without messages say that it starts at 0.
-        return [file for file in self._files if file.statistics.message_count]
+        return [file for file in self._files if file.message_count]
 
     def _summary(self, name: str, losses: Losses | None) -> TopicSummary:
         parts = [file.topic(name) for file in self._files if name in file.topic_names]
@@ -139,6 +140,17 @@ class BagReader:
         )
 
 
+def in_order(files: Iterable[Path]) -> list[Path]:
+    """Sort files of a bag by their numbers: `run_10.mcap` comes after `run_9.mcap`."""
+    return sorted(files, key=_name_parts)
+
+
+def _name_parts(file: Path) -> tuple[str, int, str]:
+    stem = file.stem.rstrip("0123456789")
+    digits = file.stem[len(stem) :]
+    return stem, len(digits), digits
+
+
 def storage_files(path: Path) -> list[Path]:
     """Name the MCAP files of a bag, in the order of its metadata."""
     if path.is_file():
@@ -147,7 +159,7 @@ def storage_files(path: Path) -> list[Path]:
         raise BagNotFoundError(f"there is no bag at {path}")
     document = path / FILE_NAME
     if not document.is_file():
-        files = sorted(path.glob("*.mcap"))
+        files = in_order(path.glob("*.mcap"))
         if not files:
             raise BagNotFoundError(f"{path} holds neither {FILE_NAME} nor an MCAP file")
         return files

@@ -14,6 +14,7 @@ from typing import Any
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 
 from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError
+from rpud_sim.bag.latched import REPEATED_KEY
 from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
 from rpud_sim.bag.losses import Losses, losses_from_record
 from rpud_sim.bag.metadata import FILE_NAME as METADATA_FILE
@@ -26,7 +27,7 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.metadata import RECORD_NAME as ROSBAG2_RECORD
 from rpud_sim.bag.qos import QosProfile
-from rpud_sim.bag.reader import storage_files
+from rpud_sim.bag.reader import in_order, storage_files
 from rpud_sim.bag.scan import Damage, Missing, Scan
 from rpud_sim.bag.sequence import SequenceCounter
 from rpud_sim.bag.storage_file import StorageFile, clear_errors
@@ -138,7 +139,8 @@ def recover(
         bag.add_custom_data(_custom_data(Path(torn)))
         outputs = _Outputs(bag, recovery)
         for file in files:
-            _FileRecovery(file, bag, recovery, outputs).run(progress)
+            repeats = file == files[0]
+            _FileRecovery(file, bag, recovery, outputs, repeats).run(progress)
         outputs.count_gaps()
         bag.add_record(RECOVERY_RECORD, {"account": json.dumps(recovery.to_mapping())})
         bag.close()
@@ -164,7 +166,7 @@ def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
     if path.is_dir():
         # Of a torn bag the metadata may be missing, or be older than its last files.
         there = {file for file in path.glob("*.mcap") if file.is_file()}
-        files += sorted(there - set(files))
+        files += in_order(there - set(files))
     if not files:
         raise BagNotFoundError(f"there is no MCAP file at {torn}")
     return files
@@ -244,13 +246,16 @@ class _Outputs:
 
 
 class _FileRecovery:
-    """The part of a recovery that is one file."""
+    """The part of a recovery that is one file, with or without what it repeats of another."""
 
-    def __init__(self, file: Path, bag: BagWriter, recovery: Recovery, outputs: _Outputs) -> None:
+    def __init__(
+        self, file: Path, bag: BagWriter, recovery: Recovery, outputs: _Outputs, repeats: bool
+    ) -> None:
         self._file = file
         self._bag = bag
         self._recovery = recovery
         self._outputs = outputs
+        self._repeats = repeats
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._sure: set[tuple[type, int]] = set()  # declarations that a checksum vouches for
@@ -335,6 +340,9 @@ class _FileRecovery:
         if channel is None or max(message.log_time, message.publish_time) > LATEST:
             self._unknown += 1
             return
+        self._found[number] = self._found.get(number, 0) + 1
+        if not self._keeps(channel):
+            return
         output = self._numbers.get(number)
         if output is None:
             output = self._open(channel)
@@ -344,8 +352,10 @@ class _FileRecovery:
         topic = self._recovery.topics[channel.topic]
         topic.recovered += 1
         topic.unchecked += not checked
-        self._found[number] = self._found.get(number, 0) + 1
         self._outputs.note(output, message.data)
+
+    def _keeps(self, channel: Channel) -> bool:
+        return self._repeats or REPEATED_KEY not in channel.metadata
 
     def _open(self, channel: Channel) -> int:
         output = self._outputs.open(channel, self._schemas.get(channel.schema_id))
@@ -370,6 +380,8 @@ class _FileRecovery:
 
     def _account(self, expected: dict[int, int]) -> None:
         for number, channel in self._channels.items():
+            if not self._keeps(channel):
+                continue
             self._open(channel)  # also one that had no message
             topic = self._recovery.topics[channel.topic]
             missing = expected.get(number, 0) - self._found.get(number, 0)

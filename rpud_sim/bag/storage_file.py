@@ -24,6 +24,7 @@ from mcap.records import (
 )
 
 from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError
+from rpud_sim.bag.latched import REPEATED_KEY
 from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.messages import Message, Source, chunk_messages, messages_in
 from rpud_sim.bag.metadata import Topic, load_offered_qos
@@ -71,11 +72,13 @@ class TopicSummary:
 class StorageFile:
     """One open MCAP file with its summary.
 
+    Without `repeats` it is as if the file did not hold what it repeats of the one before.
     Raises BagNotFoundError, or BagFormatError where it is damaged or incomplete.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, repeats: bool = True) -> None:
         self._path = path
+        self._repeats = repeats
         with clear_errors(path):
             if path.exists() and not path.is_file():  # to open a FIFO may take forever
                 raise BagFormatError(f"{path} is not a file")
@@ -98,10 +101,21 @@ class StorageFile:
     def __exit__(self, *_: object) -> None:
         self._stream.close()
 
-    @property
+    @cached_property
     def channels(self) -> dict[int, Channel]:
         """The channels by their numbers."""
-        return self._index.channels
+        return {
+            number: channel
+            for number, channel in self._index.channels.items()
+            if self._repeats or REPEATED_KEY not in channel.metadata
+        }
+
+    @property
+    def message_count(self) -> int:
+        """Messages of the channels."""
+        counts = self.statistics.channel_message_counts
+        left_out = self._index.channels.keys() - self.channels.keys()
+        return self.statistics.message_count - sum(counts.get(number, 0) for number in left_out)
 
     @property
     def schemas(self) -> dict[int, Schema]:

@@ -1,20 +1,18 @@
-"""Write a rosbag2 bag: a directory with one MCAP file and `metadata.yaml`."""
+"""Write a rosbag2 bag: a directory with MCAP files and `metadata.yaml`."""
 
 from __future__ import annotations
 
-import dataclasses
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
 
-from mcap.data_stream import RecordBuilder
-from mcap.records import Attachment, Channel, Schema
-from mcap.writer import CompressionType, Writer
+from mcap.records import Attachment, Schema
 
 from rpud_sim.bag.errors import BagError, BagExistsError
+from rpud_sim.bag.latched import REPEATED_KEY, LatchedMessages
+from rpud_sim.bag.messages import Message
 from rpud_sim.bag.metadata import (
     FILE_NAME,
     RECORD_KEY,
@@ -24,14 +22,14 @@ from rpud_sim.bag.metadata import (
     Topic,
     dump_offered_qos,
 )
+from rpud_sim.bag.output_file import COMPRESSIONS, LATEST, OutputFile
 
-COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
+__all__ = ["COMPRESSIONS", "LATEST", "BagWriter"]
+
 CHUNK_SIZE = 1 << 20
 """Uncompressed bytes after which a chunk is closed."""
 
-LATEST = 2**63 - 1
-"""Greatest time that rosbag2 knows [ns since the epoch]."""
-
+_SECOND = 1_000_000_000
 _MOST_CHANNELS = 2**16 - 1
 
 
@@ -40,7 +38,9 @@ class BagWriter:
 
     Times are integer nanoseconds since the epoch. What is written is on the disk after `flush`;
     a bag that was never closed lacks its index and `metadata.yaml`, and `recovery.recover` makes a
-    whole one of it. Not for use by several threads at once.
+    whole one of it. Where it is split, each file is a whole one with all channels, and begins with
+    the last messages of latched topics: on channels of their own, marked with `rpud_repeated`, and
+    with the log time of the message before. Not for use by several threads at once.
     """
 
     def __init__(
@@ -50,39 +50,41 @@ class BagWriter:
         compression: str = "zstd",
         chunk_size: int = CHUNK_SIZE,
         custom_data: Mapping[str, str] | None = None,
+        max_file_size: int | None = None,
+        max_file_duration: float | None = None,
     ) -> None:
-        """Create the directory and its file.
+        """Create the directory and its first file.
 
         `compression` is one of COMPRESSIONS, `chunk_size` is in bytes; `custom_data` goes to the
-        bag's metadata. Raises BagExistsError where anything exists at `path`, BagError where it
-        cannot be created.
+        bag's metadata. A new file begins before one is larger than `max_file_size` bytes, as far
+        as single messages are not, or lasts `max_file_duration` [s]. Raises BagExistsError where
+        anything exists at `path`, BagError where it cannot be created.
         """
         if compression not in COMPRESSIONS:
-            raise BagError(
-                f"compression is {compression!r}; it must be one of {', '.join(COMPRESSIONS)}"
-            )
+            allowed = ", ".join(COMPRESSIONS)
+            raise BagError(f"compression is {compression!r}; it must be one of {allowed}")
         self._path = Path(os.path.abspath(path))
+        self._compression, self._chunk_size = compression, chunk_size
         self._custom_data = dict(custom_data or {})
-        self._schemas: dict[tuple[str, str, bytes], int] = {}
+        self._max_size = max_file_size
+        self._max_duration = max_file_duration and round(max_file_duration * _SECOND)
         self._topics: dict[str, Topic] = {}
         self._named: dict[str, int] = {}  # the channel of each topic that add_topic declared
-        self._channels: dict[int, str] = {}  # the topic of each channel
+        # By their numbers in the bag; `_numbers` are those in the open file.
+        self._channels: list[tuple[str, str, Schema | None, dict[str, str]]] = []
         self._counts: dict[str, int] = {}
-        self._first, self._last = LATEST, 0
+        self._latched = LatchedMessages()
+        self._last = 0  # log time of the last message
+        self._began: int | None = None  # log time of the file's first message that is not repeated
+        self._closed_files: list[FileInformation] = []
+        self._closed_size = 0
+        self._listed_size = 0  # bytes that topics take in the metadata, at most
         self._failed = False
-        self._unsafe = True  # whether anything may not be on the disk yet
-        self._stream: BinaryIO | None = None
+        self._file: OutputFile | None = None
         self._create_directory()
-        self._file = self._path / f"{self._path.name}_0.mcap"
         with self._guarded():
-            self._stream = self._file.open("xb")
-            self._writer = Writer(
-                self._stream, chunk_size=chunk_size, compression=COMPRESSIONS[compression]
-            )
-            self._writer.start(profile="ros2", library="rpud_sim")
-            self.flush()
-            for folder in (self._path, self._path.parent):
-                _sync_folder(folder)
+            self._file = self._open_file()
+            _sync_folder(self._path.parent)
 
     @property
     def path(self) -> Path:
@@ -96,8 +98,21 @@ class BagWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file on the disk so far."""
-        return self._file.stat().st_size
+        """Bytes of the files on the disk so far."""
+        there = self._opened.path.stat().st_size if self._file is not None else 0
+        return self._closed_size + there
+
+    @property
+    def closed_size(self) -> int:
+        """Bytes of the bag at most, were it split and closed now."""
+        open_size = self._file.closed_size + self._file.end_size if self._file is not None else 0
+        listed = self._listed_size + 512 * self.file_count
+        return self._closed_size + open_size + self._latched.size + 2 * listed
+
+    @property
+    def file_count(self) -> int:
+        """Files so far."""
+        return len(self._closed_files) + (self._file is not None)
 
     def add_topic(self, topic: Topic, definition: str = "") -> None:
         """Declare a topic before its first message.
@@ -118,6 +133,7 @@ class BagWriter:
             "topic_type_hash": topic.type_hash,
         }
         self._named[topic.name] = self.add_channel(topic, schema, metadata)
+        self._latched.declare(topic)
 
     def add_channel(self, topic: Topic, schema: Schema | None, metadata: Mapping[str, str]) -> int:
         """Declare a channel of a topic as another file has it; give its number in this one.
@@ -125,35 +141,17 @@ class BagWriter:
         A topic may have several. The number that `schema` has there does not matter. Raises
         BagError where there are too many.
         """
-        if len(self._channels) == _MOST_CHANNELS:
-            raise BagError(f"a bag has at most {_MOST_CHANNELS} channels")
-        copies = RecordBuilder()
+        if len(self._channels) >= _MOST_CHANNELS // 2:  # each may need another when it is repeated
+            raise BagError(f"a bag has at most {_MOST_CHANNELS // 2} channels")
+        channel = (topic.name, topic.serialization_format, schema, dict(metadata))
         with self._guarded():
-            schema_id = 0
-            if schema is not None:
-                key = (schema.name, schema.encoding, schema.data)
-                if key not in self._schemas:
-                    self._schemas[key] = self._writer.register_schema(*key)
-                schema_id = self._schemas[key]
-                dataclasses.replace(schema, id=schema_id).write(copies)
-            number = self._writer.register_channel(
-                topic.name, topic.serialization_format, schema_id, dict(metadata)
-            )
-            Channel(
-                id=number,
-                schema_id=schema_id,
-                topic=topic.name,
-                message_encoding=topic.serialization_format,
-                metadata=dict(metadata),
-            ).write(copies)
-            # The library declares it in the first chunk alone, and when that is damaged, nobody
-            # knows what all the others hold. Here it stands outside of the chunks as well.
-            self._opened.write(copies.end())
-        self._unsafe = True
-        self._channels[number] = topic.name
+            number = self._opened.add_channel(*channel)
+        self._numbers.append(number)
+        self._channels.append(channel)
+        self._listed_size += 1024 + len(topic.name) + 512 * len(topic.offered_qos)
         self._topics.setdefault(topic.name, topic)
         self._counts.setdefault(topic.name, 0)
-        return number
+        return len(self._channels) - 1
 
     def write(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:
         """Add one message as it was serialized.
@@ -173,28 +171,37 @@ class BagWriter:
 
         Raises what `write` raises.
         """
-        topic = self._channels[channel]
+        topic = self._channels[channel][0]
         if not (0 <= log_time <= LATEST and 0 <= publish_time <= LATEST):
             raise BagError(
                 f"a message of {topic} has log_time {log_time} ns and publish_time "
                 f"{publish_time} ns; both must be from 0 to {LATEST}"
             )
+        if self._is_full(len(data), log_time):
+            self.split()
         try:
-            self._writer.add_message(
-                channel_id=channel,
-                log_time=log_time,
-                data=data,
-                publish_time=publish_time,
-                sequence=sequence,
-            )
+            self._opened.write(self._numbers[channel], data, log_time, publish_time, sequence)
         except OSError as error:
             raise self._failure(error) from error
-        self._unsafe = True
         self._counts[topic] += 1
-        if log_time < self._first:
-            self._first = log_time
-        if log_time > self._last:
-            self._last = log_time
+        self._last = log_time
+        if self._began is None:
+            self._began = log_time
+        if topic in self._latched:
+            self._latched.note(Message(topic, log_time, publish_time, data))
+
+    def split(self) -> None:
+        """Complete the file, and go on in a new one that begins with the latched messages.
+
+        Raises BagError where the disk fails.
+        """
+        with self._guarded():
+            self._complete_file()
+            self._file = self._open_file()
+            for message in self._latched.at(self._last):
+                number = self._repeating(message.topic)
+                self._file.write(number, message.data, message.log_time, message.publish_time, 0)
+                self._counts[message.topic] += 1
 
     def add_attachment(self, attachment: Attachment) -> None:
         """Keep a file in the bag.
@@ -202,14 +209,7 @@ class BagWriter:
         Raises BagError where the disk fails.
         """
         with self._guarded():
-            self._writer.add_attachment(
-                attachment.create_time,
-                attachment.log_time,
-                attachment.name,
-                attachment.media_type,
-                attachment.data,
-            )
-        self._unsafe = True
+            self._opened.add_attachment(attachment)
 
     def add_custom_data(self, content: Mapping[str, str]) -> None:
         """Add to the custom data that goes to the bag's metadata."""
@@ -221,20 +221,15 @@ class BagWriter:
         Raises BagError where the disk fails.
         """
         with self._guarded():
-            self._writer.add_metadata(name, dict(content))
-        self._unsafe = True
+            self._opened.add_record(name, content)
 
     def flush(self) -> None:
         """Close the chunk in progress and wait until all that was written is on the disk.
 
         Raises BagError where the disk fails.
         """
-        if not self._unsafe:
-            return
         with self._guarded():
-            self._writer.flush()
-            os.fsync(self._opened.fileno())
-        self._unsafe = False
+            self._opened.flush()
 
     def close(self) -> None:
         """Complete the bag with its index, its statistics and `metadata.yaml`.
@@ -242,15 +237,18 @@ class BagWriter:
         Closing again is harmless; after a failed write it only releases the file. Raises BagError
         where the disk fails.
         """
-        if self._stream is None:
+        if self._file is None:
             return
         try:
             if not self._failed:
-                self._complete(self._stream)
+                with self._guarded():
+                    self._complete_file()
+                    self._write_document()
         finally:
-            stream, self._stream = self._stream, None
-            with self._guarded():
-                stream.close()
+            if self._file is not None:
+                file, self._file = self._file, None
+                with self._guarded():
+                    file.close()
 
     def abandon(self) -> None:
         """Release the file and leave the bag torn."""
@@ -280,40 +278,69 @@ class BagWriter:
                 ) from error
             raise BagError(f"cannot create the bag {self._path}: {error.strerror}") from error
 
-    def _complete(self, stream: BinaryIO) -> None:
-        metadata = self._metadata()
-        with self._guarded():
-            self._writer.flush()
-            self._writer.add_metadata(RECORD_NAME, {RECORD_KEY: metadata.to_record()})
-            self._writer.finish()
-            stream.flush()
-            os.fsync(stream.fileno())
-            # Renamed when it is whole, so that there is never half a metadata.yaml.
-            draft = self._path / f"{FILE_NAME}.tmp"
-            with draft.open("x", encoding="utf-8") as document:
-                document.write(metadata.to_document())
-                document.flush()
-                os.fsync(document.fileno())
-            draft.rename(self._path / FILE_NAME)
-            _sync_folder(self._path)
+    def _is_full(self, size: int, log_time: int) -> bool:
+        if self._began is None:
+            return False
+        if self._max_duration is not None and log_time - self._began >= self._max_duration:
+            return True
+        return self._max_size is not None and self._opened.closed_size + size > self._max_size
 
-    def _metadata(self) -> BagMetadata:
-        count = self.message_count
-        start = self._first if count else 0
-        duration = self._last - self._first if count else 0
+    def _open_file(self) -> OutputFile:
+        name = f"{self._path.name}_{len(self._closed_files)}.mcap"
+        file = OutputFile(self._path / name, self._compression, self._chunk_size)
+        self._numbers = [file.add_channel(*channel) for channel in self._channels]
+        self._repeats: dict[str, int] = {}
+        self._began = None
+        _sync_folder(self._path)
+        return file
+
+    def _repeating(self, topic: str) -> int:
+        """Give the channel of the open file for repeated messages of a topic."""
+        if topic not in self._repeats:
+            name, encoding, schema, metadata = self._channels[self._named[topic]]
+            marked = {**metadata, REPEATED_KEY: "true"}
+            self._repeats[topic] = self._opened.add_channel(name, encoding, schema, marked)
+        return self._repeats[topic]
+
+    def _complete_file(self) -> None:
+        file = self._opened
+        file.flush()
+        information = file.information
+        metadata = self._metadata([*self._closed_files, information])
+        file.add_record(RECORD_NAME, {RECORD_KEY: metadata.to_record()})
+        file.finish()
+        self._file = None
+        file.close()
+        self._closed_files.append(information)
+        self._closed_size += file.path.stat().st_size
+
+    def _write_document(self) -> None:
+        # Renamed when it is whole, so that there is never half a metadata.yaml.
+        draft = self._path / f"{FILE_NAME}.tmp"
+        with draft.open("x", encoding="utf-8") as document:
+            document.write(self._metadata(self._closed_files).to_document())
+            document.flush()
+            os.fsync(document.fileno())
+        draft.rename(self._path / FILE_NAME)
+        _sync_folder(self._path)
+
+    def _metadata(self, files: Sequence[FileInformation]) -> BagMetadata:
+        filled = [file for file in files if file.message_count]
+        start = min((file.start_time for file in filled), default=0)
+        end = max((file.start_time + file.duration for file in filled), default=0)
         return BagMetadata(
             start_time=start,
-            duration=duration,
-            message_count=count,
+            duration=end - start,
+            message_count=sum(file.message_count for file in files),
             topics=tuple((topic, self._counts[name]) for name, topic in self._topics.items()),
-            files=(FileInformation(self._file.name, start, duration, count),),
+            files=tuple(files),
             custom_data=self._custom_data,
         )
 
     @property
-    def _opened(self) -> BinaryIO:
-        assert self._stream is not None
-        return self._stream
+    def _opened(self) -> OutputFile:
+        assert self._file is not None
+        return self._file
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:

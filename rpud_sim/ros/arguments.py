@@ -8,9 +8,11 @@ from collections.abc import Callable
 from math import isfinite
 
 DEFAULT_NAMESPACE = "/rpud"
-COMPRESSIONS = ("none", "zstd")
+COMPRESSIONS = ("none", "lz4", "zstd")
 MAX_LOSS = 1.0
 """Seconds of messages that a crash of the recorder may cost, where `--max-loss` names none."""
+MAX_CACHE_SIZE = 256 * 2**20
+"""Bytes that wait for the disk, or that a snapshot has, where `--max-cache-size` names none."""
 CLOCK_RATE = 40.0
 """Rate of `/clock` where `--clock` names none [Hz]."""
 FASTEST_RATE = 1e6
@@ -49,6 +51,14 @@ def number(
     return convert
 
 
+def pattern(text: str) -> re.Pattern[str]:
+    """Be an argparse type for a regular expression."""
+    try:
+        return re.compile(text)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no regular expression: {error}") from error
+
+
 def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `rpud record` and of the executable `recorder`."""
     parser.add_argument(
@@ -56,6 +66,26 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="*",
         metavar="TOPIC",
         help="a topic to record, relative to the namespace; without one, the whole namespace",
+    )
+    parser.add_argument(
+        "--all", action="store_true", dest="everything", help="record the topics of all namespaces"
+    )
+    parser.add_argument(
+        "--regex",
+        type=pattern,
+        metavar="EXPRESSION",
+        help="record the topics, in whatever namespace, in whose name this is found",
+    )
+    parser.add_argument(
+        "--exclude",
+        type=pattern,
+        metavar="EXPRESSION",
+        help="record no topic in whose name this is found",
+    )
+    parser.add_argument(
+        "--qos-profile-overrides-path",
+        metavar="FILE",
+        help="YAML file of topics and the QoS to request for them (default: what is offered)",
     )
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="the bag's new folder; nothing is overwritten"
@@ -83,6 +113,41 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
         default=MAX_LOSS,
         metavar="S",
         help="seconds of messages that a crash may cost at most (default: %(default)g)",
+    )
+    parser.add_argument(
+        "--max-bag-size",
+        type=number("bytes", above=0),
+        metavar="BYTES",
+        help="begin a new file of the bag before one is larger (default: one file)",
+    )
+    parser.add_argument(
+        "--max-bag-duration",
+        type=number("s", above=0),
+        metavar="S",
+        help="begin a new file of the bag when one lasts as long (default: one file)",
+    )
+    parser.add_argument(
+        "--max-disk",
+        type=number("bytes", above=0),
+        metavar="BYTES",
+        help="stop before the whole bag is larger, with exit code 1 (default: no limit)",
+    )
+    parser.add_argument(
+        "--max-cache-size",
+        type=number("bytes", above=0),
+        default=MAX_CACHE_SIZE,
+        metavar="BYTES",
+        help="messages that may wait for the disk, or that a snapshot has (default: %(default)d)",
+    )
+    parser.add_argument(
+        "--snapshot-mode",
+        action="store_true",
+        help="write the latest messages whenever the service ~/snapshot asks for it, and no others",
+    )
+    parser.add_argument(
+        "--start-paused",
+        action="store_true",
+        help="record only when the service ~/resume asks for it",
     )
     parser.add_argument(
         "--until-eof",

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 from rclpy.validate_namespace import validate_namespace
@@ -20,8 +20,10 @@ from rpud_sim.bag import BagError, Message, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.ros.intake import Intake
 from rpud_sim.ros.qos import is_satisfied, recorded_profile, request_for
-from rpud_sim.ros.recording import Declaration, MessageQueue
+from rpud_sim.ros.recording import Declaration
+from rpud_sim.ros.selection import TopicSelection
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _BATCH = 1000  # messages of one topic taken at once, so that a fast one does not starve the rest
@@ -42,30 +44,34 @@ class _Recording:
     endpoints: list[TopicEndpointInfo] = field(default_factory=list)
     declared: bool = False
     numbered: bool = True
-    queue_losses: int = 0
-
-    @property
-    def losses(self) -> Losses:
-        return Losses(self.gaps.missing if self.numbered else None, self.queue_losses)
+    unheard: bool = False  # whether a publisher is known that an override keeps out
 
 
 class Recorder(Node):
     """Takes serialized messages of topics into a queue. It spins in no executor.
 
-    `topics` are names, resolved in `namespace`; without any, the whole namespace is recorded.
-    Subscriptions: those topics, as they appear, with the QoS that their publishers offer.
-    Publishers, services, parameters: none but those that every node has. Raises rclpy's
-    NameValidationException.
+    Names in `selection` are resolved in `namespace`.
+    Subscriptions: those topics, as they appear, with the QoS that their publishers offer, or that
+    of `overrides` by absolute name. Publishers, services, parameters: none but those that every
+    node has. Raises rclpy's NameValidationException.
     """
 
-    def __init__(self, messages: MessageQueue, topics: Sequence[str], namespace: str) -> None:
+    def __init__(
+        self,
+        intake: Intake,
+        selection: TopicSelection,
+        namespace: str,
+        overrides: Mapping[str, QoSProfile] | None = None,
+    ) -> None:
         # The node itself would leave a warning behind, and a bad topic an error without its name.
         validate_namespace(f"/{namespace.lstrip('/')}")
-        for topic in topics:
+        for topic in selection.topics:
             validate_topic_name(topic)
         super().__init__("recorder", namespace=namespace, start_parameter_services=False)
-        self._messages = messages
-        self._wanted = [self.resolve_topic_name(topic) for topic in topics]
+        self._intake = intake
+        names = frozenset(self.resolve_topic_name(topic) for topic in selection.topics)
+        self._selection = replace(selection, topics=names)
+        self._overrides = dict(overrides or {})
         self._prefix = self.get_namespace().rstrip("/") + "/"
         self._recordings: dict[str, _Recording] = {}
         self._batch: list[Message] = []
@@ -81,12 +87,26 @@ class Recorder(Node):
     def complete(self) -> bool:
         """Whether all topics that were named are subscribed or skipped."""
         known = self._recordings.keys() | self.skipped.keys()
-        return bool(self._wanted) and known.issuperset(self._wanted)
+        wanted = {name for name in self._selection.topics if self.wants(name)}
+        return self._selection.closed and known.issuperset(wanted)
 
     @property
     def losses(self) -> dict[str, Losses]:
         """Lost messages of each topic."""
-        return {name: recording.losses for name, recording in self._recordings.items()}
+        return {
+            name: Losses(
+                recording.gaps.missing if recording.numbered else None, self._intake.refused[name]
+            )
+            for name, recording in self._recordings.items()
+        }
+
+    def wants(self, name: str) -> bool:
+        """Tell whether the topic with that absolute name is to be recorded."""
+        return self._selection.wants(name, self._prefix)
+
+    def wants_drill(self, name: str) -> bool:
+        """Tell whether a drill with a topic of that absolute name belongs to the recording."""
+        return self.wants(name) or name.startswith(self._prefix)
 
     def discover(self) -> bool:
         """Subscribe to wanted topics that have appeared; tell whether there were any.
@@ -95,7 +115,7 @@ class Recorder(Node):
         """
         known = len(self._recordings) + len(self.skipped)
         for name, types in self.get_topic_names_and_types():
-            if name in self._recordings or name in self.skipped or not self._is_wanted(name):
+            if name in self._recordings or name in self.skipped or not self.wants(name):
                 continue
             try:
                 if len(types) > 1:
@@ -135,20 +155,15 @@ class Recorder(Node):
     def _hand_over(self, messages: Sequence[Message]) -> None:
         self.taken += len(messages)
         for message in messages:
-            if not self._messages.put(message):
-                self._recordings[message.topic].queue_losses += 1
-
-    def _is_wanted(self, name: str) -> bool:
-        if self._wanted:
-            return name in self._wanted
-        # Tokens that begin with an underscore are hidden, as those of actions and services are.
-        return name.startswith(self._prefix) and "/_" not in name
+            self._intake.put(message)
 
     def _record(self, name: str, type_name: str, message: Any) -> None:
         endpoints = self.get_publishers_info_by_topic(name)
         # Before the first publisher its subscribers show what it will have to offer.
         known = endpoints or self.get_subscriptions_info_by_topic(name)
-        request = request_for([endpoint.qos_profile for endpoint in known])
+        request = self._overrides.get(name)
+        if request is None:
+            request = request_for([endpoint.qos_profile for endpoint in known])
         self._recordings[name] = _Recording(
             name=name,
             type=type_name,
@@ -171,6 +186,9 @@ class Recorder(Node):
             return
         recording.endpoints = endpoints
         offers = [endpoint.qos_profile for endpoint in endpoints]
+        if recording.name in self._overrides:
+            self._warn_of_override(recording, offers)
+            return
         if is_satisfied(recording.request, offers):
             return
         self._take(recording, None)
@@ -182,6 +200,16 @@ class Recorder(Node):
         self.get_logger().warning(
             f"subscribed {recording.name} again, as a publisher offers less than before"
         )
+
+    def _warn_of_override(self, recording: _Recording, offers: Sequence[QoSProfile]) -> None:
+        for offer in offers:
+            fits, reason = qos_check_compatible(offer, recording.request)
+            if fits == QoSCompatibility.ERROR and not recording.unheard:
+                recording.unheard = True
+                self.get_logger().warning(
+                    f"a publisher of {recording.name} is not heard with the QoS of the overrides: "
+                    f"{reason.rstrip(';')}"
+                )
 
     def _take(self, recording: _Recording, until: int | None) -> bool:
         subscription = recording.subscription
@@ -198,7 +226,10 @@ class Recorder(Node):
                 if number is None:
                     recording.numbered = False
                 else:
+                    missing = recording.gaps.missing
                     recording.gaps.note(number)
+                    if self._intake.paused:  # what is not wanted is not lost
+                        recording.gaps.missing = missing
                 # Not every middleware stamps; 0 stands for no stamp.
                 log_time = info["received_timestamp"] or time.time_ns()
                 publish_time = info["source_timestamp"] or log_time
@@ -223,7 +254,7 @@ class Recorder(Node):
             type_hash=hashes[0] if hashes else self._installed(find_type_hash, recording.type),
             offered_qos=tuple(recorded_profile(offer) for offer in offers),
         )
-        self._messages.declare(Declaration(topic, self._installed(find_definition, recording.type)))
+        self._intake.declare(Declaration(topic, self._installed(find_definition, recording.type)))
 
     def _installed(self, find: Callable[[str], str], type_name: str) -> str:
         try:

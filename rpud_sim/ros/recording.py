@@ -9,9 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rpud_sim.bag import BagError, BagWriter, Message, Topic
-
-QUEUE_CAPACITY = 256 * 2**20
-"""Bytes that may wait to be written."""
+from rpud_sim.ros.arguments import MAX_CACHE_SIZE
+from rpud_sim.ros.disk_room import DiskRoom
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,12 @@ class NamedRecord:
     content: Mapping[str, str]
 
 
-Item = Message | Declaration | NamedRecord
+@dataclass(frozen=True)
+class Split:
+    """The end of a file of the bag."""
+
+
+Item = Message | Declaration | NamedRecord | Split
 
 
 class MessageQueue:
@@ -40,7 +44,7 @@ class MessageQueue:
     to one of the two threads, so that neither waits for the other.
     """
 
-    def __init__(self, capacity: int = QUEUE_CAPACITY) -> None:
+    def __init__(self, capacity: int = MAX_CACHE_SIZE) -> None:
         self._capacity = capacity
         self._items: queue.SimpleQueue[Item | None] = queue.SimpleQueue()
         self._put_bytes = 0
@@ -63,6 +67,10 @@ class MessageQueue:
         """Append a record; there is always room for it."""
         self._items.put(record)
 
+    def split(self) -> None:
+        """Append the end of a file."""
+        self._items.put(Split())
+
     def close(self) -> None:
         """Append the end."""
         self._items.put(None)
@@ -80,9 +88,10 @@ class WritingThread(threading.Thread):
 
     Half of that time a message waits for others in its chunk; the rest is left for the disk.
     `exposure` is how long a message was in memory alone at most [s], by its log time: more than
-    `max_loss` where the disk is too slow. Where writing fails, `error` holds why, `on_error` is
-    called once, and the rest of the queue is left. The bag itself is for others to close when the
-    thread has ended.
+    `max_loss` where the disk is too slow. Where writing fails, `error` holds why, `on_end` is
+    called once, and the rest of the queue is left. Where `room` has none for a message, `refusal`
+    holds why, `on_end` is called once, and neither that message nor any later one is written. The
+    bag itself is for others to close when the thread has ended.
     """
 
     def __init__(
@@ -90,14 +99,17 @@ class WritingThread(threading.Thread):
         messages: MessageQueue,
         bag: BagWriter,
         max_loss: float,
-        on_error: Callable[[], None],
+        on_end: Callable[[], None],
+        room: DiskRoom | None = None,
     ) -> None:
         super().__init__(name="bag writer")
         self.error: BagError | None = None
+        self.refusal = ""
         self.exposure = 0.0
         self._messages = messages
         self._bag = bag
-        self._on_error = on_error
+        self._on_end = on_end
+        self._room = room
         self._period = 0.5 * max_loss
         self._oldest: int | None = None  # log time of a message that may not be on the disk [ns]
 
@@ -107,7 +119,7 @@ class WritingThread(threading.Thread):
             self._write()
         except BagError as error:
             self.error = error
-            self._on_error()
+            self._on_end()
 
     def _write(self) -> None:
         flush_at = time.monotonic() + self._period
@@ -127,13 +139,24 @@ class WritingThread(threading.Thread):
 
     def _add(self, item: Item) -> None:
         if isinstance(item, Message):
+            if not self._has_room(item):
+                return
             if self._oldest is None:
                 self._oldest = item.log_time
             self._bag.write(item.topic, item.data, item.log_time, item.publish_time)
         elif isinstance(item, Declaration):
             self._bag.add_topic(item.topic, item.definition)
-        else:
+        elif isinstance(item, NamedRecord):
             self._bag.add_record(item.name, item.content)
+        else:
+            self._bag.split()
+
+    def _has_room(self, message: Message) -> bool:
+        if self._room is not None and not self.refusal:
+            self.refusal = self._room.refusal(self._bag.closed_size, len(message.data))
+            if self.refusal:
+                self._on_end()
+        return not self.refusal
 
     def _flush(self) -> None:
         self._bag.flush()

@@ -31,7 +31,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagError, BagExistsError, BagWriter
 
 
-@pytest.mark.parametrize("compression", ["none", "zstd"])
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_rosbags_reads_topics_offers_times_and_content(tmp_path, compression):
     write_bag(tmp_path / "run", 10, compression=compression)
     with AnyReader([tmp_path / "run"]) as bag:
@@ -98,7 +98,7 @@ def test_the_file_has_what_rosbag2_s_has(tmp_path):
 @settings(max_examples=30, deadline=None)
 @given(
     st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**63 - 1)), max_size=50),
-    st.sampled_from(["none", "zstd"]),
+    st.sampled_from(["none", "lz4", "zstd"]),
     st.sampled_from([1, 200, 1 << 20]),
 )
 def test_any_bytes_at_any_times_come_back(tmp_path_factory, content, compression, chunk_size):
@@ -207,7 +207,7 @@ def test_a_type_without_a_definition_has_an_empty_schema(tmp_path):
 
 
 def test_misuse_is_named(tmp_path):
-    with pytest.raises(BagError, match=r"compression is 'lzma'; it must be one of none, zstd"):
+    with pytest.raises(BagError, match=r"compression is 'lzma'; it must be one of none, lz4, zstd"):
         BagWriter(tmp_path / "run", compression="lzma")
     assert not (tmp_path / "run").exists()
     with BagWriter(tmp_path / "run") as bag:

@@ -1,5 +1,6 @@
 """The node of the recorder follows the graph, and counts what its queue refuses."""
 
+import re
 import time
 
 import pytest
@@ -10,8 +11,10 @@ from std_msgs.msg import Int32, String
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.losses import Losses
+from rpud_sim.ros.intake import Intake
 from rpud_sim.ros.recorder_node import Recorder
 from rpud_sim.ros.recording import Declaration, MessageQueue
+from rpud_sim.ros.selection import TopicSelection
 
 RELIABLE = QoSProfile(depth=100)
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -37,8 +40,10 @@ def peer(nodes):
 
 @pytest.fixture
 def record(nodes):
-    def start(messages, topics=(), namespace="/rpud"):
-        nodes.append(Recorder(messages, topics, namespace))
+    def start(messages, topics=(), namespace="/rpud", overrides=None, **options):
+        nodes.append(
+            Recorder(Intake(messages), TopicSelection(topics, **options), namespace, overrides)
+        )
         return nodes[-1]
 
     return start
@@ -96,6 +101,29 @@ def test_names_are_relative_to_the_namespace_or_absolute(peer, record):
     until(discovered(recorder, 2))
     assert recorder.losses.keys() == {"/rpud/a", "/elsewhere/d"}
     assert recorder.complete
+
+
+def test_topics_of_other_namespaces_are_found_by_expression_and_left_out_by_another(peer, record):
+    for name in ("a", "/elsewhere/a", "/elsewhere/b", "/elsewhere/no_a"):
+        peer.create_publisher(String, name, RELIABLE)
+    recorder = record(MessageQueue(), regex=re.compile("a$"), exclude=re.compile("no"))
+    until(discovered(recorder, 2))
+    assert recorder.losses.keys() == {"/rpud/a", "/elsewhere/a"}
+
+
+def test_an_override_is_requested_and_those_it_keeps_out_are_named(peer, record, capfd):
+    strong = peer.create_publisher(Int32, "a", RELIABLE)
+    weak = peer.create_publisher(Int32, "a", SENSOR)
+    recorder = record(MessageQueue(), overrides={"/rpud/a": RELIABLE})
+    until(discovered(recorder, 1))
+    until(lambda: strong.get_subscription_count() == 1)
+
+    def warned():
+        recorder.discover()
+        return "a publisher of /rpud/a is not heard" in capfd.readouterr().err
+
+    until(warned)
+    assert weak.get_subscription_count() == 0
 
 
 @pytest.mark.parametrize(("topics", "namespace"), [(["a b"], "/rpud"), ([], "/a b"), ([""], "/a")])
@@ -231,7 +259,7 @@ def test_a_topic_of_two_types_is_left_out_and_named(peer, record, nodes):
 
 def test_a_launch_file_s_namespace_is_recorded():
     rclpy.init(args=["--ros-args", "-r", "__ns:=/launched"])
-    recorder = Recorder(MessageQueue(), ["a"], "/rpud")
+    recorder = Recorder(Intake(MessageQueue()), TopicSelection(["a"]), "/rpud")
     try:
         assert recorder.get_namespace() == "/launched"
         recorder.create_publisher(String, "/launched/a", RELIABLE)

@@ -52,7 +52,7 @@ def test_an_empty_queue_says_so_in_time():
 def test_the_thread_writes_all_that_was_queued(tmp_path):
     messages = MessageQueue()
     with BagWriter(tmp_path / "run") as bag:
-        thread = WritingThread(messages, bag, 1.0, on_error=pytest.fail)
+        thread = WritingThread(messages, bag, 1.0, on_end=pytest.fail)
         thread.start()
         messages.declare(Declaration(TALK, STRING_DEFINITION))
         for number in range(1000):
@@ -68,7 +68,7 @@ def test_a_failure_to_write_is_told_at_once(tmp_path):
     messages = MessageQueue()
     failed = threading.Event()
     with BagWriter(tmp_path / "run") as bag:
-        thread = WritingThread(messages, bag, 1.0, on_error=failed.set)
+        thread = WritingThread(messages, bag, 1.0, on_end=failed.set)
         thread.start()
         messages.put(message(topic="/never/declared"))
         assert failed.wait(10.0)
@@ -87,7 +87,7 @@ def test_what_was_written_is_flushed_within_the_bound_without_more(tmp_path):
 
     with Bag(tmp_path / "run") as bag:
         flushed.clear()
-        thread = WritingThread(messages, bag, 0.02, on_error=pytest.fail)
+        thread = WritingThread(messages, bag, 0.02, on_end=pytest.fail)
         thread.start()
         messages.declare(Declaration(TALK, STRING_DEFINITION))
         messages.keep(NamedRecord("notes", {"weather": "fine"}))
@@ -115,7 +115,7 @@ def test_a_disk_too_slow_for_the_bound_is_known(tmp_path):
                 slow.wait(0.3)
 
     with SlowBag(tmp_path / "run") as bag:
-        thread = WritingThread(messages, bag, 0.1, on_error=pytest.fail)
+        thread = WritingThread(messages, bag, 0.1, on_end=pytest.fail)
         thread.start()
         messages.declare(Declaration(TALK, STRING_DEFINITION))
         messages.put(message(log_time=time.time_ns()))

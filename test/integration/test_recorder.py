@@ -1,0 +1,175 @@
+"""What the recorder does beside recording, with real processes over DDS."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import deserialize_message
+from rosbags.highlevel import AnyReader
+from rpud_msgs.msg import ContactForce
+
+import rpud_sim.bag
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import manifest_from_record
+from rpud_sim.ros.recorder_services import service_type
+
+HERE = Path(__file__).parent
+CONTACT_FORCE = "/rpud/contact_force"
+STATUS = "/rpud/status"
+
+
+@pytest.fixture
+def talker(process):
+    """Start the talker; it begins as soon as its three topics are heard."""
+    return lambda *words: process(sys.executable, HERE / "talker.py", *map(str, words))
+
+
+def manifests(path):
+    with rpud_sim.bag.open(path) as bag:
+        return [manifest_from_record(record) for record in bag.records(MANIFEST)]
+
+
+def test_a_bag_tells_what_it_is_a_recording_of(process, tmp_path):
+    scenario = tmp_path / "faults.yaml"
+    scenario.write_text("faults:\n  - {kind: lost_preload, onset: 100.0}\n")
+    settings = {"seed": 7.0, "gravity": 3.71, "regime": "drilling", "scenario": str(scenario)}
+    words = [word for item in settings.items() for word in ("-p", "{}:={}".format(*item))]
+    process("drill_node", "--ros-args", "-r", "__ns:=/rpud", *words)
+    recorder = process("recorder", "contact_force", "--out", tmp_path / "run")
+    recorder.wait_for_line("knows the parameters of /rpud/drill_node")
+    recorder.interrupt()
+    assert recorder.wait() == 0
+    [manifest] = manifests(tmp_path / "run")
+    assert manifest.node == "/rpud/drill_node"
+    assert {name: manifest.parameters[name] for name in settings} == settings
+    assert manifest.parameters["drive_enabled"] is True
+    assert manifest.seed == 7
+    assert manifest.scenario == scenario.read_text()
+    assert shlex.join(manifest.command).endswith(f"contact_force --out {tmp_path / 'run'}")
+    assert manifest.versions.keys() >= {"rpud_sim", "python", "numpy", "numba", "ros_distro"}
+
+
+def test_a_bag_without_a_drill_has_a_manifest_too(process, tmp_path):
+    recorder = process("recorder", "--out", tmp_path / "run", "--duration", "0.1")
+    assert recorder.wait() == 0
+    [manifest] = manifests(tmp_path / "run")
+    assert (manifest.node, manifest.parameters, manifest.seed) == ("", {}, None)
+    assert manifest.machine
+
+
+@pytest.fixture
+def ask():
+    """Ask a service of the recorder."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("asker", context=context)
+    executor = SingleThreadedExecutor(context=context)
+
+    def call(name, kind):
+        client = node.create_client(service_type(kind), f"/rpud/recorder/{name}")
+        assert client.wait_for_service(10.0)
+        future = client.call_async(client.srv_type.Request())
+        executor.add_node(node)
+        executor.spin_until_future_complete(future, 10.0)
+        executor.remove_node(node)
+        assert future.done()
+        return future.result()
+
+    yield call
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def sequences(path):
+    with rpud_sim.bag.open(path) as bag:
+        return [
+            deserialize_message(message.data, ContactForce).sequence
+            for message in bag.messages([CONTACT_FORCE])
+        ]
+
+
+def test_services_pause_go_on_and_split(process, talker, ask, tmp_path):
+    recorder = process("recorder", "--out", tmp_path / "run", "--start-paused")
+    talker("--count", 100_000, "--rate", 500).wait_for_line("talking")
+    ask("resume", "Resume")
+    ask("split_bagfile", "SplitBagfile")
+    ask("pause", "Pause")
+    ask("toggle_paused", "TogglePaused")
+    ask("toggle_paused", "TogglePaused")
+    recorder.interrupt()
+    assert recorder.wait() == 0
+    said = re.findall(r"paused|resumed|goes on in a new file", recorder.output)
+    assert said == ["resumed", "goes on in a new file", "paused", "resumed", "paused"]
+    recorded = sequences(tmp_path / "run")
+    assert recorded[0] > 0
+    assert recorded == sorted(set(recorded))
+    with rpud_sim.bag.open(tmp_path / "run" / "run_1.mcap") as bag:
+        assert next(bag.messages()).topic == STATUS
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        statuses = [summary for summary in bag.topics if summary.topic.name == STATUS]
+        assert [summary.message_count for summary in statuses] == [1]  # said once, in the pause
+        assert all(summary.losses.total == 0 for summary in statuses)
+
+
+def test_a_snapshot_is_the_latest_without_a_gap(process, talker, ask, tmp_path):
+    words = ("--snapshot-mode", "--max-cache-size", "40000")
+    recorder = process("recorder", "--out", tmp_path / "run", *words)
+    talker("--count", 1000, "--rate", 2000).wait_for_line("published 1000")
+    ask("snapshot", "Snapshot")
+    recorder.interrupt()
+    assert recorder.wait() == 0
+    recorded = sequences(tmp_path / "run")
+    assert recorded == list(range(recorded[0], 1000))
+    assert 100 < len(recorded) < 500
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert next(bag.messages()).topic == STATUS
+
+
+def test_a_split_recording_has_every_message_and_its_losses(process, talker, tmp_path):
+    words = ("--max-bag-duration", "0.2", "--max-bag-size", "200000", "--compression", "lz4")
+    recorder = process("recorder", "--out", tmp_path / "run", *words)
+    talker("--count", 1000, "--rate", 1000).wait_for_line("published 1000")
+    recorder.interrupt()
+    assert recorder.wait() == 0
+    assert re.search(r"MB in \d+ files\)", recorder.output)
+    assert len(list((tmp_path / "run").glob("*.mcap"))) >= 5
+    assert sequences(tmp_path / "run") == list(range(1000))
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        losses = {summary.topic.name: summary.losses for summary in bag.topics}
+        assert losses[CONTACT_FORCE].total == 0
+        assert bag.compression == "lz4"
+    with AnyReader([tmp_path / "run"]) as reader:
+        assert reader.message_count >= 2001 - losses["/rpud/nodal_plane"].total
+
+
+def test_a_recorder_stops_before_its_bag_is_too_large(process, talker, tmp_path):
+    limit = 150_000
+    words = ("--max-disk", limit, "--compression", "none")
+    recorder = process("recorder", "--out", tmp_path / "run", *map(str, words))
+    talker("--count", 100_000, "--rate", 2000)
+    assert recorder.wait() == 1
+    assert recorder.output.splitlines()[-1] == (
+        f"rpud record: stopped with a whole bag: it has reached --max-disk {limit} bytes"
+    )
+    assert sum(file.stat().st_size for file in (tmp_path / "run").iterdir()) <= limit
+    recorded = sequences(tmp_path / "run")
+    assert recorded == list(range(len(recorded)))
+    assert len(recorded) > 100
+
+
+def test_what_a_recorder_cannot_use_is_one_line(process, tmp_path):
+    (tmp_path / "qos.yaml").write_text("/rpud/status: {depth: -1}\n")
+    for words, complaint in (
+        (("--regex", "("), "argument --regex: '\\(' is no regular expression"),
+        (("--max-disk", "0"), "--max-disk: '0' bytes; it must be a finite number greater than 0"),
+        (("--qos-profile-overrides-path", tmp_path / "qos.yaml"), "/rpud/status: depth is -1"),
+    ):
+        recorder = process("recorder", "--out", tmp_path / "run", *words)
+        assert recorder.wait() == 2
+        assert re.search(complaint, recorder.output.splitlines()[-1])
+        assert not (tmp_path / "run").exists()
