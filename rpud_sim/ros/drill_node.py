@@ -120,12 +120,29 @@ class DrillNode(ManagedNode):
         """What ended the drilling before it was asked to stop, if anything did."""
         return self._drilling.failure if self._drilling else None
 
+    @property
+    def unheard(self) -> list[str]:
+        """Topics of its namespace that it publishes and nobody listens to."""
+        return self._outputs.unheard if self._outputs else []
+
+    def prepare(self) -> None:
+        """Configure, if it shall do so by itself and has not yet: then its topics are there.
+
+        Raises:
+            RuntimeError: if it cannot.
+        """
+        if self._settings.autostart and self._outputs is None:
+            self._succeed(self.trigger_configure)
+
     def start(self) -> None:
-        """Configure and activate, if it shall do so by itself."""
+        """Configure and activate, if it shall do so by itself.
+
+        Raises:
+            RuntimeError: if it cannot.
+        """
+        self.prepare()
         if self._settings.autostart:
-            for trigger in (self.trigger_configure, self.trigger_activate):
-                if trigger() != TransitionCallbackReturn.SUCCESS:
-                    raise RuntimeError("the drill cannot be started; the log says why")
+            self._succeed(self.trigger_activate)
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and let listeners have the last messages."""
@@ -190,6 +207,10 @@ class DrillNode(ManagedNode):
         self._gate.open(False)
         self._quit = True
         return TransitionCallbackReturn.SUCCESS
+
+    def _succeed(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            raise RuntimeError("the drill cannot be started; the log says why")
 
     def _ask_to_quit(self) -> None:
         self._quit = True
