@@ -82,11 +82,11 @@ class DrillNode(ManagedNode):
         self._quit = False
         self._gate = Gate(self, self._settings, self._inbox, self._now)
         self._simulation_services = SimulationServices(
-            self, lambda: self.drilling, self._origin, self._ask_to_quit
+            self, lambda: self.drilling, self._origin, self.refuse_request, self._ask_to_quit
         )
         if standard_services.INSTALLED:
             StandardServices(self, self._simulation_services, self._settings.telemetry_rate)
-        FaultServices(self, lambda: self.drilling, self._origin, self._inbox.refuse_request)
+        FaultServices(self, lambda: self.drilling, self._origin, self.refuse_request)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
 
@@ -211,6 +211,10 @@ class DrillNode(ManagedNode):
     def _succeed(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
         if trigger() != TransitionCallbackReturn.SUCCESS:
             raise RuntimeError("the drill cannot be started; the log says why")
+
+    def refuse_request(self, reason: str) -> None:
+        """Count a request that is refused, and log why."""
+        self._inbox.refuse_request(reason)
 
     def _ask_to_quit(self) -> None:
         self._quit = True
