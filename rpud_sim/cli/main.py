@@ -18,6 +18,7 @@ COMMANDS = (
     "recover",
     "verify",
     "rebuild",
+    "export",
     "sweep",
     "reproduce",
 )

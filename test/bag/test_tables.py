@@ -9,7 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import Writer
-from sample_bags import SECOND, START, STRING_DEFINITION, TALK, serialized_string, write_bag
+from sample_bags import (
+    SECOND,
+    START,
+    STRING_DEFINITION,
+    TALK,
+    serialized_string,
+    write_bag,
+    write_everything,
+)
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
@@ -23,63 +31,6 @@ from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
 DURATION = 0.31
-
-SEPARATOR = "=" * 80
-EVERYTHING = f"""uint8 CONSTANT=3 # [not a field]
-builtin_interfaces/Time stamp # of the reading
-builtin_interfaces/Duration age
-pkg/Part part # [m]
-pkg/Part[] parts
-float64[4] matrix # row by row [N, m]
-float32[] ranges # distances [m]
-bool[] flags
-string[] names
-string note
-byte raw
-bool good # whether it is [1]
-int8 small
-uint64 large
-float64 log_time # a field of its own [s]
-{SEPARATOR}
-MSG: pkg/Part
-float64 x
-float64 turn # [rad]
-{SEPARATOR}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-{SEPARATOR}
-MSG: builtin_interfaces/Duration
-int32 sec
-uint32 nanosec
-"""
-MESSAGE = {
-    "stamp": {"sec": 12, "nanosec": 34},
-    "age": {"sec": -1, "nanosec": 5},
-    "part": {"x": 1.5, "turn": float("nan")},
-    "parts": [{"x": 2.0, "turn": 3.0}],
-    "matrix": np.array([1.0, 2.0, 3.0, 4.0]),
-    "ranges": np.array([0.5, np.inf], np.float32),
-    "flags": np.array([True, False]),
-    "names": ["a", "b"],
-    "note": "größer",
-    "raw": -56,  # rosbags has bytes signed
-    "good": True,
-    "small": -3,
-    "large": 2**64 - 1,
-    "log_time": 4.5,
-}
-
-
-def write_everything(path, count=3):
-    codec = Codec("pkg/msg/Everything", EVERYTHING)
-    with BagWriter(path) as bag:
-        bag.add_topic(Topic("/all", "pkg/msg/Everything"), EVERYTHING)
-        bag.add_topic(Topic("/none", "pkg/msg/Everything"), EVERYTHING)
-        for number in range(count):
-            data = codec.encode({**MESSAGE, "small": number - 3})
-            bag.write("/all", data, START + number * SECOND, START)
-    return path
 
 
 @pytest.fixture(scope="module")
