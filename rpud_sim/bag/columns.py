@@ -27,7 +27,7 @@ _TIME, _DURATION = "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Durati
 _DTYPES = {"bool": np.dtype(bool), "byte": np.dtype(np.uint8), "char": np.dtype(np.uint8)}
 _TYPE_LINE = re.compile(r"^={80}\s*^MSG: *(\S+)[^\n]*$", re.MULTILINE)
 _FIELD_LINE = re.compile(r"^ *[^\s#]+ +(\w+)[^#\n=]*#+ *(.*?) *$", re.MULTILINE)
-_UNIT = re.compile(r"\[([^][]{1,20})\](?:,|$)")
+_UNIT = re.compile(r"\[([^][]{1,20})\](?:[,;]|$)")
 
 
 class Kind(Enum):

@@ -19,6 +19,7 @@ COMMANDS = (
     "verify",
     "rebuild",
     "export",
+    "report",
     "sweep",
     "reproduce",
 )

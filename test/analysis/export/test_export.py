@@ -11,6 +11,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from sample_bags import SECOND, START, STRING_DEFINITION, TALK, write_bag, write_everything
+from waveforms import long_waveform
 
 import rpud_sim.bag
 from rpud_sim.analysis.export.export import ACCOUNT, FORMATS, ExportError, export
@@ -239,27 +240,6 @@ def test_memory_does_not_grow_with_the_bag(tmp_path):
         small, large = (peak(count, file_format) for count in (40_000_000, 120_000_000))
         assert large < small + 24_000, file_format  # KiB
         assert large < 400_000
-
-
-def long_waveform(path, size):
-    """Write a bag with blocks of the drill's waveform of so many bytes."""
-    from rpud_sim.bag.cdr import Codec
-    from rpud_sim.bag.definitions import find_definition
-
-    kind = "rpud_msgs/msg/Waveform"
-    codec = Codec(kind, find_definition(kind))
-    numbers = np.random.default_rng(1)
-    names = ("nodal_plane_position", "actuator_position", "free_mass_position")
-    names += ("drill_tool_displacement", "contact_force", "reacting_force")
-    count = 2500
-    arrays = {name: numbers.normal(size=count) for name in names}
-    with BagWriter(path, compression="none") as bag:
-        bag.add_topic(Topic("/rpud/waveform", kind), find_definition(kind))
-        for block in range(size // (count * len(names) * 8)):
-            time = block * SECOND // 20
-            header = {"stamp": {"sec": time // SECOND, "nanosec": time % SECOND}, "frame_id": "f"}
-            fields = {"header": header, "sequence": block * count, "sample_period": 2e-5}
-            bag.write("/rpud/waveform", codec.encode({**fields, **arrays}), time, time)
 
 
 def test_a_bag_that_is_not_there_is_named(tmp_path):
