@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 from sample_bags import SECOND, START, STRING_DEFINITION, TALK, write_bag, write_everything
-from waveforms import long_waveform
 
 import rpud_sim.bag
+from bench.long_bag import long_waveform
 from rpud_sim.analysis.bag_report import rows
 from rpud_sim.analysis.bag_report.report import ReportError, render, write_report
 from rpud_sim.analysis.bag_report.survey import survey

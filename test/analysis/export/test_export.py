@@ -11,9 +11,9 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from sample_bags import SECOND, START, STRING_DEFINITION, TALK, write_bag, write_everything
-from waveforms import long_waveform
 
 import rpud_sim.bag
+from bench.long_bag import long_waveform
 from rpud_sim.analysis.export.export import ACCOUNT, FORMATS, ExportError, export
 from rpud_sim.bag import BagError, BagWriter, Topic
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
