@@ -7,7 +7,7 @@ import time
 from rclpy.node import Node
 
 from rpud_sim.ros.inbox import Inbox
-from rpud_sim.ros.pacing import NANOSECONDS, Pacer, Timing
+from rpud_sim.ros.pacing import NANOSECONDS, NO_TIMING, Pacer
 from rpud_sim.ros.parameters import Settings
 from rpud_sim.ros.publishers import DrillPublishers
 from rpud_sim.ros.report import Report, report_to_diagnostics, report_to_status
@@ -91,7 +91,7 @@ class Account:
         """
         now = time.monotonic_ns()
         if self._last is None or now >= self._due or pacer is None:
-            timing = pacer.take() if pacer else Timing(0, 0, 0.0, 0.0, 0.0, 0.0)
+            timing = pacer.take() if pacer else NO_TIMING
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()
