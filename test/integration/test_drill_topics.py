@@ -114,9 +114,9 @@ def test_the_status_is_latched_for_who_comes_late(client):
     assert status.regime == Status.REGIME_DRILLING
     assert (status.weight_on_bit, status.drive_enabled) == (10.0, True)
     assert (status.drive_voltage, status.drive_frequency) == (100.0, 16000.0)
-    client.until(lambda: len(heard) >= 3)
+    # A machine that is busy may hold one up, for no longer.
+    client.until(lambda: len(heard) >= 3 and steps(stamps(heard[-2:])) == [SECOND])
     first, second = heard[-2:]
-    assert steps(stamps([first, second])) == [SECOND]
     assert second.impacts > first.impacts
     assert second.real_time_factor == pytest.approx(1.0, abs=0.3)
     assert nanoseconds(second.weight_on_bit_applied) == nanoseconds(second.drive_applied)
