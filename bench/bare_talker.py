@@ -57,8 +57,9 @@ def _talk(node: Node, weight_on_bit: float, telemetry_rate: int, sample_rate: in
             publisher.publish(message)
             unacknowledged[name] += 1
             if unacknowledged[name] > most[name]:
-                publisher.wait_for_all_acked(Duration(seconds=_PATIENCE))
-                unacknowledged[name] = 0
+                for each in publishers.values():
+                    each.wait_for_all_acked(Duration(seconds=_PATIENCE))
+                unacknowledged = dict.fromkeys(publishers, 0)
 
 
 if __name__ == "__main__":

@@ -36,6 +36,9 @@ CODES = {
 # Plain CDR in the byte order of this machine, as arrays have it; alignment counts from its end.
 _ENCAPSULATION = b"\0\1\0\0" if sys.byteorder == "little" else b"\0\0\0\0"
 
+_SIZES = {code: struct.calcsize(f"={code}") for code in CODES.values() if code != TEXT}
+_COUNT = ("I", 4, 4)  # before each text and sequence
+
 
 class Sequence(NamedTuple):
     """A member that is a sequence."""
@@ -109,21 +112,22 @@ def _flatten_sequence(
 def _layout(kind: Members, lengths: list[int]) -> str:
     """Format of a struct in which every number is aligned to its own size."""
     layout, offset = f"={len(_ENCAPSULATION)}s", 0
-    for code, alignment in _parts(kind, iter(lengths)):
+    for code, size, alignment in _parts(kind, iter(lengths)):
         pad = -offset % alignment
-        offset += pad + struct.calcsize(f"={code}")
+        offset += pad + size
         layout += f"{pad}x{code}"
     return layout
 
 
-def _parts(kind: Members, lengths: Iterator[int]) -> Iterator[tuple[str, int]]:
-    """Yield the code of each part of the struct and the multiple of bytes at which it begins."""
+def _parts(kind: Members, lengths: Iterator[int]) -> Iterator[tuple[str, int, int]]:
+    """Yield code and size of each part of the struct, and the multiple of which it begins at."""
     for _, inner in kind.members:
         if inner == TEXT:
-            yield "I", 4
-            yield f"{next(lengths)}s", 1
+            length = next(lengths)
+            yield _COUNT
+            yield f"{length}s", length, 1
         elif isinstance(inner, str):
-            yield inner, struct.calcsize(f"={inner}")
+            yield inner, _SIZES[inner], _SIZES[inner]
         elif isinstance(inner, Members):
             yield from _parts(inner, lengths)
         else:
@@ -132,10 +136,10 @@ def _parts(kind: Members, lengths: Iterator[int]) -> Iterator[tuple[str, int]]:
 
 def _parts_of_sequence(
     element: str | Members, count: int, lengths: Iterator[int]
-) -> Iterator[tuple[str, int]]:
-    yield "I", 4
+) -> Iterator[tuple[str, int, int]]:
+    yield _COUNT
     if isinstance(element, str) and element != TEXT:
-        size = struct.calcsize(f"={element}")
-        yield f"{count * size}s", size if count else 1
+        size = count * _SIZES[element]
+        yield f"{size}s", size, _SIZES[element] if count else 1
     else:
         yield from _parts(Members((("", element),) * count), lengths)
