@@ -34,6 +34,7 @@ def main() -> None:
     while not publisher.get_subscription_count():
         time.sleep(0.01)
     time.sleep(0.5)  # the match is known there as well
+    print("begins", flush=True)
     count, began = 0, time.monotonic()
     while (elapsed := time.monotonic() - began) < arguments.seconds:
         due = int((elapsed + _BURST) * arguments.rate)

@@ -19,9 +19,9 @@ from bench.hearing import Hearing
 from bench.row import Row, row
 from rpud_sim.ros.publishers import TOPICS
 
-SECONDS = float(os.environ.get("TELEMETRY", "60"))
+SECONDS = 20.0  # of listening at each load
 TURNS = 5  # of the comparison of bytes
-TURN_SECONDS = 4.0
+TURN_SECONDS = 3.0
 LOADS: Mapping[str, Mapping[str, object]] = {
     "default": {},
     # Five channels and more at 100 kHz, about 1,500 impacts per second, scalars at 1 kHz.
@@ -32,21 +32,25 @@ _STARTING = 60.0  # that a process may take until it is heard [s]
 _SETTLING = 2.0  # between the first message and the first figure [s]
 
 
-def telemetry() -> Iterator[Row]:
-    """Run the node under an independent listener, at its default rates and at the largest."""
+def telemetry(seconds: float = SECONDS) -> Iterator[Row]:
+    """Run the node under an independent listener, at its default rates and at the largest.
+
+    Args:
+        seconds: of listening at each load.
+    """
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         for name, parameters in LOADS.items():
-            yield from _real_time(name, parameters)
+            yield from _real_time(name, parameters, seconds)
         for name, parameters in LOADS.items():
             yield from _throughput(name, parameters)
     finally:
         rclpy.try_shutdown()
 
 
-def _real_time(name: str, parameters: Mapping[str, object]) -> Iterator[Row]:
+def _real_time(name: str, parameters: Mapping[str, object], seconds: float) -> Iterator[Row]:
     with _Talk("drill_node", parameters) as talk:
-        counted = talk.measure(SECONDS)
+        counted = talk.measure(seconds)
         talk.interrupt()
         hearing = talk.hearing
         hearing.take_until(lambda: talk.status().state == "stopped", 30.0)
@@ -54,6 +58,7 @@ def _real_time(name: str, parameters: Mapping[str, object]) -> Iterator[Row]:
         values = {pair.key: float(pair.value) for pair in timing.values}
         yield row(f"telemetry, {name}: share of one core", [100.0 * counted.share], "%")
         yield row(f"telemetry, {name}: impacts per second", [counted.impacts], "1/s")
+        yield row(f"telemetry, {name}: bytes per second", [counted.bytes], "B/s")
         for key in ("p50", "p99", "p99.9"):
             late = 1e3 * values[f"lateness_{key} [s]"]
             yield row(f"telemetry, {name}: lateness of blocks, {key}", [late], "ms")
