@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -158,6 +159,9 @@ class DrillNode(ManagedNode):
         self._outputs = DrillPublishers(self, settings)
         self._drilling = Drilling(self, settings, self._outputs, self._inbox, self._end)
         self._drilling.announce()
+        # To look through all that lives by now, again and again, would make blocks late.
+        gc.collect()
+        gc.freeze()
         return TransitionCallbackReturn.SUCCESS
 
     @told
@@ -194,6 +198,7 @@ class DrillNode(ManagedNode):
             self._outputs.destroy()
         self._drilling = self._outputs = None
         self._started = False
+        gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 
     @told
