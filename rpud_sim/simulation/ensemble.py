@@ -76,6 +76,7 @@ def compile_kernels(configuration: Configuration | Parameters) -> None:
     Statistics().add(block)
     block.sample(Times.from_nanoseconds(0))
     simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
+    simulation.advance_to(2000)  # changes are told to the engine when time goes on
 
 
 def run_ensemble(

@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import subprocess
+import sys
 
 import pytest
 
@@ -102,3 +104,60 @@ def test_one_member_has_its_own_figures_and_no_error():
 def test_an_ensemble_does_not_change():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Ensemble((), (), 1.0).members = ()
+
+
+# What runs in a drill, from the first command to a waveform; prints the kernels that it compiles.
+AFTER_COMPILING = """
+import dataclasses, sys
+from numba.core.dispatcher import Dispatcher
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.telemetry import Telemetry
+
+MILLISECOND = 1_000_000
+
+def compiled():
+    return {
+        f"{item.__module__}.{item.__name__}": len(item.overloads)
+        for name, module in list(sys.modules.items()) if name.startswith("rpud_sim.")
+        for item in vars(module).values() if isinstance(item, Dispatcher)
+    }
+
+compile_kernels(Configuration())
+before = compiled()
+assert sum(before.values()) > 0
+simulation = Simulation(Configuration())
+telemetry = Telemetry()
+telemetry.begin(0)
+
+def on(*changes):
+    for change in changes:
+        change()
+    block = simulation.advance_to(simulation.time + 10 * MILLISECOND)
+    list(telemetry.take(block, simulation.faults.since(block.start)))
+
+def to(**values):
+    parameters = dataclasses.replace(simulation.configuration.parameters, **values)
+    simulation.configure(dataclasses.replace(simulation.configuration, parameters=parameters))
+
+for _ in range(6):
+    on()
+on(lambda: simulation.apply(WeightOnBit(20.0)), lambda: simulation.apply(Drive(False, 0.0, 0.0)))
+on(lambda: simulation.apply(Drive(True, 50.0, 16100.0)))
+on(lambda: simulation.inject(Fault("free_mass_jammed"), 0))
+on(simulation.clear_all)
+on(lambda: to(regime="free"))
+on(lambda: to(regime="drilling"))
+list(telemetry.flush())
+print({name for name, count in compiled().items() if count != before.get(name)})
+"""
+
+
+def test_nothing_is_left_to_compile_once_a_drill_runs():
+    run = subprocess.run(
+        [sys.executable, "-c", AFTER_COMPILING], stdout=subprocess.PIPE, text=True, check=True
+    )
+    assert run.stdout == "set()\n"
