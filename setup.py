@@ -35,7 +35,14 @@ setup(
     ],
     extras_require={
         "cluster": ["distributed"],
-        "test": ["distributed", "hypothesis", "mcap-ros2-support", "pytest", "pytest-timeout", "pytest-xdist"],
+        "test": [
+            "distributed",
+            "hypothesis",
+            "mcap-ros2-support",
+            "pytest",
+            "pytest-timeout",
+            "pytest-xdist",
+        ],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

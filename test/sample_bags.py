@@ -5,7 +5,10 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
+import numpy as np
+
 from rpud_sim.bag import BagWriter, QosProfile, Topic
+from rpud_sim.bag.cdr import Codec
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -38,4 +41,63 @@ def write_bag(
         for number in range(count):
             time = START + number * 1_000_000
             bag.write(TALK.name, serialized_string(f"message {number}"), time, time - 1000)
+    return path
+
+
+SEPARATOR = "=" * 80
+EVERYTHING = f"""uint8 CONSTANT=3 # [not a field]
+builtin_interfaces/Time stamp # of the reading
+builtin_interfaces/Duration age
+pkg/Part part # [m]
+pkg/Part[] parts
+float64[4] matrix # row by row [N, m]
+float32[] ranges # distances [m]
+bool[] flags
+string[] names
+string note
+byte raw
+bool good # whether it is [1]
+int8 small
+uint64 large
+float64 log_time # a field of its own [s]
+{SEPARATOR}
+MSG: pkg/Part
+float64 x
+float64 turn # [rad]
+{SEPARATOR}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+{SEPARATOR}
+MSG: builtin_interfaces/Duration
+int32 sec
+uint32 nanosec
+"""
+MESSAGE = {
+    "stamp": {"sec": 12, "nanosec": 34},
+    "age": {"sec": -1, "nanosec": 5},
+    "part": {"x": 1.5, "turn": float("nan")},
+    "parts": [{"x": 2.0, "turn": 3.0}],
+    "matrix": np.array([1.0, 2.0, 3.0, 4.0]),
+    "ranges": np.array([0.5, np.inf], np.float32),
+    "flags": np.array([True, False]),
+    "names": ["a", "b"],
+    "note": "größer",
+    "raw": -56,  # rosbags has bytes signed
+    "good": True,
+    "small": -3,
+    "large": 2**64 - 1,
+    "log_time": 4.5,
+}
+
+
+def write_everything(path: Path, count: int = 3) -> Path:
+    """Write `count` messages of a type with fields of all kinds on /all, and none on /none."""
+    codec = Codec("pkg/msg/Everything", EVERYTHING)
+    with BagWriter(path) as bag:
+        bag.add_topic(Topic("/all", "pkg/msg/Everything"), EVERYTHING)
+        bag.add_topic(Topic("/none", "pkg/msg/Everything"), EVERYTHING)
+        for number in range(count):
+            data = codec.encode({**MESSAGE, "small": number - 3})
+            bag.write("/all", data, START + number * SECOND, START)
     return path

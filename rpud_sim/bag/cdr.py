@@ -45,9 +45,25 @@ class Codec:
             self._store.get_msgdef(type_name)
 
     @property
+    def type_name(self) -> str:
+        """The type's name, like `std_msgs/msg/Header`."""
+        return self._type
+
+    @property
     def type_hash(self) -> str:
         """The `RIHS01_...` hash of the type."""
         return str(self._store.hash_rihs01(self._type))
+
+    def fields(self, type_name: str) -> list[tuple[str, str, Any]]:
+        """Give the fields of this type, or one that it needs.
+
+        Each is its name, its attribute in decoded messages, and its type as `rosbags` has it.
+        """
+        names = [name for name, _ in self._store.fielddefs[type_name][1]]
+        decoded = self._store.get_msgdef(type_name).fields
+        return [
+            (name, attribute, kind) for name, (attribute, kind) in zip(names, decoded, strict=True)
+        ]
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:
         """Serialize the values of all fields, as `Encoder.encode` takes them.

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from rpud_sim.bag.errors import BagFormatError, BagNotFoundError
 from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
@@ -15,6 +16,13 @@ from rpud_sim.bag.losses import Losses, losses_from_record
 from rpud_sim.bag.messages import Message, merged
 from rpud_sim.bag.metadata import FILE_NAME, read_document
 from rpud_sim.bag.storage_file import StorageFile, TopicSummary, clear_errors
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas
+
+    from rpud_sim.bag.columns import Column
+    from rpud_sim.bag.tables import Batch, Table
 
 
 class BagReader:
@@ -103,6 +111,58 @@ class BagReader:
             source for file in self._filled for source in file.sources(topics, start_time)
         )
 
+    def columns(self, topic: str) -> tuple[Column, ...]:
+        """Give the columns of a topic's table, with their units.
+
+        Raises what `batches` raises.
+        """
+        return self._table(topic).columns
+
+    def batches(
+        self,
+        topics: str | Collection[str] | None = None,
+        start: int = 0,
+        duration: int | None = None,
+    ) -> Iterator[Batch]:
+        """Yield the messages of topics as tables, piece by piece, in bounded memory.
+
+        `topics` is one or several, or None for all that can be tables: `left_out` names the
+        others. `start` skips that many nanoseconds from the bag's beginning, `duration` limits
+        what follows. Raises BagError where a topic is not in the bag, BagFormatError where one
+        cannot be a table or is damaged.
+        """
+        from rpud_sim.bag.tables import batches  # loads what listing a bag does not need
+
+        names = [topics] if isinstance(topics, str) else topics
+        tables, _ = self._tables(names)
+        end = None if duration is None else self.start_time + start + duration
+        return batches(self._path, self.messages(tables, start), tables, end)
+
+    def arrays(
+        self, topic: str, start: int = 0, duration: int | None = None
+    ) -> dict[str, np.ndarray]:
+        """Give a topic as one NumPy array for each column; times are integer nanoseconds.
+
+        Arguments and errors are those of `batches`.
+        """
+        from rpud_sim.bag.tables import joined
+
+        return joined(self._table(topic), self.batches(topic, start, duration))
+
+    def frame(self, topic: str, start: int = 0, duration: int | None = None) -> pandas.DataFrame:
+        """Give a topic as a pandas frame; times are its datetimes, the index is the first of them.
+
+        Arguments and errors are those of `batches`; raises BagError where there is no pandas.
+        """
+        from rpud_sim.bag.tables import to_frame
+
+        return to_frame(self._table(topic), self.arrays(topic, start, duration))
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Topics that cannot be tables, with the reason."""
+        return self._tables(None)[1]
+
     def close(self) -> None:
         """Release the files."""
         self._open_files.close()
@@ -119,6 +179,14 @@ class BagReader:
     ) -> None:
         """Release the files."""
         self.close()
+
+    def _table(self, topic: str) -> Table:
+        return self._tables([topic])[0][topic]
+
+    def _tables(self, topics: Collection[str] | None) -> tuple[dict[str, Table], dict[str, str]]:
+        from rpud_sim.bag.tables import open_tables
+
+        return open_tables(self._path, self.topics, topics)
 
     @property
     def _filled(self) -> list[StorageFile]:

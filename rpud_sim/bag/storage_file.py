@@ -261,7 +261,10 @@ class StorageFile:
             raise BagFormatError(f"{self._path} is not an MCAP file")
         self._stream.seek(max(0, self.size - len(MAGIC)))
         if self.size < 2 * len(MAGIC) or self._stream.read() != MAGIC:
-            raise BagFormatError(f"{self._path} is cut off: it was not closed, or lost its end")
+            raise BagFormatError(
+                f"{self._path} is cut off: it was not closed, or lost its end; "
+                "rpud recover makes a whole bag of it"
+            )
         self._stream.seek(0)
 
 

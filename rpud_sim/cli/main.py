@@ -18,6 +18,8 @@ COMMANDS = (
     "recover",
     "verify",
     "rebuild",
+    "export",
+    "report",
     "sweep",
     "reproduce",
 )

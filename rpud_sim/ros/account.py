@@ -112,6 +112,8 @@ class Account:
             applied=simulation.applied,
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
+            requests_refused=self._inbox.requests_refused,
+            last_refusal=self._inbox.last_refusal,
             commands_lost=control.commands_lost,
             commanders=max(map(self._node.count_publishers, self._command_topics)),
             messages_dropped=self._outputs.dropped,

@@ -120,6 +120,15 @@ class DrillPublishers:
         """Messages that the middleware did not take."""
         return self._dropped
 
+    @property
+    def unheard(self) -> list[str]:
+        """Topics of the node's namespace that nobody listens to."""
+        return [
+            name
+            for name, publisher in self._topics.items()
+            if not (name.startswith("/") or publisher.get_subscription_count())
+        ]
+
     def begin(self, origin: int) -> None:
         """Begin with simulation time zero, whose stamp this is [ns]."""
         self._telemetry.begin(origin)

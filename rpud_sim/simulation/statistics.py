@@ -59,6 +59,19 @@ def _sum_reacting_force(segments, seconds, fraction, from_seconds, from_fraction
     return total
 
 
+def count_events(event: np.ndarray) -> tuple[int, int]:
+    """Return how many segments impacts and ends of contacts began, and the actuator's impacts.
+
+    Args:
+        event: of the segments, shape (n,).
+    """
+    happened = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
+    return (
+        int(np.count_nonzero(event & happened)),
+        int(np.count_nonzero(event & EVENT_ACTUATOR_IMPACT)),
+    )
+
+
 class Statistics:
     """Sums over blocks, from which the figures of a run are made.
 
@@ -91,10 +104,10 @@ class Statistics:
         if block.start > 0 or self._begun:
             event = event[1:]
         self._begun = True
-        happened = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
         self._duration += block.end - block.start
-        self._events += int(np.count_nonzero(event & happened))
-        self._actuator_impacts += int(np.count_nonzero(event & EVENT_ACTUATOR_IMPACT))
+        events, actuator_impacts = count_events(event)
+        self._events += events
+        self._actuator_impacts += actuator_impacts
         impacts = block.impacts
         if len(impacts):
             self._impacts += len(impacts)

@@ -7,8 +7,10 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 from drill_client import SECOND, TELEMETRY, Client, nanoseconds, stamps, steps
 from numpy.testing import assert_allclose
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
-from rpud_msgs.msg import Status
+from rpud_msgs.msg import Result, Status
 from support import Process
 from trajectories import arrays_of, rebuild
 
@@ -144,6 +146,35 @@ def test_the_diagnostics_tell_timing_and_commands(client):
     assert float(values["real_time_factor"]) > 0.0
     assert int(values["blocks"]) > 0
     assert {"deadlines_missed", "lag [s]", "lateness_max [s]", "commands_rejected"} <= set(values)
+
+
+def test_the_diagnostics_count_what_is_refused_and_say_why(client):
+    heard = client.listen("/diagnostics")
+
+    def latest(key):
+        found = [
+            pair.value
+            for message in heard
+            for status in message.status
+            if status.name == "/listened/drill_node: commands"
+            for pair in status.values
+            if pair.key == key
+        ]
+        return found[-1] if found else None
+
+    before = int(client.until(lambda: latest("requests_refused")))
+    assert not client.inject("no_such_kind").success
+    client.until(lambda: latest("requests_refused") == str(before + 1))
+    assert "no_such_kind" in latest("last_refusal")
+    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=-1.0)
+    request = SetParameters.Request(parameters=[Parameter(name="weight_on_bit", value=value)])
+    [result] = client.call(SetParameters, "/listened/drill_node/set_parameters", request).results
+    assert not result.successful
+    client.until(lambda: latest("requests_refused") == str(before + 2))
+    assert latest("last_refusal") == result.reason
+    assert client.reset(8).result != Result.RESULT_OK
+    client.until(lambda: latest("requests_refused") == str(before + 3))
+    assert latest("last_refusal") == "scope 8 is unknown"
 
 
 def test_streams_have_no_gap_and_rebuild_each_other_at_rates_that_do_not_divide(process):

@@ -388,7 +388,8 @@ def test_a_replay_of_no_bag_is_one_line(process, bag, tmp_path):
     replayer = process("replayer", bag)
     assert replayer.wait() == 1
     assert replayer.output == (
-        f"rpud replay: {file} is cut off: it was not closed, or lost its end"
+        f"rpud replay: {file} is cut off: it was not closed, or lost its end; "
+        "rpud recover makes a whole bag of it"
     )
 
 

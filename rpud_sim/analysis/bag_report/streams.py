@@ -1,0 +1,253 @@
+"""What is kept of values that pass by once: envelopes, distributions, spectra, elapsed times."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy import signal
+
+from rpud_sim.simulation.sampling import NANOSECONDS
+
+_BINS = 1000  # of an envelope
+_CLASSES = 2048  # of a distribution
+_GREATEST = 1e150  # squares of values beyond would overflow
+_BACK = NANOSECONDS  # a step back of a clock that is more than lateness
+_AHEAD = 60 * NANOSECONDS  # a step ahead that is more than time that went by
+
+
+def usable(values: np.ndarray) -> np.ndarray:
+    """Tell which values can be counted and drawn: they are finite, and not beyond 1e150."""
+    return np.abs(values) < _GREATEST
+
+
+class Timeline:
+    """Turns stamps into time since the bag began, also where their clock was set meanwhile.
+
+    Args:
+        begin: log time at which the bag begins [ns].
+
+    Attributes:
+        jumps: how often the clock was set, as by a reset.
+    """
+
+    def __init__(self, begin: int) -> None:
+        self._begin = begin
+        self._offset: int | None = None
+        self._stamp = 0
+        self._log_time = 0
+        self.jumps = 0
+
+    def elapsed(self, stamps: np.ndarray, log_times: np.ndarray) -> np.ndarray:
+        """Return times since the bag began, shape (n,) [s].
+
+        Args:
+            stamps: in the order of their recording, shape (n,) [ns].
+            log_times: of the same messages, shape (n,) [ns].
+        """
+        if not len(stamps):
+            return np.empty(0)
+        if self._offset is None:
+            self._stamp, self._log_time = int(stamps[0]), int(log_times[0])
+            # A block is recorded after its last row.
+            last = int(np.argmax(log_times != log_times[0])) - 1
+            self._offset = int(stamps[last]) - (self._log_time - self._begin)
+        steps = np.diff(stamps, prepend=self._stamp)
+        passed = np.maximum(np.diff(log_times, prepend=self._log_time), 0)
+        jumped = (steps < -_BACK) | (steps - passed > _AHEAD)
+        offsets = self._offset + np.cumsum(np.where(jumped, steps - passed, 0))
+        self._stamp, self._log_time = int(stamps[-1]), int(log_times[-1])
+        self._offset = int(offsets[-1])
+        self.jumps += int(np.count_nonzero(jumped))
+        return (stamps - offsets) / NANOSECONDS
+
+
+class Envelope:
+    """Least, greatest and sum of values in equal parts of the time, which grow as it does.
+
+    Args:
+        duration: of the time that is expected [s].
+
+    Attributes:
+        width: of a part [s].
+        least, greatest, total, count: of the values in each part, shape (1000,).
+    """
+
+    def __init__(self, duration: float) -> None:
+        self.width = max(duration, 1e-3) * 1.001 / _BINS
+        self.least = np.full(_BINS, np.inf)
+        self.greatest = np.full(_BINS, -np.inf)
+        self.total = np.zeros(_BINS)
+        self.count = np.zeros(_BINS)
+
+    def add(self, times: np.ndarray, values: np.ndarray) -> None:
+        """Add usable values at times since the beginning, both of shape (n,)."""
+        if not len(times):
+            return
+        while times.max() >= self.width * _BINS:
+            self._double()
+        parts = np.maximum(times / self.width, 0.0).astype(np.intp)
+        np.minimum.at(self.least, parts, values)
+        np.maximum.at(self.greatest, parts, values)
+        self.total += np.bincount(parts, values, _BINS)
+        self.count += np.bincount(parts, minlength=_BINS)
+
+    def _double(self) -> None:
+        half = np.zeros(_BINS // 2)
+        self.width *= 2.0
+        self.least = np.append(self.least.reshape(-1, 2).min(1), half + np.inf)
+        self.greatest = np.append(self.greatest.reshape(-1, 2).max(1), half - np.inf)
+        self.total = np.append(self.total.reshape(-1, 2).sum(1), half)
+        self.count = np.append(self.count.reshape(-1, 2).sum(1), half)
+
+    @property
+    def times(self) -> np.ndarray:
+        """The middle of each part since the beginning [s]."""
+        return (np.arange(_BINS) + 0.5) * self.width
+
+    @property
+    def rate(self) -> np.ndarray:
+        """Sum of the values in each part over its width."""
+        return self.total / self.width
+
+
+class Distribution:
+    """How values are distributed: exact moments and extremes, and counts in equal classes.
+
+    The classes grow as the values do, so that there are always at least a thousand from the least
+    to the greatest.
+
+    Attributes:
+        count: of usable values.
+        others: of all others.
+        mean, least, greatest: of the usable values; NaN where there is none.
+    """
+
+    def __init__(self) -> None:
+        self.count = self.others = 0
+        self.mean = self.least = self.greatest = math.nan
+        self._squares = 0.0  # sum of the squares of the deviations from the mean
+        self._low, self._width = 0.0, 0.0
+        self._counts = np.zeros(_CLASSES, np.int64)
+
+    def add(self, values: np.ndarray) -> None:
+        """Add values, shape (n,)."""
+        found = values[usable(values)].astype(float)
+        self.others += len(values) - len(found)
+        if not len(found):
+            return
+        least, greatest = float(found.min()), float(found.max())
+        if not self.count:
+            self.mean, self.least, self.greatest = 0.0, least, greatest
+            self._low = least
+            tiny = max(abs(least), abs(greatest), 1e-290) * 1e-12
+            self._width = max(greatest - least, tiny) * 1.001 / _CLASSES
+        self.least, self.greatest = min(self.least, least), max(self.greatest, greatest)
+        between = float(found.mean()) - self.mean
+        together = self.count + len(found)
+        self._squares += float(((found - found.mean()) ** 2).sum())
+        self._squares += between**2 * self.count * len(found) / together
+        self.mean += between * len(found) / together
+        self.count = together
+        while self.least < self._low:
+            self._double(down=True)
+        while self.greatest >= self._low + self._width * _CLASSES:
+            self._double(down=False)
+        classes = ((found - self._low) / self._width).astype(np.intp)
+        self._counts += np.bincount(np.minimum(classes, _CLASSES - 1), minlength=_CLASSES)
+
+    def _double(self, *, down: bool) -> None:
+        halves = self._counts.reshape(-1, 2).sum(1)
+        rest = np.zeros(_CLASSES // 2, np.int64)
+        if down:
+            self._low -= self._width * _CLASSES
+        self._counts = np.append(rest, halves) if down else np.append(halves, rest)
+        self._width *= 2.0
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation; NaN where there are fewer than two values."""
+        return math.sqrt(self._squares / (self.count - 1)) if self.count > 1 else math.nan
+
+    @property
+    def total(self) -> float:
+        """Sum of all usable values."""
+        return self.mean * self.count if self.count else 0.0
+
+    def quantile(self, part: float) -> float:
+        """Return the value below which a part of all lie, as exactly as the classes tell."""
+        if not self.count:
+            return math.nan
+        below = np.append(0, np.cumsum(self._counts))
+        edges = self._low + self._width * np.arange(_CLASSES + 1)
+        digit = 10.0 ** math.ceil(math.log10(self._width))
+        value = round(float(np.interp(part * self.count, below, edges)) / digit) * digit
+        return min(max(value, self.least), self.greatest)
+
+    def classes(self, most: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return counts, shape (n,), and edges, shape (n + 1,), of at most so many classes."""
+        used = np.flatnonzero(self._counts)
+        if not len(used):
+            return np.zeros(0, np.int64), np.zeros(1)
+        first = int(used[0])
+        step = -(-(int(used[-1]) + 1 - first) // most)
+        counts = np.add.reduceat(self._counts, range(first, int(used[-1]) + 1, step))
+        edges = self._low + self._width * (first + step * np.arange(len(counts) + 1))
+        return counts, edges
+
+
+class Spectrum:
+    """Power spectral densities by Welch's method, of samples that come block by block.
+
+    Segments of Hann's window overlap by half, without their means. They do not reach across gaps.
+
+    Args:
+        channels: how many.
+        length: of a segment [samples].
+
+    Attributes:
+        segments: how many were averaged.
+    """
+
+    def __init__(self, channels: int, length: int = 2**14) -> None:
+        self._length = length
+        self._held = np.empty((channels, 0))
+        self._sum: np.ndarray | None = None
+        self.segments = 0
+
+    def add(self, samples: np.ndarray) -> None:
+        """Add samples that follow those before without a gap, shape (channels, n)."""
+        self._held = np.concatenate([self._held, samples], axis=1)
+        half = self._length // 2
+        count = self._held.shape[1] // half - 1
+        if count < 1:
+            return
+        used = self._held[:, : (count + 1) * half]
+        self._average(used, self._length, count)
+        self._held = self._held[:, count * half :].copy()
+
+    def gap(self) -> None:
+        """Let what follows begin anew."""
+        self._held = self._held[:, :0]
+
+    def density(self, rate: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return frequencies, shape (n,) [Hz], and densities, shape (channels, n).
+
+        Of fewer samples than a segment there is one shorter segment; None if there are too few.
+
+        Args:
+            rate: of the samples [Hz].
+        """
+        length = self._length
+        if self._sum is None:
+            length = 2 ** int(math.log2(max(self._held.shape[1], 1)))
+            if length < 256:
+                return None
+            self._average(self._held[:, :length], length, 1)
+        assert self._sum is not None
+        return np.fft.rfftfreq(length, 1.0 / rate), self._sum / self.segments / rate
+
+    def _average(self, samples: np.ndarray, length: int, count: int) -> None:
+        _, density = signal.welch(samples, 1.0, "hann", length, length // 2)
+        self._sum = density * count if self._sum is None else self._sum + density * count
+        self.segments += count

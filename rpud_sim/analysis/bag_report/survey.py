@@ -1,0 +1,128 @@
+"""One pass through a bag, from which the whole report is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from rpud_sim.analysis.bag_report.drills import FaultLog, Impacts, Journal, Segments, Waveform
+from rpud_sim.analysis.bag_report.topics import TopicSurvey
+from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import Manifest, manifest_from_record
+from rpud_sim.simulation.sampling import NANOSECONDS
+
+MOST_TOPICS = 200
+"""Topics that are followed; of others the report has what the bag's index tells."""
+
+# Columns without which a topic is not ours, whatever its type is called.
+_NEEDED = {
+    "rpud_msgs/msg/ContactForce": {"header.stamp", "energy", "peak_force"},
+    "rpud_msgs/msg/Trajectory": {"time", "event", "duration"},
+    "rpud_msgs/msg/Waveform": {"time", "sample_period", "nodal_plane_position", "reacting_force"},
+    "rpud_msgs/msg/Faults": {"header.stamp", "faults"},
+    "rpud_msgs/msg/JournalEntry": {"header.stamp", "kind", "content"},
+}
+
+
+@dataclass
+class Survey:
+    """What was seen of a bag.
+
+    Args:
+        path: of the bag.
+        start: log time at which it begins [ns].
+        duration: [s].
+        size: of its files [bytes].
+        message_count: of all topics.
+        compression: of its chunks.
+        manifests: how its runs came about.
+        summaries: of all topics.
+        left_out: topics that were not followed, with the reason.
+        topics: those that were, by name; and the drill's own.
+    """
+
+    path: str
+    start: int
+    duration: float
+    size: int
+    message_count: int
+    compression: str
+    manifests: list[Manifest]
+    summaries: tuple[TopicSummary, ...]
+    left_out: dict[str, str]
+    topics: dict[str, TopicSurvey] = field(default_factory=dict)
+    impacts: dict[str, Impacts] = field(default_factory=dict)
+    segments: dict[str, Segments] = field(default_factory=dict)
+    waveforms: dict[str, Waveform] = field(default_factory=dict)
+    faults: dict[str, FaultLog] = field(default_factory=dict)
+    journals: dict[str, Journal] = field(default_factory=dict)
+
+    def beside(self, topic: str, kind: str) -> TopicSurvey | None:
+        """Return the topic of a type in the namespace of another."""
+        namespace = topic.rpartition("/")[0]
+        for name, found in self.topics.items():
+            if name.rpartition("/")[0] == namespace and found.type == kind:
+                return found
+        return None
+
+
+def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: None) -> Survey:
+    """Go through a bag once.
+
+    Args:
+        bag: open.
+        report: told the messages that were read since it was told last.
+
+    Raises:
+        BagError: if the bag is damaged.
+    """
+    left_out = bag.left_out
+    duration = bag.duration / NANOSECONDS
+    seen = Survey(
+        str(bag.path),
+        bag.start_time,
+        duration,
+        bag.size,
+        bag.message_count,
+        bag.compression,
+        [manifest_from_record(record) for record in bag.records(MANIFEST)],
+        bag.topics,
+        left_out,
+    )
+    for summary in bag.topics:
+        name = summary.topic.name
+        if name in left_out:
+            continue
+        if len(seen.topics) >= MOST_TOPICS:
+            left_out[name] = f"the bag has more than {MOST_TOPICS} topics"
+            continue
+        columns = bag.columns(name)
+        seen.topics[name] = TopicSurvey(summary, columns, bag.start_time, duration)
+        _follow(seen, summary, {column.name for column in columns})
+    for batch in bag.batches([*seen.topics]):
+        times = seen.topics[batch.topic].add(batch)
+        for followed in (seen.impacts, seen.segments, seen.waveforms, seen.journals):
+            if batch.topic in followed:
+                followed[batch.topic].add(batch.columns, times)
+        if batch.topic in seen.faults:
+            jumps = seen.topics[batch.topic].timeline.jumps
+            seen.faults[batch.topic].add(batch.columns, times, jumps)
+        report(batch.message_count)
+    return seen
+
+
+def _follow(seen: Survey, summary: TopicSummary, columns: set[str]) -> None:
+    name, kind = summary.topic.name, summary.topic.type
+    if not _NEEDED.get(kind, {""}) <= columns:
+        return
+    if kind == "rpud_msgs/msg/ContactForce":
+        seen.impacts[name] = Impacts(seen.duration)
+    elif kind == "rpud_msgs/msg/Trajectory":
+        seen.segments[name] = Segments()
+    elif kind == "rpud_msgs/msg/Waveform":
+        seen.waveforms[name] = Waveform(seen.duration)
+    elif kind == "rpud_msgs/msg/Faults":
+        seen.faults[name] = FaultLog()
+    else:
+        seen.journals[name] = Journal()

@@ -1,0 +1,192 @@
+"""The fields of any message type as columns of a table, with the units that its text tells."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.errors import BagFormatError
+
+COLUMNS_LIMIT = 10_000
+"""Columns that a table has at most."""
+
+SECOND = 1_000_000_000
+
+RECEIVED = ("log_time", "publish_time")
+"""Columns that every table has; a field of that name gets an underscore behind it."""
+
+_TIME, _DURATION = "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"
+_DTYPES = {"bool": np.dtype(bool), "byte": np.dtype(np.uint8), "char": np.dtype(np.uint8)}
+_TYPE_LINE = re.compile(r"^={80}\s*^MSG: *(\S+)[^\n]*$", re.MULTILINE)
+_FIELD_LINE = re.compile(r"^ *[^\s#]+ +(\w+)[^#\n=]*#+ *(.*?) *$", re.MULTILINE)
+_UNIT = re.compile(r"\[([^][]{1,20})\](?:[,;]|$)")
+
+
+class Kind(Enum):
+    """What the values of a column are, and how NumPy holds them.
+
+    A number has its own dtype; times and durations are integer nanoseconds. All else is in arrays
+    of objects: texts, sequences of numbers as arrays, and lists of whatever else there is; but
+    arrays of numbers, whose length is fixed, have a second axis.
+    """
+
+    NUMBER = "number"
+    TIME = "time"
+    DURATION = "duration"
+    TEXT = "text"
+    ARRAY = "array"
+    SEQUENCE = "sequence"
+    NESTED = "nested"
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table.
+
+    `name` is the field's, with dots between messages and the fields in them. `dtype` is that of
+    its numbers, `length` how many an array has. `unit` and `description` come from the comment
+    behind the field, and are empty where it has none. `attribute` is where decoded messages have
+    it, with dots; empty for what is no field.
+    """
+
+    name: str
+    kind: Kind
+    dtype: np.dtype = np.dtype(object)  # noqa: RUF009 - it never changes
+    length: int = 0
+    unit: str = ""
+    description: str = ""
+    attribute: str = ""
+
+    def values(self, messages: Sequence[Any]) -> np.ndarray:
+        """Give the values that decoded messages have, one for each; see Kind.
+
+        Raises ValueError or OverflowError where they do not fit.
+        """
+        found = [*map(attrgetter(self.attribute), messages)]
+        if self.kind is Kind.NUMBER:
+            if self.dtype == np.uint8:  # the library has single bytes with a sign
+                return np.array(found, np.int16).astype(np.uint8)
+            return np.array(found, self.dtype)
+        if self.kind in (Kind.TIME, Kind.DURATION):
+            seconds = np.array([time.sec for time in found], np.int64)
+            return seconds * SECOND + np.array([time.nanosec for time in found], np.int64)
+        if self.kind is Kind.ARRAY:
+            numbers = np.array(found).reshape(len(found), self.length)
+            return numbers.astype(self.dtype, copy=False)
+        if self.kind is Kind.SEQUENCE:
+            return objects([numbers.astype(self.dtype, copy=False) for numbers in found])
+        if self.kind is Kind.NESTED:
+            return objects([to_plain(value) for value in found])
+        return objects(found)
+
+
+def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
+    """Give the columns of a type, in the order of its fields.
+
+    Messages in it become the columns of their fields. Raises BagFormatError where they are more
+    than COLUMNS_LIMIT.
+    """
+    columns: list[Column] = []
+    comments = _comments(codec.type_name, definition)
+    for column in _columns(codec, comments, codec.type_name, "", "", ""):
+        columns.append(column)
+        if len(columns) > COLUMNS_LIMIT:
+            raise BagFormatError(
+                f"{codec.type_name:.80} has more than {COLUMNS_LIMIT} fields, too many for a table"
+            )
+    return tuple(columns)
+
+
+def _columns(
+    codec: Codec,
+    comments: dict[tuple[str, str], str],
+    type_name: str,
+    names: str,
+    attributes: str,
+    outer_unit: str,
+) -> Iterator[Column]:
+    for name, attribute, (node, description) in codec.fields(type_name):
+        comment = comments.get((type_name, name), "")
+        units = _UNIT.findall(comment)
+        unit = units[0] if len(units) == 1 else outer_unit
+        name, attribute = names + name, attributes + attribute
+        name = f"{name}_" if name in RECEIVED else name
+
+        def column(
+            kind: Kind,
+            dtype: np.dtype = np.dtype(object),  # noqa: B008 - it never changes
+            length: int = 0,
+            told: tuple[str, ...] = (name, attribute, unit, comment),
+        ) -> Column:
+            return Column(told[0], kind, dtype, length, told[2], told[3], told[1])
+
+        if node == Nodetype.BASE:
+            dtype = _dtype(description)
+            yield column(Kind.NUMBER, dtype) if dtype else column(Kind.TEXT)
+        elif node == Nodetype.NAME and description in (_TIME, _DURATION):
+            kind = Kind.TIME if description == _TIME else Kind.DURATION
+            yield column(kind, np.dtype(np.int64))
+        elif node == Nodetype.NAME:
+            yield from _columns(codec, comments, description, f"{name}.", f"{attribute}.", unit)
+        else:
+            (element, item), length = description
+            dtype = _dtype(item) if element == Nodetype.BASE else None
+            if dtype is None:
+                yield column(Kind.NESTED)
+            elif node == Nodetype.ARRAY:
+                yield column(Kind.ARRAY, dtype, length)
+            else:
+                yield column(Kind.SEQUENCE, dtype)
+
+
+def objects(values: Sequence[Any]) -> np.ndarray:
+    """Give an array of objects, one for each value, also where the values are sequences."""
+    array = np.empty(len(values), object)
+    for number, value in enumerate(values):
+        array[number] = value
+    return array
+
+
+def to_plain(value: Any) -> Any:
+    """Give a decoded value as dictionaries, lists, numbers and texts; arrays become lists."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, list):
+        return [to_plain(item) for item in value]
+    if hasattr(value, "__msgtype__"):
+        fields = {name: item for name, item in vars(value).items() if name != "__msgtype__"}
+        return {name: to_plain(item) for name, item in fields.items()}
+    return value
+
+
+def _dtype(base: tuple[str, int]) -> np.dtype | None:
+    """Give the dtype of a primitive type; None for texts."""
+    name, _ = base
+    if name in ("string", "wstring"):
+        return None
+    return _DTYPES.get(name) or np.dtype(name)
+
+
+def _comments(type_name: str, definition: str) -> dict[tuple[str, str], str]:
+    """Give the comments that stand behind fields, by type and field."""
+    names = [type_name]
+    texts = _TYPE_LINE.split(definition)
+    names += [_long_name(name) for name in texts[1::2]]
+    return {
+        (name, field): comment
+        for name, text in zip(names, texts[::2], strict=True)
+        for field, comment in _FIELD_LINE.findall(text)
+    }
+
+
+def _long_name(name: str) -> str:
+    package, _, short = name.rpartition("/")
+    return f"{package.removesuffix('/msg')}/msg/{short}"

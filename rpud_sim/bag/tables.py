@@ -1,0 +1,194 @@
+"""The messages of a topic as tables of NumPy arrays: in pieces of bounded size, or as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rpud_sim.bag.blocks import holds_rows, row_columns, to_rows
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import RECEIVED, Column, Kind, columns_of, objects
+from rpud_sim.bag.errors import BagError, BagFormatError
+from rpud_sim.bag.messages import Message
+from rpud_sim.bag.storage_file import TopicSummary
+
+if TYPE_CHECKING:
+    import pandas
+
+BATCH_SIZE = 8 * 2**20
+"""Bytes of a topic's messages that become one batch."""
+
+TOTAL_SIZE = 64 * 2**20
+"""Bytes of all topics' messages that wait to become batches."""
+
+_OVERHEAD = 256  # bytes that a message takes in memory beside its data
+_NAMES_SHOWN = 30
+
+_RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Consecutive rows of one topic: the values of each column, by its name, as Kind tells.
+
+    `message_count` is of the messages that they were made of.
+    """
+
+    topic: str
+    columns: Mapping[str, np.ndarray]
+    message_count: int
+
+    def __len__(self) -> int:
+        """Give the number of rows."""
+        return len(self.columns["log_time"])
+
+
+class Table:
+    """How the messages of one topic become rows.
+
+    There is one row for each message, but for blocks one for each sample or segment, and then the
+    first column is its exact `time`.
+    """
+
+    def __init__(self, summary: TopicSummary) -> None:
+        """Compile the type.
+
+        Raises BagFormatError where it cannot be understood.
+        """
+        self._name = summary.topic.name
+        if summary.topic.serialization_format != "cdr":
+            raise BagFormatError(
+                f"its messages are {summary.topic.serialization_format!r:.40}; only 'cdr' is read"
+            )
+        if not summary.definition:
+            raise BagFormatError("the bag does not hold the definition of its type")
+        self._codec = Codec(summary.topic.type, summary.definition)
+        self._fields = columns_of(self._codec, summary.definition)
+        self._blocks = holds_rows(summary.topic.type, self._fields)
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns in their order."""
+        columns = (*_RECEIVED, *self._fields)
+        return row_columns(columns) if self._blocks else columns
+
+    def batch(self, messages: Sequence[Message]) -> Batch:
+        """Make rows of messages.
+
+        Raises BagFormatError where they are not of the type.
+        """
+        decoded = [self._codec.decode(message.data) for message in messages]
+        try:
+            values = {
+                column.name: np.array([getattr(message, column.name) for message in messages], "i8")
+                for column in _RECEIVED
+            }
+            values |= {column.name: column.values(decoded) for column in self._fields}
+        except (OverflowError, TypeError, ValueError) as error:
+            raise BagFormatError(f"a message does not fit its columns: {error!r:.200}") from error
+        if self._blocks:
+            values = to_rows((*_RECEIVED, *self._fields), values)
+        return Batch(self._name, values, len(messages))
+
+
+def open_tables(
+    path: Path, summaries: Iterable[TopicSummary], topics: Collection[str] | None
+) -> tuple[dict[str, Table], dict[str, str]]:
+    """Give the tables of topics by their names, and why others have none.
+
+    `topics` are those that must have one; None is all that can. Raises BagError where one of them
+    is not in the bag, BagFormatError where it cannot be a table.
+    """
+    known = {summary.topic.name: summary for summary in summaries}
+    tables, left_out = {}, {}
+    for name in dict.fromkeys(known if topics is None else topics):
+        if name not in known:
+            raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}")
+        try:
+            tables[name] = Table(known[name])
+        except BagFormatError as error:
+            if topics is not None:
+                raise BagFormatError(f"{path}: {name} cannot be a table: {error}") from error
+            left_out[name] = str(error)
+    return tables, left_out
+
+
+def batches(
+    path: Path, messages: Iterable[Message], tables: Mapping[str, Table], end: int | None = None
+) -> Iterator[Batch]:
+    """Yield the rows of messages before `end` [ns], in their order within each topic.
+
+    Raises BagFormatError where a message is not of its topic's type.
+    """
+    waiting: dict[str, list[Message]] = {name: [] for name in tables}
+    sizes = dict.fromkeys(tables, 0)
+    total = 0
+
+    def batch(name: str) -> Batch:
+        nonlocal total
+        taken, waiting[name] = waiting[name], []
+        total -= sizes[name]
+        sizes[name] = 0
+        try:
+            return tables[name].batch(taken)
+        except BagFormatError as error:
+            raise BagFormatError(f"{path}: {name}: {error}") from error
+
+    for message in messages:
+        if end is not None and message.log_time >= end:
+            break
+        name = message.topic
+        size = len(message.data) + _OVERHEAD
+        waiting[name].append(message)
+        sizes[name] += size
+        total += size
+        if sizes[name] >= BATCH_SIZE:
+            yield batch(name)
+        elif total >= TOTAL_SIZE:
+            yield batch(max(sizes, key=sizes.__getitem__))
+    for name, rest in waiting.items():
+        if rest:
+            yield batch(name)
+
+
+def joined(table: Table, pieces: Iterable[Batch]) -> dict[str, np.ndarray]:
+    """Give the columns of all batches of one table as a whole."""
+    parts = [table.batch([]), *pieces]
+    return {
+        column.name: np.concatenate([part.columns[column.name] for part in parts])
+        for column in table.columns
+    }
+
+
+def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFrame:
+    """Give a pandas frame with the first column as index.
+
+    Raises BagError where there is no pandas.
+    """
+    try:
+        import pandas
+    except ModuleNotFoundError as error:
+        if error.name != "pandas":
+            raise
+        raise BagError("a frame needs the Python module pandas: pip install pandas") from error
+    index = table.columns[0].name
+    dtypes = {Kind.TIME: "datetime64[ns]", Kind.DURATION: "timedelta64[ns]"}
+    series = {
+        column.name: objects([*columns[column.name]])
+        if column.kind is Kind.ARRAY
+        else columns[column.name].astype(dtypes.get(column.kind), copy=False)
+        if column.kind in dtypes
+        else columns[column.name]
+        for column in table.columns
+    }
+    return pandas.DataFrame(series).set_index(index)
+
+
+def _listed(names: Iterable[str]) -> str:
+    names = sorted(names)
+    more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""
+    return ", ".join(f"{name:.80}" for name in names[:_NAMES_SHOWN]) + more or "none"

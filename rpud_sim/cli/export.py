@@ -1,0 +1,117 @@
+"""`rpud export`: the topics of a bag as files for other programs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rpud_sim.analysis.export.export import Exported
+
+HELP = "write the topics of a bag as Parquet, CSV or NumPy files"
+EXAMPLE = "rpud export bags/first --out tables"
+
+_FORMATS = ("parquet", "csv", "numpy")
+_LONGEST = 1e9  # s
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `rpud export`."""
+    parser.description = (
+        f"{HELP[0].upper()}{HELP[1:]}: one table for each topic, and export.json, which tells "
+        "types, units, losses and how the run came about."
+    )
+    parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
+    parser.add_argument("--out", required=True, metavar="DIR", help="new folder for the files")
+    parser.add_argument(
+        "--format",
+        choices=_FORMATS,
+        default=_FORMATS[0],
+        dest="file_format",
+        help="of the files (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--topics", nargs="+", metavar="TOPIC", help="export only these topics (absolute names)"
+    )
+    parser.add_argument(
+        "--start", type=float, default=0.0, metavar="S", help="leave out so much at the beginning"
+    )
+    parser.add_argument("--duration", type=float, metavar="S", help="export at most so much")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Export and print the account; give the exit code."""
+    from tqdm import tqdm
+
+    from rpud_sim.analysis.export.export import ExportError, export
+    from rpud_sim.bag import BagError
+    from rpud_sim.simulation import ParameterError
+
+    try:
+        _check(arguments)
+    except ParameterError as error:
+        print(f"rpud export: {error}", file=sys.stderr)
+        return 2
+    try:
+        # A bar appears only on a terminal, and only for what takes longer than two seconds.
+        with tqdm(
+            unit=" messages", unit_scale=True, delay=2.0, disable=None, leave=False, file=sys.stderr
+        ) as bar:
+            exported = export(
+                arguments.bag,
+                arguments.out,
+                arguments.file_format,
+                arguments.topics,
+                arguments.start,
+                arguments.duration,
+                bar.update,
+            )
+    except ModuleNotFoundError as error:
+        if error.name != "pyarrow":
+            raise
+        print("rpud export: needs the Python module pyarrow: pip install pyarrow", file=sys.stderr)
+        return 1
+    except (BagError, ExportError) as error:
+        print(f"rpud export: {error}", file=sys.stderr)
+        return 1
+    for name, reason in exported.left_out.items():
+        print(f"rpud export: left out {name}: {reason}", file=sys.stderr)
+    print(json.dumps(asdict(exported), indent=2) if arguments.json else _account(exported))
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    from rpud_sim.simulation import Quantity
+
+    Quantity("s", "", 0.0, _LONGEST).check("--start", arguments.start)
+    if arguments.duration is not None:
+        Quantity("s", "", 0.0, _LONGEST, exclusive=True).check("--duration", arguments.duration)
+
+
+def _account(exported: Exported) -> str:
+    head = ("topic", "messages", "rows", "size [MB]", "file")
+    rows = [head] + [
+        (
+            topic.name,
+            str(topic.messages),
+            str(topic.rows),
+            f"{topic.size / 1e6:.3f}",
+            topic.path,
+        )
+        for topic in exported.topics
+    ]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
+    return "\n".join(
+        "  ".join(
+            [
+                row[0].ljust(widths[0]),
+                *(cell.rjust(width) for cell, width in zip(row[1:4], widths[1:4], strict=True)),
+                row[4],
+            ]
+        )
+        for row in rows
+    )

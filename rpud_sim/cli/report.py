@@ -1,0 +1,55 @@
+"""`rpud report`: a bag as one HTML page."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+HELP = "write a report of a bag as one HTML page"
+EXAMPLE = "rpud report bags/first --out first.html"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of `rpud report`."""
+    parser.description = (
+        f"{HELP[0].upper()}{HELP[1:]}: what the run was, impacts, contact force, energy, spectra, "
+        "time series, timing and faults, in a file that needs nothing beside it."
+    )
+    parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
+    parser.add_argument(
+        "--out", default="report.html", metavar="FILE", help="new file (default: %(default)s)"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the report and say where it is; give the exit code."""
+    from tqdm import tqdm
+
+    from rpud_sim.analysis.bag_report.report import ReportError, write_report
+    from rpud_sim.bag import BagError
+
+    try:
+        # A bar appears only on a terminal, and only for what takes longer than two seconds.
+        with tqdm(
+            unit=" messages", unit_scale=True, delay=2.0, disable=None, leave=False, file=sys.stderr
+        ) as bar:
+            seen = write_report(arguments.bag, arguments.out, bar.update)
+    except (BagError, ReportError) as error:
+        print(f"rpud report: {error}", file=sys.stderr)
+        return 1
+    for name, reason in seen.left_out.items():
+        print(f"rpud report: left out {name}: {reason}", file=sys.stderr)
+    content = {
+        "out": arguments.out,
+        "topics": len(seen.topics),
+        "messages": sum(topic.summary.message_count for topic in seen.topics.values()),
+        "left_out": seen.left_out,
+    }
+    print(
+        json.dumps(content, indent=2)
+        if arguments.json
+        else f"{arguments.out}: {content['messages']} messages on {content['topics']} topics"
+    )
+    return 0

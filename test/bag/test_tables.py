@@ -1,0 +1,330 @@
+"""Any topic of a bag is NumPy arrays or a pandas frame in two lines, whatever its type is."""
+
+import builtins
+import tracemalloc
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.writer import Writer
+from sample_bags import (
+    SECOND,
+    START,
+    STRING_DEFINITION,
+    TALK,
+    serialized_string,
+    write_bag,
+    write_everything,
+)
+
+import rpud_sim.bag
+from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
+from rpud_sim.bag.blocks import _offsets
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import Kind
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.cli.offline_bag import write_offline_bag
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.simulation import Simulation
+
+DURATION = 0.31
+
+
+@pytest.fixture(scope="module")
+def drilled(tmp_path_factory):
+    path = tmp_path_factory.mktemp("tables") / "bag"
+    write_offline_bag(path, preset("drilling"), DURATION)
+    return path
+
+
+def test_two_lines_give_arrays(drilled):
+    bag = rpud_sim.bag.open(drilled)
+    impacts = bag.arrays("/rpud/contact_force")
+    expected = Simulation(preset("drilling")).advance_to(round(DURATION * 1e9)).impacts
+    assert np.array_equal(impacts["peak_force"], expected["peak_force"])
+    assert np.array_equal(impacts["sequence"], np.arange(len(expected)))
+    times = expected["seconds"] * SECOND + np.rint(expected["fraction"] * SECOND).astype(int)
+    assert np.array_equal(impacts["header.stamp"], times)
+    assert set(impacts["header.frame_id"]) == {"rpud_tool_tip"}
+    units = {column.name: column.unit for column in bag.columns("/rpud/contact_force")}
+    assert [*units] == [*impacts]
+    assert (units["peak_force"], units["energy"], units["sequence"]) == ("N", "J", "")
+    bag.close()
+
+
+def test_two_lines_give_a_frame(drilled):
+    bag = rpud_sim.bag.open(drilled)
+    frame = bag.frame("/rpud/reacting_force")
+    assert frame.index.name == "log_time"
+    assert frame["header.stamp"].dtype == "datetime64[ns]"
+    assert len(frame) == 31
+    assert frame["force"].resample("100ms").count().tolist() == [9, 10, 10, 2]
+    assert bag.frame("/rpud/waveform").index.name == "time"
+    assert bag.frame("/rpud/faults")["faults"].tolist() == [[]]
+    bag.close()
+
+
+def test_every_sample_of_a_waveform_has_its_exact_time(drilled):
+    with rpud_sim.bag.open(drilled) as bag:
+        rows = bag.arrays("/rpud/waveform")
+    count = len(rows["time"])
+    assert count == 15_500
+    assert np.array_equal(rows["sequence"], np.arange(count))
+    assert np.array_equal(rows["time"], np.arange(count) * SECOND // 50_000)
+    block = Simulation(preset("drilling")).advance_to(round(DURATION * 1e9))
+    samples = block.sample(Times.from_grid(0, count, 50_000))
+    assert np.array_equal(rows["contact_force"], samples.contact_force)
+    assert rows["header.stamp"][2499:2501].tolist() == [0, SECOND // 20]
+
+
+def test_every_segment_of_a_trajectory_has_its_exact_time(drilled):
+    with rpud_sim.bag.open(drilled) as bag:
+        rows = bag.arrays("/rpud/trajectory")
+    segments = Simulation(preset("drilling")).advance_to(round(DURATION * 1e9)).segments
+    assert np.array_equal(rows["sequence"], np.arange(len(segments)))
+    assert np.array_equal(rows["duration"][:-1], segments["duration"][:-1])
+    ends = rows["time"][:-1] + np.rint(rows["duration"][:-1] * 1e9)
+    assert np.abs(rows["time"][1:] - ends).max() <= 1
+    assert rows["contact"].dtype == np.uint8
+
+
+@given(
+    st.integers(1, 10**6),
+    st.integers(0, 10**9),
+    st.integers(0, 10**6),
+    st.integers(0, 50),
+    st.integers(1, 50),
+)
+def test_times_of_samples_do_not_depend_on_how_they_are_divided(rate, seconds, more, cut, count):
+    first = seconds * rate + more
+
+    def stamp(number):
+        return number * SECOND // rate
+
+    together = stamp(first) + _offsets(1.0 / rate, first, cut + count)
+    later = stamp(first + cut) + _offsets(1.0 / rate, first + cut, count)
+    assert together[cut:].tolist() == later.tolist()
+    assert later.tolist() == [stamp(first + cut + k) for k in range(count)]
+
+
+def test_samples_of_a_rate_that_is_not_whole():
+    assert _offsets(0.3, 7, 3).tolist() == [0, 300_000_000, 600_000_000]
+    for period in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(BagFormatError, match=r"sample_period = .* s is no time"):
+            _offsets(period, 0, 3)
+
+
+def test_any_type_of_ros_is_a_table(tmp_path):
+    with rpud_sim.bag.open(write_everything(tmp_path / "bag")) as bag:
+        table = bag.arrays("/all")
+        columns = {column.name: column for column in bag.columns("/all")}
+        frame = bag.frame("/all")
+    assert [*table] == [*columns]
+    assert table["log_time"].tolist() == [START, START + SECOND, START + 2 * SECOND]
+    assert table["publish_time"].tolist() == [START] * 3
+    assert table["log_time_"].tolist() == [4.5] * 3
+    assert table["stamp"].tolist() == [12 * SECOND + 34] * 3
+    assert table["age"].tolist() == [-SECOND + 5] * 3
+    assert table["part.x"].tolist() == [1.5] * 3
+    assert np.isnan(table["part.turn"]).all()
+    assert table["parts"][0] == [{"x": 2.0, "turn": 3.0}]
+    assert table["matrix"].tolist() == [[1.0, 2.0, 3.0, 4.0]] * 3
+    assert table["ranges"][2].dtype == np.float32
+    assert table["ranges"][2].tolist() == [0.5, np.inf]
+    assert table["flags"][0].tolist() == [True, False]
+    assert table["names"][1] == ["a", "b"]
+    assert table["note"].tolist() == ["größer"] * 3
+    dtypes = {name: table[name].dtype for name in ("raw", "good", "small", "large")}
+    assert dtypes == {"raw": np.uint8, "good": bool, "small": np.int8, "large": np.uint64}
+    assert table["small"].tolist() == [-3, -2, -1]
+    assert set(table["raw"]) == {200}
+    assert set(table["large"]) == {2**64 - 1}
+
+    assert "CONSTANT" not in columns
+    units = {name: column.unit for name, column in columns.items() if column.unit}
+    assert units == {
+        "part.x": "m",
+        "part.turn": "rad",
+        "matrix": "N, m",
+        "ranges": "m",
+        "good": "1",
+        "log_time_": "s",
+    }
+    assert columns["stamp"].description == "of the reading"
+    assert columns["matrix"].kind is Kind.ARRAY
+
+    assert frame["age"].tolist() == [pd.Timedelta(-SECOND + 5, "ns")] * 3
+    assert frame["stamp"].iloc[0] == pd.Timestamp(12 * SECOND + 34)
+    assert frame["matrix"].iloc[0].tolist() == [1.0, 2.0, 3.0, 4.0]
+
+
+def test_a_topic_without_messages_has_columns_without_rows(tmp_path):
+    with rpud_sim.bag.open(write_everything(tmp_path / "bag")) as bag:
+        table, columns = bag.arrays("/none"), bag.columns("/none")
+        assert bag.frame("/none").empty
+    assert {len(values) for values in table.values()} == {0}
+    assert table["small"].dtype == np.int8
+    assert table["matrix"].shape == (0, 4)
+    assert len(columns) == len(table)
+
+
+def test_a_part_of_the_time(tmp_path):
+    with rpud_sim.bag.open(write_everything(tmp_path / "bag", 10)) as bag:
+        assert bag.arrays("/all", SECOND, 2 * SECOND)["small"].tolist() == [-2, -1]
+        assert bag.arrays("/all", start=8 * SECOND)["small"].tolist() == [5, 6]
+        assert bag.arrays("/all", duration=0)["small"].tolist() == []
+
+
+def test_batches_are_the_whole_in_pieces_of_bounded_size(tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", 3000)
+    monkeypatch.setattr("rpud_sim.bag.tables.TOTAL_SIZE", 4000)
+    with rpud_sim.bag.open(write_everything(tmp_path / "bag", 50)) as bag:
+        pieces = list(bag.batches())
+        whole = bag.arrays("/all")
+    assert {piece.topic for piece in pieces} == {"/all"}
+    assert max(len(piece) for piece in pieces) < 10
+    assert sum(piece.message_count for piece in pieces) == 50
+    joined = np.concatenate([piece.columns["log_time"] for piece in pieces])
+    assert np.array_equal(joined, whole["log_time"])
+
+
+def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", 200_000)
+    monkeypatch.setattr("rpud_sim.bag.tables.TOTAL_SIZE", 900_000)
+
+    def peak(count):
+        with BagWriter(tmp_path / str(count), compression="none", chunk_size=500_000) as bag:
+            for number in range(5):
+                bag.add_topic(Topic(f"/talk{number}", TALK.type), STRING_DEFINITION)
+            for number in range(count):
+                bag.write(f"/talk{number % 5}", serialized_string("x" * 2000), number, 0)
+        tracemalloc.start()
+        try:
+            with rpud_sim.bag.open(tmp_path / str(count)) as bag:
+                assert sum(len(batch) for batch in bag.batches()) == count
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    small, large = peak(2_000), peak(8_000)
+    assert large < 1.05 * small + 50_000
+    assert large < 6_000_000
+
+
+def test_a_topic_that_is_not_there_is_named_with_those_that_are(tmp_path):
+    with rpud_sim.bag.open(write_bag(tmp_path / "bag")) as bag:
+        for get in (bag.arrays, bag.frame, bag.columns, lambda topic: list(bag.batches([topic]))):
+            with pytest.raises(BagError) as failure:
+                get("/tlak")
+            assert str(failure.value) == (
+                f"{tmp_path / 'bag'} holds no topic '/tlak'; it holds /rpud/chat, /rpud/talk"
+            )
+
+
+def write_odd(path):
+    """A bag with topics that cannot be tables, and one that can."""
+    wide = "\n".join(f"float64 f{number}" for number in range(11))
+    with BagWriter(path) as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
+        bag.add_topic(Topic("/wrong", "pkg/msg/Wrong"), "this is no definition !")
+        bag.add_topic(Topic("/wide", "pkg/msg/Wide"), wide)
+    with (path / "odd_1.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.add_message(writer.register_channel("/json", "json", schema_id=0), 1, b"{}", 1)
+        writer.finish()
+    return path
+
+
+def test_what_cannot_be_a_table_is_left_out_with_its_reason(tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.bag.columns.COLUMNS_LIMIT", 10)
+    path = write_odd(tmp_path / "odd")
+    (path / "metadata.yaml").unlink()
+    reasons = {
+        "/json": "its messages are 'json'; only 'cdr' is read",
+        "/untold": "the bag does not hold the definition of its type",
+        "/wide": "pkg/msg/Wide has more than 10 fields, too many for a table",
+        "/wrong": "a definition of pkg/msg/Wrong cannot be understood",
+    }
+    with rpud_sim.bag.open(path) as bag:
+        left_out = bag.left_out
+        assert list(bag.batches()) == []
+        assert left_out.keys() == reasons.keys()
+        for topic, reason in reasons.items():
+            assert left_out[topic].startswith(reason)
+            with pytest.raises(BagFormatError, match=f"odd: {topic} cannot be a table: {reason}"):
+                bag.arrays(topic)
+
+
+def test_a_damaged_message_is_an_error_that_names_its_topic(tmp_path):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.write(TALK.name, b"\x00\x01\x00\x00\xff\xff", START, START)
+    with (
+        rpud_sim.bag.open(tmp_path / "bag") as bag,
+        pytest.raises(BagFormatError, match=r"bag: /rpud/talk: a message of std_msgs/msg/String"),
+    ):
+        bag.arrays(TALK.name)
+
+
+def test_a_time_that_is_none_is_an_error(tmp_path):
+    with (tmp_path / "far.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(TALK.type, "ros2msg", STRING_DEFINITION.encode())
+        channel = writer.register_channel("/a", "cdr", schema)
+        writer.add_message(channel, 2**63, serialized_string("far"), 0)
+        writer.finish()
+    with (
+        rpud_sim.bag.open(tmp_path / "far.mcap") as bag,
+        pytest.raises(BagFormatError, match=r"/a: a message does not fit its columns"),
+    ):
+        bag.arrays("/a")
+
+
+def test_blocks_of_unequal_arrays_are_an_error(tmp_path):
+    kind = "rpud_msgs/msg/Waveform"
+    definition = find_definition(kind)
+    codec = Codec(kind, definition)
+    values = {name: np.zeros(3) for name in ("nodal_plane_position", "actuator_position")}
+    values |= {name: np.zeros(3) for name in ("free_mass_position", "drill_tool_displacement")}
+    header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+    fields = {"header": header, "sequence": 0, "sample_period": 0.1, **values}
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic("/w", kind), definition)
+        data = codec.encode({**fields, "contact_force": np.zeros(3), "reacting_force": np.zeros(2)})
+        bag.write("/w", data, START, START)
+    with (
+        rpud_sim.bag.open(tmp_path / "bag") as bag,
+        pytest.raises(
+            BagFormatError, match=r"/w: reacting_force has 2 values, and nodal_plane_position 3"
+        ),
+    ):
+        bag.arrays("/w")
+
+
+def test_a_type_that_only_has_the_name_of_ours_is_a_table_like_any_other(tmp_path):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic("/w", "rpud_msgs/msg/Waveform"), STRING_DEFINITION)
+        bag.write("/w", serialized_string("hello"), START, START)
+    with rpud_sim.bag.open(tmp_path / "bag") as bag:
+        assert bag.arrays("/w")["data"].tolist() == ["hello"]
+
+
+def test_without_pandas_a_frame_is_one_clear_line(tmp_path, monkeypatch):
+    found = builtins.__import__
+
+    def without(name, *rest):
+        if name == "pandas":
+            raise ModuleNotFoundError("No module named 'pandas'", name="pandas")
+        return found(name, *rest)
+
+    with rpud_sim.bag.open(write_bag(tmp_path / "bag")) as bag:
+        monkeypatch.setattr(builtins, "__import__", without)
+        with pytest.raises(BagError, match=r"^a frame needs the Python module pandas: pip install"):
+            bag.frame(TALK.name)
+        assert len(bag.arrays(TALK.name)["data"]) == 10

@@ -1,0 +1,103 @@
+"""`rpud export` from the shell: what it prints, and its exit codes."""
+
+import json
+
+import pytest
+from sample_bags import STRING_DEFINITION, TALK, write_bag
+
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.cli.main import main
+
+
+@pytest.fixture
+def rpud(capsys):
+    """Call the command line in this process; give exit code, output and errors."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as end:
+            main([str(word) for word in words])
+        printed = capsys.readouterr()
+        return end.value.code, printed.out, printed.err
+
+    return call
+
+
+@pytest.fixture
+def bag(tmp_path):
+    return write_bag(tmp_path / "bag")
+
+
+def test_it_says_what_it_made(bag, tmp_path, rpud):
+    code, out, err = rpud("export", bag, "--out", tmp_path / "new" / "out", "--format", "csv")
+    assert (code, err) == (0, "")
+    lines = [line.split() for line in out.splitlines()]
+    assert lines[0] == ["topic", "messages", "rows", "size", "[MB]", "file"]
+    assert lines[1][:3] == ["/rpud/chat", "0", "0"]
+    assert lines[2][:3] == ["/rpud/talk", "10", "10"]
+    assert lines[2][-1] == "rpud.talk.csv"
+    assert (tmp_path / "new" / "out" / "rpud.talk.csv").is_file()
+
+
+def test_json_is_one_object(bag, tmp_path, rpud):
+    code, out, err = rpud("export", bag, "--out", tmp_path / "out", "--json")
+    assert (code, err) == (0, "")
+    content = json.loads(out)
+    assert (content["format"], content["left_out"]) == ("parquet", {})
+    size = (tmp_path / "out" / "rpud.talk.parquet").stat().st_size
+    assert content["topics"][1] == {
+        "name": "/rpud/talk",
+        "type": "std_msgs/msg/String",
+        "messages": 10,
+        "rows": 10,
+        "path": "rpud.talk.parquet",
+        "size": size,
+    }
+
+
+def test_what_is_left_out_is_named(tmp_path, rpud):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
+    code, _, err = rpud("export", tmp_path / "bag", "--out", tmp_path / "out")
+    assert code == 0
+    assert err == (
+        "rpud export: left out /untold: the bag does not hold the definition of its type\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "reason"),
+    [
+        (["--start", "nan"], 2, "--start = nan s is outside its range [0, 1e+09] s"),
+        (["--duration", 0], 2, "--duration = 0 s is outside its range (0, 1e+09] s"),
+        (["--format", "xls"], 2, "argument --format: invalid choice: 'xls'"),
+        (["--start", 1], 1, "--start = 1 s is not in the 0.009 s that the bag holds"),
+        (["--topics", "/a"], 1, "{bag} holds no topic '/a'; it holds /rpud/chat, /rpud/talk\n"),
+    ],
+)
+def test_a_wrong_call_is_one_line(bag, tmp_path, rpud, words, code, reason):
+    found, out, err = rpud("export", bag, "--out", tmp_path / "out", *words)
+    assert (found, out) == (code, "")
+    assert err.startswith(f"rpud export: {reason.format(bag=bag)}")
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_error_is_one_line(bag, tmp_path, rpud):
+    found, out, err = rpud("export", bag, "--out", bag)
+    assert (found, out) == (1, "")
+    assert err == f"rpud export: {bag} exists already; nothing is overwritten\n"
+    found, out, err = rpud("export", tmp_path / "none", "--out", tmp_path / "out")
+    assert (found, out) == (1, "")
+    assert err == f"rpud export: there is no bag at {tmp_path / 'none'}\n"
+
+
+def test_a_torn_bag_is_one_line_that_names_the_cure(bag, tmp_path, rpud):
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes((bag / "bag_0.mcap").read_bytes()[:-100])
+    found, out, err = rpud("export", torn, "--out", tmp_path / "out")
+    assert (found, out) == (1, "")
+    assert err == (
+        f"rpud export: {torn} is cut off: it was not closed, or lost its end; "
+        f"rpud recover makes a whole bag of it\n"
+    )

@@ -1,0 +1,62 @@
+"""`rpud report` from the shell: what it prints, and its exit codes."""
+
+import json
+
+import pytest
+from sample_bags import STRING_DEFINITION, TALK, write_bag
+
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.cli.main import main
+
+
+@pytest.fixture
+def rpud(capsys):
+    """Call the command line in this process; give exit code, output and errors."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as end:
+            main([str(word) for word in words])
+        printed = capsys.readouterr()
+        return end.value.code, printed.out, printed.err
+
+    return call
+
+
+def test_it_says_where_the_page_is(tmp_path, rpud, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_bag(tmp_path / "bag")
+    code, out, err = rpud("report", "bag")
+    assert (code, out, err) == (0, "report.html: 10 messages on 2 topics\n", "")
+    assert (tmp_path / "report.html").read_text().startswith("<!DOCTYPE html>")
+    code, out, err = rpud("report", "bag")
+    assert (code, out) == (1, "")
+    assert err == "rpud report: report.html exists already; nothing is overwritten\n"
+
+
+def test_json_is_one_object_and_what_is_left_out_is_named(tmp_path, rpud):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
+    out_file = tmp_path / "new" / "out.html"
+    code, out, err = rpud("report", tmp_path / "bag", "--out", out_file, "--json")
+    reason = "the bag does not hold the definition of its type"
+    assert code == 0
+    assert err == f"rpud report: left out /untold: {reason}\n"
+    assert json.loads(out) == {
+        "out": str(out_file),
+        "topics": 1,
+        "messages": 0,
+        "left_out": {"/untold": reason},
+    }
+
+
+def test_an_error_is_one_line(tmp_path, rpud):
+    code, out, err = rpud("report", tmp_path / "none", "--out", tmp_path / "out.html")
+    assert (code, out) == (1, "")
+    assert err == f"rpud report: there is no bag at {tmp_path / 'none'}\n"
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes((write_bag(tmp_path / "bag") / "bag_0.mcap").read_bytes()[:-100])
+    code, out, err = rpud("report", torn, "--out", tmp_path / "out.html")
+    assert (code, out) == (1, "")
+    assert err.endswith("lost its end; rpud recover makes a whole bag of it\n")
+    assert not (tmp_path / "out.html").exists()
