@@ -20,7 +20,6 @@ from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.telemetry import Telemetry
 
-_SHARE = 0.75  # of a topic's depth that listeners may lack, as the drill has it
 _PATIENCE = 1.0  # [s]
 _PARAMETERS = {"weight_on_bit": 60.0, "sample_rate": 50_000, "telemetry_rate": 100}
 
@@ -49,14 +48,13 @@ def _talk(node: Node, weight_on_bit: float, telemetry_rate: int, sample_rate: in
     publishers = {
         name: node.create_publisher(TOPICS[name][0], name, TOPICS[name][1]) for name, _ in messages
     }
-    most = {name: _SHARE * TOPICS[name][1].depth for name in publishers}
     unacknowledged = dict.fromkeys(publishers, 0)
     while True:
         for name, message in messages:
             publisher = publishers[name]
             publisher.publish(message)
             unacknowledged[name] += 1
-            if unacknowledged[name] > most[name]:
+            if unacknowledged[name] >= TOPICS[name][1].depth:
                 for each in publishers.values():
                     each.wait_for_all_acked(Duration(seconds=_PATIENCE))
                 unacknowledged = dict.fromkeys(publishers, 0)

@@ -75,9 +75,8 @@ _ENCODED = {
 # Of the others the last message is what counts.
 _COMPLETE = [name for name, (_, qos) in TOPICS.items() if qos.depth >= STREAM_QOS.depth]
 
-# A simulation that nothing paces waits for its listeners when this share of a depth is used up, but
-# not longer than this for one that does not answer [s].
-_SHARE = 0.75
+# A simulation that nothing paces waits for its listeners when a depth is used up, but not longer
+# than this for one that does not answer [s].
 _LONGEST_WAIT = 1.0
 
 
@@ -202,6 +201,7 @@ class DrillPublishers:
     def _publish(self, name: str, message: Any) -> None:
         try:
             self._topics[name].publish(message)
+            self._unacknowledged[name] += 1
             if self.patient and name in _COMPLETE:
                 self._await(name)
         except RuntimeError:  # RCLError: the middleware did not take it
@@ -209,8 +209,7 @@ class DrillPublishers:
 
     def _await(self, name: str) -> None:
         """Let reliable listeners catch up before the oldest messages would be overwritten."""
-        self._unacknowledged[name] += 1
-        if self._unacknowledged[name] > _SHARE * TOPICS[name][1].depth:
+        if self._unacknowledged[name] >= TOPICS[name][1].depth:
             # For all at once: to hear from the listeners of one takes as long as of all.
             self.wait_for_listeners()
             self._unacknowledged.clear()
