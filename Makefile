@@ -6,6 +6,7 @@ SHELL := /bin/bash
 DURATION ?= 10
 BAG ?= bags/$(shell date +%Y-%m-%d-%H%M%S)
 PYTEST_ARGS ?=
+BENCH_ARGS ?=
 KILLS ?= 1000
 
 # An installed ROS is used in place of the wheels. ROS_PREFIX= (empty) asks for the wheels all the same.
@@ -45,8 +46,8 @@ format: .venv/.lint ## Format the code and mend what ruff can
 	@.venv/bin/ruff check --fix
 
 .PHONY: bench
-bench: install/.package .venv/.bench ## Run the benchmarks; installs MuJoCo to compare with
-	@$(WITH_ENV) python -m bench
+bench: install/.package .venv/.bench ## Run the benchmarks, or those of BENCH_ARGS; installs MuJoCo to compare with
+	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each

@@ -100,6 +100,12 @@ class Client:
         while time.monotonic() < quiet:
             self._executor.spin_once(timeout_sec=0.02)
 
+    def drain(self, *heard):
+        """Hear what is still on its way to lists: of a drill that stands still, nothing follows."""
+        before = -1
+        while before != (before := sum(map(len, heard))):
+            self.spin(0.3)
+
     def command(self, message):
         """Publish a command to a drill that is there to hear it."""
         publisher = self._commands[type(message)]

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import struct
-from array import array
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from types import SimpleNamespace
+from functools import cached_property
 from typing import Any
 
-import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
+from rpud_sim.bag.encoder import CODES, Encoder, Members, Sequence
 from rpud_sim.bag.errors import BagFormatError
 
 DEFINITION_LIMIT = 256 * 2**10
@@ -66,11 +66,11 @@ class Codec:
         ]
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:
-        """Serialize the values of all fields.
+        """Serialize the values of all fields, as `Encoder.encode` takes them.
 
-        Messages are mappings, sequences `array.array`, those of messages or texts lists.
+        Raises what it raises, and BagFormatError where the type has other than its members.
         """
-        return bytes(self._store.serialize_cdr(_to_object(fields), self._type))
+        return self._encoder.encode(fields)
 
     def decode(self, data: bytes) -> Any:
         """Deserialize into an object with the fields as attributes, sequences as NumPy arrays.
@@ -88,6 +88,10 @@ class Codec:
         message = self.decode(data)
         with self._clear_errors("message"):
             return bytes(self._store.serialize_cdr(message, self._type))
+
+    @cached_property
+    def _encoder(self) -> Encoder:
+        return Encoder(_members(self._store, self._type))
 
     @contextmanager
     def _clear_errors(self, what: str) -> Iterator[None]:
@@ -122,11 +126,16 @@ def _written_out(kind: Any) -> int:
     return count
 
 
-def _to_object(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return SimpleNamespace(**{name: _to_object(item) for name, item in value.items()})
-    if isinstance(value, list):
-        return [_to_object(item) for item in value]
-    if isinstance(value, array):
-        return np.asarray(value)
-    return value
+def _members(store: Typestore, type_name: str) -> Members:
+    fields = store.get_msgdef(type_name).fields
+    return Members(tuple((name, _member(store, *described)) for name, described in fields))
+
+
+def _member(store: Typestore, node: Nodetype, described: Any) -> Any:
+    if node == Nodetype.NAME:
+        return _members(store, described)
+    if node == Nodetype.SEQUENCE:
+        return Sequence(_member(store, *described[0]))
+    if node == Nodetype.BASE and described[0] in CODES:
+        return CODES[described[0]]
+    raise BagFormatError(f"no message with a member {described!r:.80} can be written")

@@ -14,8 +14,9 @@ from rpud_sim.model.seating import seating
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.model.tolerances import LONGEST_STANDSTILL
 
-# Room for the results of one call of the kernel; it is called again when they are full.
-_CAPACITY = 4096
+# Room for the results of one call of the kernel; it is called again when they are full. For more,
+# memory would come fresh from the system every time, and short blocks take a fifth longer.
+_CAPACITY = 256
 
 
 class EngineError(RuntimeError):

@@ -42,6 +42,7 @@ from rpud_sim.model.tolerances import (
     LONGEST_STANDSTILL,
     SAME_VELOCITY,
     SHORTEST_SEGMENT,
+    SLOWEST_IMPACT,
 )
 from rpud_sim.model.vibration import TWO_PI, advance_phase
 
@@ -99,15 +100,16 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
     join_held_bodies(state)
     if collisions.actuator_struck or abs(state.v_np - v_np) > SAME_VELOCITY:
         event |= EVENT_ACTUATOR_IMPACT
-    if collisions.drill_tool_struck:
+    impacted = collisions.drill_tool_struck and collisions.impact_velocity > SLOWEST_IMPACT
+    if impacted:
         event |= EVENT_DRILL_TOOL_IMPACT
-    over = collisions.drill_tool_struck or not in_contact or not drill.in_rock
+    over = impacted or not in_contact or not drill.in_rock
     over = over or (drill.jammed and collisions.actuator_struck)
     if state.impact_open and over:
         impacts[count] = impact
         count += 1
         state.impact_open = 0
-    if collisions.drill_tool_struck:
+    if impacted:
         open_impact(drill, state, impact, collisions)
         if not state.impact_open:
             impacts[count] = impact

@@ -18,6 +18,10 @@ LOWEST_BOUNCE = 1e-9
 # Touching bodies do not collide if their velocities differ by less [m/s].
 SAME_VELOCITY = 1e-9
 
+# A free mass that meets the drill tool more slowly is no impact on it [m/s]: what is reported ends
+# when the drill is at rest.
+SLOWEST_IMPACT = 1e-6
+
 # A contact that does not press opens when it pulls by this [N]; it is kept if it pulls by less
 # than half of that.
 WEAKEST_PULL = 1e-9

@@ -7,17 +7,18 @@ import time
 from rclpy.node import Node
 
 from rpud_sim.ros.inbox import Inbox
-from rpud_sim.ros.pacing import NANOSECONDS, Pacer, Timing
+from rpud_sim.ros.pacing import NANOSECONDS, NO_TIMING, Pacer
 from rpud_sim.ros.parameters import Settings
 from rpud_sim.ros.publishers import DrillPublishers
 from rpud_sim.ros.report import Report, report_to_diagnostics, report_to_status
-from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.fields import drill_fields
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
 REPORT_PERIOD = 1.0  # of status and diagnostics [s]
+_TOGETHER = 20  # blocks that are counted at once: one by one would take most of the time anew
 _COMMAND_TOPICS = ("command/weight_on_bit", "command/drive")
 
 
@@ -40,6 +41,7 @@ class Account:
         self._inbox = inbox
         self._command_topics = [node.resolve_topic_name(topic) for topic in _COMMAND_TOPICS]
         self._last: Report | None = None
+        self._blocks: list[Block] = []
         self.begin()
 
     @property
@@ -50,6 +52,7 @@ class Account:
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when the drilling has ended."""
+        self._count()
         totals = Statistics()
         totals.merge(self._totals)
         totals.merge(self._interval)
@@ -57,6 +60,7 @@ class Account:
 
     def begin(self) -> None:
         """Begin anew."""
+        self._blocks.clear()
         self._totals = Statistics()
         self._interval = Statistics()
         self._inbox.begin()
@@ -64,7 +68,9 @@ class Account:
 
     def add(self, block: Block) -> None:
         """Add a block."""
-        self._interval.add(block)
+        self._blocks.append(block)
+        if len(self._blocks) >= _TOGETHER:
+            self._count()
 
     def due(self) -> bool:
         """Whether it is time for a full report."""
@@ -91,7 +97,8 @@ class Account:
         """
         now = time.monotonic_ns()
         if self._last is None or now >= self._due or pacer is None:
-            timing = pacer.take() if pacer else Timing(0, 0, 0.0, 0.0, 0.0, 0.0)
+            self._count()
+            timing = pacer.take() if pacer else NO_TIMING
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()
@@ -105,6 +112,8 @@ class Account:
             applied=simulation.applied,
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
+            requests_refused=self._inbox.requests_refused,
+            last_refusal=self._inbox.last_refusal,
             commands_lost=control.commands_lost,
             commanders=max(map(self._node.count_publishers, self._command_topics)),
             messages_dropped=self._outputs.dropped,
@@ -121,3 +130,8 @@ class Account:
                 self._telemetry_rate,
             )
         )
+
+    def _count(self) -> None:
+        if self._blocks:
+            self._interval.add(join_blocks(self._blocks))
+            self._blocks.clear()

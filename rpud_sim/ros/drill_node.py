@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -82,11 +83,11 @@ class DrillNode(ManagedNode):
         self._quit = False
         self._gate = Gate(self, self._settings, self._inbox, self._now)
         self._simulation_services = SimulationServices(
-            self, lambda: self.drilling, self._origin, self._ask_to_quit
+            self, lambda: self.drilling, self._origin, self.refuse_request, self._ask_to_quit
         )
         if standard_services.INSTALLED:
             StandardServices(self, self._simulation_services, self._settings.telemetry_rate)
-        FaultServices(self, lambda: self.drilling, self._origin, self._inbox.refuse_request)
+        FaultServices(self, lambda: self.drilling, self._origin, self.refuse_request)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
 
@@ -120,12 +121,29 @@ class DrillNode(ManagedNode):
         """What ended the drilling before it was asked to stop, if anything did."""
         return self._drilling.failure if self._drilling else None
 
+    @property
+    def unheard(self) -> list[str]:
+        """Topics of its namespace that it publishes and nobody listens to."""
+        return self._outputs.unheard if self._outputs else []
+
+    def prepare(self) -> None:
+        """Configure, if it shall do so by itself and has not yet: then its topics are there.
+
+        Raises:
+            RuntimeError: if it cannot.
+        """
+        if self._settings.autostart and self._outputs is None:
+            self._succeed(self.trigger_configure)
+
     def start(self) -> None:
-        """Configure and activate, if it shall do so by itself."""
+        """Configure and activate, if it shall do so by itself.
+
+        Raises:
+            RuntimeError: if it cannot.
+        """
+        self.prepare()
         if self._settings.autostart:
-            for trigger in (self.trigger_configure, self.trigger_activate):
-                if trigger() != TransitionCallbackReturn.SUCCESS:
-                    raise RuntimeError("the drill cannot be started; the log says why")
+            self._succeed(self.trigger_activate)
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and let listeners have the last messages."""
@@ -141,6 +159,9 @@ class DrillNode(ManagedNode):
         self._outputs = DrillPublishers(self, settings)
         self._drilling = Drilling(self, settings, self._outputs, self._inbox, self._end)
         self._drilling.announce()
+        # To look through all that lives by now, again and again, would make blocks late.
+        gc.collect()
+        gc.freeze()
         return TransitionCallbackReturn.SUCCESS
 
     @told
@@ -177,6 +198,7 @@ class DrillNode(ManagedNode):
             self._outputs.destroy()
         self._drilling = self._outputs = None
         self._started = False
+        gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 
     @told
@@ -190,6 +212,14 @@ class DrillNode(ManagedNode):
         self._gate.open(False)
         self._quit = True
         return TransitionCallbackReturn.SUCCESS
+
+    def _succeed(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            raise RuntimeError("the drill cannot be started; the log says why")
+
+    def refuse_request(self, reason: str) -> None:
+        """Count a request that is refused, and log why."""
+        self._inbox.refuse_request(reason)
 
     def _ask_to_quit(self) -> None:
         self._quit = True

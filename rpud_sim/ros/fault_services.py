@@ -93,6 +93,8 @@ class FaultServices:
         result = self._node.set_parameters([Parameter("regime", value=regime)])[0]
         response.success = result.successful
         response.message = result.reason
+        if not result.successful:
+            self._refused(result.reason)
         return response
 
     def _answer(self, response: Any, act: Callable[[Simulation], None]) -> Any:

@@ -1,7 +1,8 @@
-"""Commands on their way from the executor's thread to the pacing thread; refusals counted."""
+"""Commands on their way from the executor's threads to the pacing thread; refusals counted."""
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -19,6 +20,13 @@ class Inbox:
     """Checked commands in the order in which they came.
 
     One thread puts in, another takes out; each of these is one atomic operation of a deque.
+    Requests of services are refused by any thread.
+
+    Attributes:
+        accepted: commands that were taken, since the start.
+        rejected: commands that were refused, since the start.
+        requests_refused: requests of services that were refused, since the start.
+        last_refusal: why the latest of both was refused.
     """
 
     def __init__(self, logger: RcutilsLogger) -> None:
@@ -27,8 +35,11 @@ class Inbox:
         self._second = 0
         self._logged = 0
         self._notify: Callable[[], None] = lambda: None
+        self._counting = threading.Lock()
         self.accepted = 0
         self.rejected = 0
+        self.requests_refused = 0
+        self.last_refusal = ""
 
     def notify(self, notify: Callable[[], None]) -> None:
         """Call this from now on whenever there is news."""
@@ -39,6 +50,8 @@ class Inbox:
         self._waiting.clear()
         self.accepted = 0
         self.rejected = 0
+        self.requests_refused = 0
+        self.last_refusal = ""
 
     def accept(self, command: WeightOnBit | Drive) -> None:
         """Queue a command for the next block boundary."""
@@ -48,12 +61,16 @@ class Inbox:
     def refuse(self, reason: str) -> None:
         """Count a command that cannot be used and log why."""
         self.rejected += 1
+        self.last_refusal = reason
         self._log(f"command refused: {reason}")
         self._notify()
 
     def refuse_request(self, reason: str) -> None:
-        """Log why a service's request cannot be met; its client hears of it anyway."""
-        self._log(f"request refused: {reason}")
+        """Count a service's request that cannot be met and log why; its client hears of it."""
+        with self._counting:
+            self.requests_refused += 1
+            self.last_refusal = reason
+            self._log(f"request refused: {reason}")
 
     def _log(self, text: str) -> None:
         """Log a refusal; of a flood, only the first ones."""
@@ -65,7 +82,7 @@ class Inbox:
         if self._logged <= _LOGGED_PER_SECOND:
             self._logger.warning(text)
         elif self._logged == _LOGGED_PER_SECOND + 1:
-            self._logger.warning("more is refused in this second; commands are counted")
+            self._logger.warning("more is refused in this second, and counted")
 
     def take(self) -> list[WeightOnBit | Drive]:
         """Return the commands that wait, in order; from now on they count as accepted."""

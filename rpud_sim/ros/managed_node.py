@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -16,6 +17,7 @@ from rpud_sim.simulation import shown
 Node = TypeVar("Node", bound="ManagedNode")
 Transition = Callable[[Node, LifecycleState], TransitionCallbackReturn]
 Handler = Callable[[Any, Any], Any]
+Refused = Callable[[str], None]
 
 
 class ManagedNode(LifecycleNode):
@@ -27,22 +29,29 @@ class ManagedNode(LifecycleNode):
         """Create a service; those that set parameters refuse what has an unknown type."""
         # rclpy raises ValueError out of the executor there.
         guards = {SetParameters: _each_known, SetParametersAtomically: _all_known}
-        handler = guards[srv_type](callback) if srv_type in guards else callback
-        return super().create_service(srv_type, srv_name, handler, **options)
+        if srv_type in guards:
+            callback = _tells_refusals(guards[srv_type](callback), self.refuse_request)
+        return super().create_service(srv_type, srv_name, callback, **options)
+
+    def refuse_request(self, reason: str) -> None:
+        """Hear why a client's request to set a parameter or to change the state was refused."""
+        self.get_logger().warning(f"request refused: {reason}")
 
     # rclpy lets RCLError out of the executor when a client asks for a transition that the present
     # state does not have: the node would end, and the client wait for ever. This name is how Python
     # calls the private method of its mixin.
-    def _LifecycleNodeMixin__change_state(  # noqa: N802
-        self, transition_id: int
-    ) -> TransitionCallbackReturn:
-        change = LifecycleNode._LifecycleNodeMixin__change_state  # type: ignore[attr-defined]
-        try:
-            return change(self, transition_id)
-        except RuntimeError as error:  # RCLError
-            reason = str(error).partition(", at ")[0]
-            self.get_logger().warning(f"transition refused: {reason}")
-            return TransitionCallbackReturn.FAILURE
+    def _LifecycleNodeMixin__on_change_state(  # noqa: N802
+        self, request: ChangeState.Request, response: ChangeState.Response
+    ) -> ChangeState.Response:
+        wanted = request.transition.label or request.transition.id
+        known = self._state_machine.available_transitions
+        if not any(wanted in (number, label) for number, label, *_ in known):
+            _, state = self._state_machine.current_state
+            self.refuse_request(f"the state {state} has no transition {shown(wanted)}")
+            response.success = False
+            return response
+        change = LifecycleNode._LifecycleNodeMixin__on_change_state  # type: ignore[attr-defined]
+        return change(self, request, response)
 
 
 def told(transition: Transition[Node]) -> Transition[Node]:
@@ -80,6 +89,18 @@ def _all_known(callback: Handler) -> Handler:
         if refused is None:
             return callback(request, response)
         response.result = refused
+        return response
+
+    return answer
+
+
+def _tells_refusals(callback: Handler, refused: Refused) -> Handler:
+    def answer(request: Any, response: Any) -> Any:
+        response = callback(request, response)
+        results = getattr(response, "results", None)
+        for result in [response.result] if results is None else results:
+            if not result.successful:
+                refused(result.reason)
         return response
 
     return answer

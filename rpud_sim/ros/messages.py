@@ -10,12 +10,10 @@ from typing import TypeVar
 
 from builtin_interfaces.msg import Time
 from rpud_msgs.msg import Fault as FaultMessage
-from rpud_msgs.msg import Faults as FaultsMessage
 
 from rpud_sim.simulation import fields
 from rpud_sim.simulation.faults import KINDS, Fault
 from rpud_sim.simulation.ledger import FaultRecord
-from rpud_sim.simulation.ledger import Faults as FaultLedger
 
 Message = TypeVar("Message")
 
@@ -52,10 +50,3 @@ def message_to_fault(message: FaultMessage) -> Fault:
 def record_to_fault(record: FaultRecord, origin: int) -> FaultMessage:
     """Convert one record of the ledger."""
     return filled(FaultMessage(), fields.fault_fields(record, origin))
-
-
-def faults_to_message(ledger: FaultLedger, time: int, origin: int) -> FaultsMessage:
-    """Convert the ledger as it is at a simulation time."""
-    values = fields.faults_fields(ledger, time, origin)
-    values["faults"] = [filled(FaultMessage(), fault) for fault in values["faults"]]
-    return filled(FaultsMessage(), values)

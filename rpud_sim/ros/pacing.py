@@ -7,6 +7,8 @@ import math
 import time
 from collections.abc import Callable
 
+from rpud_sim.ros.lateness import Lateness
+
 NANOSECONDS = 1_000_000_000
 
 
@@ -19,6 +21,9 @@ class Timing:
         deadlines_missed: of them, those finished later than one period after their deadline.
         lateness: of the last block, from its deadline to its end [s].
         lateness_max: since the last call of ``Pacer.take`` [s].
+        lateness_p50: half of the blocks since the start were not later [s].
+        lateness_p99: of all blocks since the start, 99 % were not later [s].
+        lateness_p999: of all blocks since the start, 99.9 % were not later [s].
         lag: how far simulation time is behind its schedule, in whole periods [s].
         real_time_factor: simulated time over elapsed time since the last call of ``Pacer.take``.
     """
@@ -27,8 +32,14 @@ class Timing:
     deadlines_missed: int
     lateness: float
     lateness_max: float
+    lateness_p50: float
+    lateness_p99: float
+    lateness_p999: float
     lag: float
     real_time_factor: float
+
+
+NO_TIMING = Timing(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # before the start
 
 
 class Pacer:
@@ -63,6 +74,7 @@ class Pacer:
         self._missed = 0
         self._lateness = 0.0
         self._lateness_max = 0.0
+        self._all = Lateness()
         self._start = self._start_time = self._time = 0
         self._taken_at = self._clock()
         self._taken_time = 0
@@ -98,9 +110,11 @@ class Pacer:
         if not (self._running and self._factor):
             return
         due = max(self._due(time), self._begun) if self._in_steps else self._due(time)
-        lateness = (self._schedule() - due) / NANOSECONDS
+        late = self._schedule() - due
+        lateness = late / NANOSECONDS
         self._lateness = lateness
         self._lateness_max = max(self._lateness_max, lateness)
+        self._all.add(late)
         if lateness * self._rate * self._factor > 1.0:
             self._missed += 1
 
@@ -117,6 +131,9 @@ class Pacer:
             deadlines_missed=self._missed,
             lateness=self._lateness,
             lateness_max=self._lateness_max,
+            lateness_p50=self._all.quantile(0.5),
+            lateness_p99=self._all.quantile(0.99),
+            lateness_p999=self._all.quantile(0.999),
             lag=math.floor(behind * self._rate) / self._rate,
             real_time_factor=(self._time - self._taken_time) / elapsed if elapsed > 0 else 1.0,
         )

@@ -26,13 +26,14 @@ from rpud_msgs.msg import (
 )
 from sensor_msgs.msg import JointState
 
-from rpud_sim.ros.messages import faults_to_message, filled, nanoseconds_to_time
+from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros.parameters import Settings
+from rpud_sim.ros.types import members_of
 from rpud_sim.simulation import fields, journal
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.ledger import Faults as FaultLedger
-from rpud_sim.simulation.telemetry import Entry, Telemetry
+from rpud_sim.simulation.telemetry import Telemetry
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
@@ -66,6 +67,11 @@ TOPICS: dict[str, tuple[type, QoSProfile]] = {
     "journal": (JournalEntry, JOURNAL_QOS),
     "/diagnostics": (DiagnosticArray, DIAGNOSTICS_QOS),
 }
+# All but the reports, which are messages already.
+_ENCODED = {
+    **{name: kind for name, (kind, _) in TOPICS.items() if name not in ("status", "/diagnostics")},
+    "/clock": Clock,
+}
 # Of the others the last message is what counts.
 _COMPLETE = [name for name, (_, qos) in TOPICS.items() if qos.depth >= STREAM_QOS.depth]
 
@@ -95,6 +101,7 @@ class DrillPublishers:
         self._topics = {
             name: node.create_publisher(kind, name, qos) for name, (kind, qos) in TOPICS.items()
         }
+        self._encoders = {name: Encoder(members_of(kind)) for name, kind in _ENCODED.items()}
         self._telemetry = Telemetry(
             settings.telemetry_rate,
             settings.sample_rate,
@@ -113,6 +120,15 @@ class DrillPublishers:
     def dropped(self) -> int:
         """Messages that the middleware did not take."""
         return self._dropped
+
+    @property
+    def unheard(self) -> list[str]:
+        """Topics of the node's namespace that nobody listens to."""
+        return [
+            name
+            for name, publisher in self._topics.items()
+            if not (name.startswith("/") or publisher.get_subscription_count())
+        ]
 
     def begin(self, origin: int) -> None:
         """Begin with simulation time zero, whose stamp this is [ns]."""
@@ -136,25 +152,23 @@ class DrillPublishers:
             faults: that lasted in it, or in a part of it.
         """
         if "/clock" in self._topics:
-            stamp = nanoseconds_to_time(self.origin + block.end)
-            self._publish("/clock", Clock(clock=stamp))
-        self._send(self._telemetry.take(block, faults))
+            stamp = fields.time_fields(self.origin + block.end)
+            self._send([("/clock", {"clock": stamp})])
+        self._send((name, values) for _, name, values in self._telemetry.take(block, faults))
 
     def flush(self) -> None:
         """Publish the waveform and the trajectory up to the end of the last block."""
-        self._send(self._telemetry.flush())
+        self._send((name, values) for _, name, values in self._telemetry.flush())
 
     def publish_faults(self, ledger: FaultLedger, time: int) -> None:
         """Publish the ground truth of faults at a simulation time [ns], if it has changed."""
         if ledger.active is not self._faults:
             self._faults = ledger.active
-            self._publish("faults", faults_to_message(ledger, time, self.origin))
+            self._send([("faults", fields.faults_fields(ledger, time, self.origin))])
 
     def publish_journal(self, entries: Iterable[journal.JournalEntry]) -> None:
         """Publish what has changed the simulation."""
-        for entry in entries:
-            values = fields.journal_fields(entry, self.origin)
-            self._publish("journal", filled(JournalEntry(), values))
+        self._send(("journal", fields.journal_fields(entry, self.origin)) for entry in entries)
 
     def publish_status(self, status: Status) -> None:
         """Publish a status."""
@@ -178,9 +192,12 @@ class DrillPublishers:
             self._node.destroy_publisher(publisher)
         self._topics.clear()
 
-    def _send(self, entries: Iterable[Entry]) -> None:
-        for _, name, values in entries:
-            self._publish(name, filled(TOPICS[name][0](), values))
+    def _send(self, entries: Iterable[tuple[str, fields.Fields]]) -> None:
+        # All are made before the first one goes: what follows at once finds a listener awake, and
+        # to wake one costs more than the rest of sending.
+        messages = [(name, self._encoders[name].encode(values)) for name, values in entries]
+        for name, message in messages:
+            self._publish(name, message)
 
     def _publish(self, name: str, message: Any) -> None:
         try:
@@ -194,5 +211,6 @@ class DrillPublishers:
         """Let reliable listeners catch up before the oldest messages would be overwritten."""
         self._unacknowledged[name] += 1
         if self._unacknowledged[name] > _SHARE * TOPICS[name][1].depth:
-            self._topics[name].wait_for_all_acked(Duration(seconds=_LONGEST_WAIT))
-            self._unacknowledged[name] = 0
+            # For all at once: to hear from the listeners of one takes as long as of all.
+            self.wait_for_listeners()
+            self._unacknowledged.clear()

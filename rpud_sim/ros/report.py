@@ -47,6 +47,8 @@ class Report:
         impacts: impacts on the drill tool since the start.
         commands_accepted: since the start.
         commands_rejected: since the start.
+        requests_refused: of services, since the start.
+        last_refusal: why the latest command or request was refused.
         commands_lost: whether commands stayed out, and the drill is made safe.
         commanders: publishers on the command topic that has most of them.
         messages_dropped: since the start.
@@ -68,6 +70,8 @@ class Report:
     impacts: int
     commands_accepted: int
     commands_rejected: int
+    requests_refused: int
+    last_refusal: str
     commands_lost: bool
     commanders: int
     messages_dropped: int
@@ -123,6 +127,9 @@ def report_to_diagnostics(
                     "deadlines_missed": timing.deadlines_missed,
                     "lateness [s]": f"{timing.lateness:.6f}",
                     "lateness_max [s]": f"{timing.lateness_max:.6f}",
+                    "lateness_p50 [s]": f"{timing.lateness_p50:.6f}",
+                    "lateness_p99 [s]": f"{timing.lateness_p99:.6f}",
+                    "lateness_p99.9 [s]": f"{timing.lateness_p999:.6f}",
                     "lag [s]": f"{timing.lag:.6f}",
                     "messages_dropped": report.messages_dropped,
                 },
@@ -133,6 +140,8 @@ def report_to_diagnostics(
                 {
                     "commands_accepted": report.commands_accepted,
                     "commands_rejected": report.commands_rejected,
+                    "requests_refused": report.requests_refused,
+                    "last_refusal": report.last_refusal,
                     "weight_on_bit [N]": f"{report.applied.weight_on_bit.force:g}",
                     "drive_enabled": report.applied.drive.enabled,
                     "drive_voltage [V]": f"{report.applied.drive.voltage:g}",

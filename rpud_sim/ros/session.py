@@ -23,6 +23,7 @@ from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import Figures
 
 _READY = 15.0  # that the recorder may take to be ready [s]
+_HEARD = 5.0  # that the middleware may then take to tell each of the other [s]
 _CLOSING = 30.0  # that it may take to close its bag [s]
 
 
@@ -139,10 +140,18 @@ def _is_whole(value: Any) -> bool:
 
 
 def _drill(node: DrillNode, stop: StopRequest, bag: str | None, namespace: str, live: bool) -> int:
-    recorder = RecorderProcess(bag, namespace) if bag else None
-    if recorder is not None and not recorder.wait_until_ready(stop):
-        code = recorder.close()
-        return 0 if stop.requested and code == 0 else 1
+    recorder = None
+    if bag:
+        try:
+            node.prepare()  # so that the recorder finds its topics, and has the first message
+        except RuntimeError as error:
+            print(f"rpud run: {error}", file=sys.stderr)
+            return 1
+        recorder = RecorderProcess(bag, namespace)
+        if not recorder.wait_until_ready(stop):
+            code = recorder.close()
+            return 0 if stop.requested and code == 0 else 1
+        _await_recorder(node, stop)
     line = LiveLine(live)
     try:
         code = spin(node, stop, line.show)
@@ -153,6 +162,15 @@ def _drill(node: DrillNode, stop: StopRequest, bag: str | None, namespace: str, 
     if bag and recorded:
         print(f"bag: {bag}", flush=True)
     return code if recorded else 1
+
+
+def _await_recorder(node: DrillNode, stop: StopRequest) -> None:
+    """Wait until all topics are heard, and say so where some are not."""
+    end = time.monotonic() + _HEARD
+    while node.unheard and time.monotonic() < end and not stop.wait(0.01):
+        pass
+    if node.unheard and not stop.requested:
+        node.get_logger().warning(f"not heard by the recorder: {', '.join(node.unheard)}")
 
 
 class LiveLine:

@@ -46,6 +46,7 @@ class SimulationServices:
         node: that owns them.
         drilling: gives what is controlled, None while there is none.
         origin: gives the stamp of simulation time zero [ns].
+        refused: told the reason of each refusal.
         quit_node: ends the node.
     """
 
@@ -54,10 +55,12 @@ class SimulationServices:
         node: Node,
         drilling: Callable[[], Drilling | None],
         origin: Callable[[], int],
+        refused: Callable[[str], None],
         quit_node: Callable[[], None],
     ) -> None:
         self._drilling = drilling
         self._origin = origin
+        self._refused = refused
         self._quit = quit_node
         # A step takes its time: meanwhile the others must be answered.
         self.stepping = MutuallyExclusiveCallbackGroup()
@@ -119,6 +122,7 @@ class SimulationServices:
 
         Raises:
             RefusedError: if that is not possible.
+            InterruptedStepError: if it ends before its time.
         """
         drilling = self._controlled()
         if drilling.follows_clock:
@@ -144,11 +148,7 @@ class SimulationServices:
                 )
             return drilling.step(until)
 
-        try:
-            reached = drilling.wait(drilling.request(begin))
-        except InterruptedStepError as error:
-            raise RefusedError(Result.RESULT_OPERATION_FAILED, f"interrupted: {error}") from None
-        return self._origin() + reached
+        return self._origin() + drilling.wait(drilling.request(begin))
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
         """Fill the response with what comes of an action, and return it."""
@@ -158,9 +158,15 @@ class SimulationServices:
         except RefusedError as refused:
             response.result.result = refused.result
             response.result.error_message = str(refused)
+            if refused.result != SetSimulationState.Response.ALREADY_IN_TARGET_STATE:
+                self._refused(str(refused))
+        except InterruptedStepError as error:
+            response.result.result = Result.RESULT_OPERATION_FAILED
+            response.result.error_message = f"interrupted: {error}"
         except StoppedError as error:
             response.result.result = Result.RESULT_INCORRECT_STATE
             response.result.error_message = str(error)
+            self._refused(str(error))
         except Exception as error:  # a client must hear of it, whatever it is
             response.result.result = Result.RESULT_OPERATION_FAILED
             response.result.error_message = str(error)

@@ -1,4 +1,4 @@
-"""Message classes by the names of their types."""
+"""Message classes: by the names of their types, and what members they have."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from typing import Any
 
 from rclpy.type_support import check_for_type_support
 
+from rpud_sim.bag.encoder import CODES, Members, Sequence
+
 _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/([a-z]+)/([A-Za-z]\w*)")
+_SEQUENCE = re.compile(r"sequence<([^,]+)>")
 
 
 class UnknownTypeError(Exception):
@@ -33,3 +36,21 @@ def message_class(type_name: str) -> Any:
             f"type {type_name} is not installed here ({type(error).__name__}: {error})"
         ) from error
     return message
+
+
+def members_of(message: Any) -> Members:
+    """Give the members of a message class, as an encoder needs them.
+
+    Raises UnknownTypeError where it has other than numbers, texts, messages and their sequences.
+    """
+    members = message.get_fields_and_field_types().items()
+    return Members(tuple((name, _member(described)) for name, described in members))
+
+
+def _member(described: str) -> Any:
+    if described in CODES:
+        return CODES[described]
+    sequence = _SEQUENCE.fullmatch(described)
+    if sequence is not None:
+        return Sequence(_member(sequence[1]))
+    return members_of(message_class(described.replace("/", "/msg/")))

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.model.segment import CONSTANTS, SEGMENT
+from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied
 from rpud_sim.simulation.journal import JournalEntry
@@ -129,16 +129,17 @@ def joint_state_fields(samples: Samples, index: int, stamp: int) -> Fields:
 
 def contact_force_fields(impact: np.void, origin: int) -> Fields:
     """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``."""
-    start = int(impact["seconds"]) * NANOSECONDS
-    start += round(float(impact["fraction"]) * NANOSECONDS)
+    # All at once: one by one they would take longer than the rest of the message.
+    values = dict(zip(IMPACT.names or (), impact.item(), strict=True))
+    start = values["seconds"] * NANOSECONDS + round(values["fraction"] * NANOSECONDS)
     return {
         "header": header_fields(origin + start, TOOL_TIP_FRAME),
-        "sequence": int(impact["sequence"]),
-        "peak_force": float(impact["peak_force"]),
-        "contact_duration": float(impact["contact_duration"]),
-        "impact_velocity": float(impact["impact_velocity"]),
-        "impulse": float(impact["impulse"]),
-        "energy": float(impact["energy"]),
+        "sequence": values["sequence"],
+        "peak_force": values["peak_force"],
+        "contact_duration": values["contact_duration"],
+        "impact_velocity": values["impact_velocity"],
+        "impulse": values["impulse"],
+        "energy": values["energy"],
     }
 
 

@@ -42,6 +42,9 @@ class Times:
     @staticmethod
     def from_nanoseconds(nanoseconds: np.ndarray | int) -> Times:
         """Return the times given in integer nanoseconds, shape (n,)."""
+        if isinstance(nanoseconds, int):  # sampled for every telemetry message
+            whole, left = divmod(nanoseconds, NANOSECONDS)
+            return Times(np.array([whole], np.int64), np.array([left / NANOSECONDS]))
         seconds, rest = np.divmod(np.atleast_1d(np.asarray(nanoseconds, np.int64)), NANOSECONDS)
         return Times(seconds, rest / NANOSECONDS)
 

@@ -97,6 +97,11 @@ class Drill:
         """Commands that were refused."""
         return self.node._inbox.rejected
 
+    @property
+    def requests_refused(self) -> int:
+        """Requests that were refused."""
+        return self.node._inbox.requests_refused
+
     @contextlib.contextmanager
     def paused(self) -> Iterator[None]:
         """Let its time stand still, for what no drill does while it plays."""

@@ -82,7 +82,12 @@ def _service(name: str, refusal: Callable[[Any], Reason], **fields: Any) -> Send
         request = drill.services[name].srv_type.Request()
         for field, draw in fields.items():
             setattr(request, field, draw(random))
-        return refusal(drill.call(name, request))
+        before = drill.requests_refused
+        reason = refusal(drill.call(name, request))
+        counted = drill.requests_refused > before or reason == "it is in that state already"
+        if reason is not None and not counted:
+            raise NotAnsweredError(f"refused, {reason}, but not counted")
+        return reason
 
     return send
 

@@ -127,7 +127,7 @@ def test_commands_are_refused_counted_and_logged_while_it_is_inactive(client, dr
 @pytest.mark.parametrize("transition", [ACTIVATE, DEACTIVATE, CLEANUP, 77])
 def test_an_impossible_transition_is_answered_and_ends_nothing(client, drill, transition):
     assert not change(client, transition)
-    drill.wait_for_line("transition refused: ")
+    drill.wait_for_line("request refused: the state unconfigured has no transition ")
     assert state_of(client) == "unconfigured"
     assert drill.running
 

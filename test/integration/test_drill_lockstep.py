@@ -77,6 +77,7 @@ def test_steps_add_up_to_the_nanosecond_and_all_that_happened_is_heard(client):
 
     client.until(heard)
     client.reset()
+    client.drain(planes, impacts)
     planes.clear()
     impacts.clear()
     assert client.step(0.25) == SECOND // 4
@@ -220,22 +221,16 @@ class Tape:
         """Give the contents of all messages of a run from a reset on, and the ground truth."""
         assert self._client.reset(seed=seed).result == Result.RESULT_OK
         self._client.until(lambda: stamps(self._client.status)[-1] == 0)
-        self.drain()
+        self._client.drain(*self._heard.values())
         for messages in self._heard.values():
             messages.clear()
         end = script(self._client)
         sampled = end - end % (SECOND // 100)
         last = [self._heard[topic] for topic in TELEMETRY]
         self._client.until(lambda: all(stamps(it)[-1:] == [sampled] for it in last))
-        self.drain()
+        self._client.drain(*self._heard.values())
         recorded = {topic: list(map(contents, heard)) for topic, heard in self._heard.items()}
         return {**recorded, "faults": contents(self._faults[-1])}
-
-    def drain(self):
-        """Hear what is still on its way: of a drill that stands still, nothing follows."""
-        before = -1
-        while before != (before := sum(map(len, self._heard.values()))):
-            self._client.spin(0.3)
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(client):

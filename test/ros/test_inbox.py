@@ -33,11 +33,12 @@ def test_a_refusal_is_counted_and_logged_with_its_reason():
     assert log.lines == ["command refused: weight_on_bit = -1 N is outside its range [0, 1000] N"]
 
 
-def test_a_refused_request_is_logged_and_no_command():
+def test_a_refused_request_is_counted_and_logged_and_no_command():
     log = Log()
     inbox = Inbox(log)
     inbox.refuse_request("there is no fault 7 to clear")
-    assert (inbox.accepted, inbox.rejected) == (0, 0)
+    assert (inbox.accepted, inbox.rejected, inbox.requests_refused) == (0, 0, 1)
+    assert inbox.last_refusal == "there is no fault 7 to clear"
     assert log.lines == ["request refused: there is no fault 7 to clear"]
 
 
@@ -50,7 +51,7 @@ def test_a_flood_is_counted_in_full_and_logged_in_part():
     # Ten lines and a note for each second, and the flood may span two.
     assert 11 <= len(log.lines) <= 22
     assert log.lines[0] == "command refused: 0"
-    assert "more is refused in this second; commands are counted" in log.lines
+    assert "more is refused in this second, and counted" in log.lines
 
 
 def test_whoever_takes_is_woken_by_every_command_and_every_refusal():

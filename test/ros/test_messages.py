@@ -20,11 +20,14 @@ from rpud_msgs.msg import (
     Waveform,
 )
 from rpud_msgs.msg import Fault as FaultMessage
+from rpud_msgs.msg import Faults as FaultsMessage
 from sensor_msgs.msg import JointState
 from trajectories import arrays_of, rebuild
 
+from rpud_sim.bag.encoder import Encoder
 from rpud_sim.ros import messages
 from rpud_sim.ros.messages import filled
+from rpud_sim.ros.types import members_of
 from rpud_sim.simulation import CONSTANTS, SEGMENT, fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
@@ -287,7 +290,8 @@ def test_the_ledger_is_said_record_by_record():
     ledger.inject(3, Fault("bias", "wrench", 2.5))
     ledger.inject(5, Fault("free_mass_jammed"))
     ledger.clear(SECOND + 4, 1)
-    message = messages.faults_to_message(ledger, 2 * SECOND, ORIGIN)
+    values = fields.faults_fields(ledger, 2 * SECOND, ORIGIN)
+    message = deserialize_message(Encoder(members_of(FaultsMessage)).encode(values), FaultsMessage)
     assert nanoseconds(message.header.stamp) == ORIGIN + 2 * SECOND
     assert message.header.frame_id == "rpud_mount"
     assert message.forgotten == 0
@@ -299,7 +303,6 @@ def test_the_ledger_is_said_record_by_record():
     assert nanoseconds(over.clear) == ORIGIN + SECOND + 4
     assert lasting.clear == Time()
     assert messages.record_to_fault(ledger.active[0], ORIGIN) == lasting
-    assert deserialize_message(serialize_message(message), type(message)) == message
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -130,6 +130,15 @@ def test_factor_and_maximum_are_those_since_the_report_before():
     assert run.pacer.take().real_time_factor == 1.0
 
 
+def test_quantiles_are_of_all_blocks_since_the_start():
+    run = Run()
+    for _ in range(100):
+        run.blocks([MILLISECOND] * 9 + [5 * MILLISECOND])
+        timing = run.pacer.take()
+    assert timing.lateness_p50 == pytest.approx(0.001, rel=0.05)
+    assert timing.lateness_p99 == timing.lateness_p999 == pytest.approx(0.005, rel=0.05)
+
+
 @pytest.mark.parametrize("factor", [0.01, 0.1, 0.5, 2.0, 10.0, 1000.0])
 def test_simulated_over_elapsed_time_is_the_factor(factor):
     run = Run(factor=factor)

@@ -18,6 +18,9 @@ ON_TIME = Timing(
     deadlines_missed=4,
     lateness=0.0002,
     lateness_max=0.003,
+    lateness_p50=0.0001,
+    lateness_p99=0.0011,
+    lateness_p999=0.0025,
     lag=0.0,
     real_time_factor=0.9998,
 )
@@ -29,6 +32,8 @@ REPORT = Report(
     impacts=1234,
     commands_accepted=2,
     commands_rejected=7,
+    requests_refused=3,
+    last_refusal="there is no fault 9 to clear",
     commands_lost=False,
     commanders=1,
     messages_dropped=1,
@@ -125,8 +130,13 @@ def test_the_diagnostics_have_names_and_values():
     assert (drill.level, drill.message) == (DiagnosticStatus.OK, "running")
     values = {pair.key: pair.value for status in message.status for pair in status.values}
     assert values["deadlines_missed"] == "4"
+    assert values["requests_refused"] == "3"
+    assert values["last_refusal"] == "there is no fault 9 to clear"
     assert values["real_time_factor"] == "0.9998"
     assert values["lateness_max [s]"] == "0.003000"
+    assert values["lateness_p50 [s]"] == "0.000100"
+    assert values["lateness_p99 [s]"] == "0.001100"
+    assert values["lateness_p99.9 [s]"] == "0.002500"
     assert values["messages_dropped"] == "1"
     assert values["commands_accepted"] == "2"
     assert values["weight_on_bit [N]"] == "30"

@@ -274,6 +274,16 @@ def test_the_drill_settles_without_its_drive_and_strikes_again_with_it(regime):
     assert len(simulation.advance_to(5 * SECOND).impacts) > 50
 
 
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_an_inactive_drill_falls_silent(regime):
+    simulation = Simulation(preset(regime))
+    simulation.advance_to(SECOND)
+    simulation.apply(OFF)
+    simulation.apply(WeightOnBit(0.0))
+    simulation.advance_to(3 * SECOND)
+    assert len(simulation.advance_to(10 * SECOND).impacts) == 0
+
+
 def test_a_drill_that_starts_without_its_drive_rests():
     simulation = Simulation(Configuration(drive_enabled=False))
     simulation.advance_to(SECOND)

@@ -1,0 +1,118 @@
+"""The recorder: how many messages and bytes per second it takes, and whether it loses any.
+
+Where `ros2 bag` is installed, it records the same messages of the same publisher in the next turn.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from bench.row import Row, row
+from rpud_sim.bag import BagReader
+
+SECONDS = 5.0  # of talking
+RATES: Mapping[int, Sequence[int]] = {
+    100: (5_000, 10_000, 20_000, 30_000),
+    1_000_000: (20, 50, 100, 200),
+}
+_RPUD = (sys.executable, "-m", "rpud_sim.cli.main")
+_ENDING = 120.0  # [s]
+
+
+class _Recorded(NamedTuple):
+    """What became of messages: published in how many seconds, recorded, and the share of a core."""
+
+    published: int
+    elapsed: float
+    recorded: int
+    share: float
+
+
+def recorder() -> Iterator[Row]:
+    """Record the drill's own mix, and small and large messages at rising rates."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield from _drill(Path(folder, "drill"))
+        for size, rates in RATES.items():
+            greatest: dict[str, float] = {}
+            for rate in rates:
+                for name in _recorders("", Path()):
+                    bag = Path(folder, f"bag_{len(os.listdir(folder))}")
+                    found = _talk(name, bag, size, rate)
+                    what = f"{name}, {size:,} bytes at {rate:,} per second"
+                    yield row(f"{what}: published", [found.published / found.elapsed], "1/s")
+                    yield row(f"{what}: lost", [found.published - found.recorded])
+                    yield row(f"{what}: share of one core", [100.0 * found.share], "%")
+                    if found.recorded == found.published:
+                        best = found.recorded / found.elapsed
+                        greatest[name] = max(greatest.get(name, 0.0), best)
+            for name, best in greatest.items():
+                what = f"{name}, {size:,} bytes: most without loss"
+                yield row(what, [best], "messages/s")
+                yield row(what, [best * size], "B/s")
+
+
+def _recorders(topic: str, bag: Path) -> dict[str, Sequence[str]]:
+    """Commands that record a topic, by what the table calls them."""
+    found: dict[str, Sequence[str]] = {"rpud record": (*_RPUD, "record", topic, "--out", str(bag))}
+    if importlib.util.find_spec("ros2bag") is not None:
+        words = ("ros2", "bag", "record", "--storage", "mcap", "--output", str(bag))
+        found["ros2 bag record"] = (*words, "--topics", topic)
+    return found
+
+
+def _drill(bag: Path) -> Iterator[Row]:
+    words = (*_RPUD, "run", "--duration", str(2.0 * SECONDS), "--record", str(bag))
+    done = subprocess.run(words, capture_output=True, text=True, timeout=_ENDING, check=True)
+    lost = sum(map(int, re.findall(r"lost (\d+) messages", done.stdout)))
+    with BagReader(bag) as reader:
+        seconds, count = reader.duration / 1e9, reader.message_count
+        size = sum(len(message.data) for message in reader.messages())
+    yield row("rpud record, the drill's mix: messages per second", [count / seconds], "messages/s")
+    yield row("rpud record, the drill's mix: bytes per second", [size / seconds], "B/s")
+    yield row("rpud record, the drill's mix: lost", [lost])
+
+
+def _talk(name: str, bag: Path, size: int, rate: int) -> _Recorded:
+    topic = f"/bench_{os.getpid()}/{bag.name}"
+    talk = (sys.executable, "-m", "bench.byte_talker", topic, "--size", str(size))
+    rates = ("--rate", str(rate), "--seconds", str(SECONDS))
+    with (
+        open(os.devnull, "w") as nowhere,
+        subprocess.Popen(_recorders(topic, bag)[name], stdout=nowhere, stderr=nowhere) as listening,
+        subprocess.Popen((*talk, *rates), stdout=subprocess.PIPE, text=True) as talking,
+    ):
+        try:
+            assert talking.stdout is not None
+            talking.stdout.readline()  # it begins
+            before = _used(listening.pid)
+            said = talking.stdout.readline()
+            used = _used(listening.pid) - before
+            talking.wait(_ENDING)
+            time.sleep(1.0)
+        finally:
+            talking.terminate()
+            listening.send_signal(signal.SIGINT)
+            listening.wait(_ENDING)
+    found = re.search(r"published (\d+) in ([0-9.]+)", said)
+    if found is None:
+        raise RuntimeError(f"the talker did not say what it published, but {said!r}")
+    with BagReader(bag) as reader:
+        recorded = reader.message_count
+    elapsed = float(found[2])
+    return _Recorded(int(found[1]), elapsed, recorded, used / elapsed)
+
+
+def _used(pid: int) -> float:
+    """Time of processors that a process has used [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

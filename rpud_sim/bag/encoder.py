@@ -1,0 +1,145 @@
+"""From plain values straight to the bytes that ROS exchanges (CDR).
+
+A message is one ``struct`` once the lengths of its texts and sequences are known, and these hardly
+ever change. To pack it takes a tenth of the time of filling a ROS message and serializing that.
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+from array import array
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+TEXT = "s"
+# The struct's codes, by the names that definitions and the language of interfaces have.
+CODES = {
+    name: code
+    for code, names in {
+        "?": "bool boolean",
+        "B": "byte char octet uint8",
+        "H": "uint16",
+        "I": "uint32",
+        "Q": "uint64",
+        "b": "int8",
+        "h": "int16",
+        "i": "int32",
+        "q": "int64",
+        "f": "float float32",
+        "d": "double float64",
+        TEXT: "string",
+    }.items()
+    for name in names.split()
+}
+
+# Plain CDR in the byte order of this machine, as arrays have it; alignment counts from its end.
+_ENCAPSULATION = b"\0\1\0\0" if sys.byteorder == "little" else b"\0\0\0\0"
+
+_SIZES = {code: struct.calcsize(f"={code}") for code in CODES.values() if code != TEXT}
+_COUNT = ("I", 4, 4)  # before each text and sequence
+
+
+class Sequence(NamedTuple):
+    """A member that is a sequence."""
+
+    element: str | Members
+
+
+Member = tuple[str, "str | Members | Sequence"]
+
+
+class Members(NamedTuple):
+    """Members of a message in order: each a code, a message or a sequence."""
+
+    members: tuple[Member, ...]
+
+
+class Encoder:
+    """Serializes the messages of one type: members are those of the type."""
+
+    def __init__(self, members: Members) -> None:
+        self._members = members
+        self._lengths: list[int] = []
+        self._struct: struct.Struct | None = None
+
+    def encode(self, values: Mapping[str, Any]) -> bytes:
+        """Serialize the values of all members.
+
+        Messages are mappings, sequences of numbers ``array.array``, other sequences lists. Raises
+        KeyError where a member is missing, TypeError, ValueError or struct.error where a value is
+        not of its type.
+        """
+        flat: list[Any] = []
+        lengths: list[int] = []
+        _flatten(self._members, values, flat, lengths)
+        if self._struct is None or lengths != self._lengths:
+            self._struct = struct.Struct(_layout(self._members, lengths))
+            self._lengths = lengths
+        return self._struct.pack(_ENCAPSULATION, *flat)
+
+
+def _flatten(kind: Members, values: Mapping[str, Any], flat: list[Any], lengths: list[int]) -> None:
+    """List what the struct takes, and of it the lengths of texts and sequences."""
+    for name, inner in kind.members:
+        value = values[name]
+        if inner == TEXT:
+            text = value.encode() + b"\0"
+            lengths.append(len(text))
+            flat += len(text), text
+        elif isinstance(inner, str):
+            flat.append(value)
+        elif isinstance(inner, Members):
+            _flatten(inner, value, flat, lengths)
+        else:
+            _flatten_sequence(inner.element, value, flat, lengths)
+
+
+def _flatten_sequence(
+    element: str | Members, values: Any, flat: list[Any], lengths: list[int]
+) -> None:
+    lengths.append(len(values))
+    flat.append(len(values))
+    if isinstance(element, str) and element != TEXT:
+        if not isinstance(values, array) or values.typecode != element:
+            raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
+        flat.append(values.tobytes())
+    else:
+        for value in values:
+            _flatten(Members((("", element),)), {"": value}, flat, lengths)
+
+
+def _layout(kind: Members, lengths: list[int]) -> str:
+    """Format of a struct in which every number is aligned to its own size."""
+    layout, offset = f"={len(_ENCAPSULATION)}s", 0
+    for code, size, alignment in _parts(kind, iter(lengths)):
+        pad = -offset % alignment
+        offset += pad + size
+        layout += f"{pad}x{code}"
+    return layout
+
+
+def _parts(kind: Members, lengths: Iterator[int]) -> Iterator[tuple[str, int, int]]:
+    """Yield code and size of each part of the struct, and the multiple of which it begins at."""
+    for _, inner in kind.members:
+        if inner == TEXT:
+            length = next(lengths)
+            yield _COUNT
+            yield f"{length}s", length, 1
+        elif isinstance(inner, str):
+            yield inner, _SIZES[inner], _SIZES[inner]
+        elif isinstance(inner, Members):
+            yield from _parts(inner, lengths)
+        else:
+            yield from _parts_of_sequence(inner.element, next(lengths), lengths)
+
+
+def _parts_of_sequence(
+    element: str | Members, count: int, lengths: Iterator[int]
+) -> Iterator[tuple[str, int, int]]:
+    yield _COUNT
+    if isinstance(element, str) and element != TEXT:
+        size = count * _SIZES[element]
+        yield f"{size}s", size, _SIZES[element] if count else 1
+    else:
+        yield from _parts(Members((("", element),) * count), lengths)
