@@ -10,7 +10,15 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from sample_bags import SECOND, START, STRING_DEFINITION, TALK, write_bag, write_everything
+from sample_bags import (
+    SECOND,
+    START,
+    STRING_DEFINITION,
+    TALK,
+    serialized,
+    write_bag,
+    write_everything,
+)
 
 import rpud_sim.bag
 from bench.long_bag import long_waveform
@@ -18,7 +26,6 @@ from rpud_sim.analysis.bag_report import rows
 from rpud_sim.analysis.bag_report.report import ReportError, render, write_report
 from rpud_sim.analysis.bag_report.survey import survey
 from rpud_sim.bag import BagError, BagWriter, Topic
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest
@@ -233,14 +240,14 @@ def test_topics_of_the_drill_without_messages_are_no_failure(drilled, tmp_path):
 def test_hostile_names_and_values_are_text(tmp_path):
     evil = "/<script>alert(1)</script>$\\frac{\"'&amp;"
     definition = "float64 value # [$\\x_{<b>]\n"
-    codec = Codec("pkg/msg/Evil", definition)
     kind = "rpud_msgs/msg/JournalEntry"
     journal = "string kind\nstring content\nstd_msgs/Header header\n"
     with BagWriter(tmp_path / "<i>bag") as bag:
         bag.add_topic(Topic(evil, "pkg/msg/Evil"), definition)
         bag.add_topic(Topic("/journal", kind), journal)  # without a definition of its header
         for number, value in enumerate((1e308, -1e149, 1e149, np.nan, np.inf, 5e-324, 1.0)):
-            bag.write(evil, codec.encode({"value": value}), START + number * SECOND, START)
+            data = serialized("pkg/msg/Evil", definition, {"value": value})
+            bag.write(evil, data, START + number * SECOND, START)
         bag.add_record(MANIFEST, Manifest(node="<b>", parameters={"<u>": "</td>"}).to_record())
     page = Page(render(surveyed(tmp_path / "<i>bag")))
     plain = Page(render(surveyed(write_bag(tmp_path / "plain"))))
@@ -270,7 +277,7 @@ def test_types_that_only_have_the_names_of_ours_are_no_failure(tmp_path):
             for number, (definition, content) in enumerate(contents.items()):
                 topic = Topic(f"/{kind.lower()}{number}", f"rpud_msgs/msg/{kind}")
                 bag.add_topic(topic, definition)
-                data = Codec(topic.type, definition).encode(content)
+                data = serialized(topic.type, definition, content)
                 for time in (START, START + 1):
                     bag.write(topic.name, data, time, time)
     seen = surveyed(tmp_path / "bag")
