@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from array import array
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +52,7 @@ def long_waveform(path: Path, size: int) -> Path:
     definition = find_definition(WAVEFORM)
     codec = Codec(WAVEFORM, definition)
     numbers = np.random.default_rng(1)
-    arrays = {name: numbers.normal(size=BLOCK) for name in CHANNELS}
+    arrays = {name: array("d", numbers.normal(size=BLOCK)) for name in CHANNELS}
     with BagWriter(path, compression="none") as bag:
         bag.add_topic(Topic("/rpud/waveform", WAVEFORM), definition)
         for block in range(size // (BLOCK * len(CHANNELS) * 8)):

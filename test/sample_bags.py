@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
-from rpud_sim.bag.cdr import Codec
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -91,13 +93,26 @@ MESSAGE = {
 }
 
 
+def serialized(type_name: str, definition: str, fields: dict[str, Any]) -> bytes:
+    """Serialize a message of any type, as others do; messages in it are dictionaries."""
+
+    def to_object(value: Any) -> Any:
+        if isinstance(value, dict):
+            return SimpleNamespace(**{name: to_object(item) for name, item in value.items()})
+        return [to_object(item) for item in value] if isinstance(value, list) else value
+
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition, type_name))
+    return bytes(store.serialize_cdr(to_object(fields), type_name))
+
+
 def write_everything(path: Path, count: int = 3) -> Path:
     """Write `count` messages of a type with fields of all kinds on /all, and none on /none."""
-    codec = Codec("pkg/msg/Everything", EVERYTHING)
     with BagWriter(path) as bag:
         bag.add_topic(Topic("/all", "pkg/msg/Everything"), EVERYTHING)
         bag.add_topic(Topic("/none", "pkg/msg/Everything"), EVERYTHING)
         for number in range(count):
-            data = codec.encode({**MESSAGE, "small": number - 3})
+            fields = {**MESSAGE, "small": number - 3}
+            data = serialized("pkg/msg/Everything", EVERYTHING, fields)
             bag.write("/all", data, START + number * SECOND, START)
     return path

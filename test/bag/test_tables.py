@@ -14,6 +14,7 @@ from sample_bags import (
     START,
     STRING_DEFINITION,
     TALK,
+    serialized,
     serialized_string,
     write_bag,
     write_everything,
@@ -22,7 +23,6 @@ from sample_bags import (
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
 from rpud_sim.bag.blocks import _offsets
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.cli.offline_bag import write_offline_bag
@@ -289,14 +289,14 @@ def test_a_time_that_is_none_is_an_error(tmp_path):
 def test_blocks_of_unequal_arrays_are_an_error(tmp_path):
     kind = "rpud_msgs/msg/Waveform"
     definition = find_definition(kind)
-    codec = Codec(kind, definition)
     values = {name: np.zeros(3) for name in ("nodal_plane_position", "actuator_position")}
     values |= {name: np.zeros(3) for name in ("free_mass_position", "drill_tool_displacement")}
     header = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     fields = {"header": header, "sequence": 0, "sample_period": 0.1, **values}
     with BagWriter(tmp_path / "bag") as bag:
         bag.add_topic(Topic("/w", kind), definition)
-        data = codec.encode({**fields, "contact_force": np.zeros(3), "reacting_force": np.zeros(2)})
+        forces = {"contact_force": np.zeros(3), "reacting_force": np.zeros(2)}
+        data = serialized(kind, definition, {**fields, **forces})
         bag.write("/w", data, START, START)
     with (
         rpud_sim.bag.open(tmp_path / "bag") as bag,

@@ -19,11 +19,12 @@ import atheris
 
 with atheris.instrument_imports(include=["rpud_sim", "mcap", "rosbags"]):
     import rpud_sim.bag
-    from rpud_sim.bag import BagError
+    from rpud_sim.bag import BagError, Message, Topic, TopicSummary
     from rpud_sim.bag.cdr import Codec
     from rpud_sim.bag.losses import losses_from_record
     from rpud_sim.bag.metadata import load_offered_qos, metadata_from_document
     from rpud_sim.bag.recovery import recover
+    from rpud_sim.bag.tables import Table
 
 from mcap.writer import CompressionType, Writer
 
@@ -42,6 +43,8 @@ def read(data: bytes) -> None:
             assert topic.rate >= 0.0
         bag.records("notes")
         for _ in bag.messages():
+            pass
+        for _ in bag.batches():
             pass
 
 
@@ -71,9 +74,12 @@ def losses(data: bytes) -> None:
 
 
 def codec(data: bytes) -> None:
-    """Compile a definition and decode a message by it."""
+    """Compile a definition, decode a message by it, and make a table of it."""
     text, _, message = data.partition(b"\0\0")
-    Codec("a_msgs/msg/A", text.decode("utf-8", "replace")).decode(message)
+    definition = text.decode("utf-8", "replace")
+    Codec("a_msgs/msg/A", definition).decode(message)
+    summary = TopicSummary(Topic("/a", "a_msgs/msg/A"), 1, 0, 0, definition, None)
+    Table(summary).batch([Message("/a", 0, 0, message)])
 
 
 def seeds(target: str) -> list[bytes]:
@@ -86,7 +92,7 @@ def seeds(target: str) -> list[bytes]:
             for crc in (True, False)
         ]
     if target == "metadata":
-        from rpud_sim.bag import QosProfile, Topic
+        from rpud_sim.bag import QosProfile
         from rpud_sim.bag.metadata import BagMetadata, FileInformation, dump_offered_qos
 
         topic = Topic("/a", "std_msgs/msg/String", "", (QosProfile(),))

@@ -86,7 +86,7 @@ class Waveform:
     """Spectra and a closer look, of ``rpud_msgs/Waveform``.
 
     Attributes:
-        spectrum: of ``CHANNELS``.
+        spectrum: of ``CHANNELS``, since their rate changed last.
         rate: of the samples [Hz]; 0 before the first.
         closer: some consecutive samples of each channel, and their ``times`` since the bag began.
     """
@@ -103,20 +103,18 @@ class Waveform:
         if not len(times):
             return
         numbers = columns["sequence"].astype(np.int64)
+        periods = columns["sample_period"]
         samples = np.array([columns[name] for name in CHANNELS])
-        cuts = np.flatnonzero(np.diff(numbers) != 1) + 1
-        changed = self.rate and columns["sample_period"][0] != 1.0 / self.rate
-        if numbers[0] != self._next or changed:
-            self.spectrum.gap()
-        self.rate = 1.0 / float(columns["sample_period"][-1])
+        cuts = np.flatnonzero((np.diff(numbers) != 1) | (np.diff(periods) != 0.0)) + 1
         for part in np.split(np.arange(len(numbers)), cuts):
-            if part[0]:
+            rate = 1.0 / float(periods[part[0]])
+            if rate != self.rate:
+                self.spectrum, self.rate = Spectrum(len(CHANNELS)), rate
+            if numbers[part[0]] != self._next or not usable(samples[:, part]).all():
                 self.spectrum.gap()
             if usable(samples[:, part]).all():
                 self.spectrum.add(samples[:, part])
-            else:
-                self.spectrum.gap()
-        self._next = int(numbers[-1]) + 1
+            self._next = int(numbers[part[-1]]) + 1
         self._look(columns, times)
 
     def _look(self, columns: Columns, times: np.ndarray) -> None:
@@ -145,7 +143,7 @@ class FaultLog:
 
     Args:
         faults: the last that was told of each, by run of the clock and number.
-        unlisted: messages that told of more faults than are kept.
+        unlisted: how often faults were told that are not kept.
     """
 
     faults: dict[tuple[int, int], Fault] = field(default_factory=dict)
@@ -157,23 +155,32 @@ class FaultLog:
             columns["header.stamp"], times, columns["faults"], strict=True
         ):
             for told in faults:
-                key = (jumps, int(told["number"]))
-                if key not in self.faults and len(self.faults) >= MOST_ENTRIES:
+                try:
+                    fault = _fault(told, int(stamp), float(time))
+                except (KeyError, TypeError, ValueError):  # only the type's name is ours
                     self.unlisted += 1
                     continue
+                key = (jumps, fault.number)
+                if key in self.faults or len(self.faults) < MOST_ENTRIES:
+                    self.faults[key] = fault
+                else:
+                    self.unlisted += 1
 
-                def since(moment: Mapping[str, int], stamp: int, time: float) -> float:
-                    nanoseconds = moment["sec"] * NANOSECONDS + moment["nanosec"]
-                    return time - (int(stamp) - nanoseconds) / NANOSECONDS
 
-                self.faults[key] = Fault(
-                    key[1],
-                    str(told["kind"]),
-                    str(told["channel"]),
-                    float(told["magnitude"]),
-                    since(told["onset"], stamp, time),
-                    None if told["active"] else since(told["clear"], stamp, time),
-                )
+def _fault(told: Mapping[str, Any], stamp: int, time: float) -> Fault:
+    """Read a fault out of a message with this stamp [ns], sent so long after the bag began [s]."""
+
+    def since(moment: Mapping[str, int]) -> float:
+        return time - (stamp - moment["sec"] * NANOSECONDS - moment["nanosec"]) / NANOSECONDS
+
+    return Fault(
+        int(told["number"]),
+        str(told["kind"]),
+        str(told["channel"]),
+        float(told["magnitude"]),
+        since(told["onset"]),
+        None if told["active"] else since(told["clear"]),
+    )
 
 
 @dataclass

@@ -43,7 +43,7 @@ def picture(draw: Callable[..., Figure], *arguments: object) -> str:
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def series(shown: Sequence[Series], duration: float) -> Figure:
+def series(shown: Sequence[Series], span: float) -> Figure:
     """Draw columns over time: mean, and the band from least to greatest."""
     figure, axes = _panels(len(shown), 1.35)
     for axis, item in zip(axes, shown, strict=True):
@@ -51,7 +51,7 @@ def series(shown: Sequence[Series], duration: float) -> Figure:
         unit = f"\n[{item.column.unit}]" if item.column.unit else ""
         name = item.column.name.replace("_", " ")
         axis.set_ylabel(f"{name:.{_NAME}}{unit}", fontsize="small", rotation=0, ha="right")
-    _share_time(axes, duration)
+    _share_time(axes, span)
     return figure
 
 
@@ -93,7 +93,7 @@ def distributions(impacts: Impacts, topic: TopicSurvey) -> Figure:
     return figure
 
 
-def impacts_over_time(impacts: Impacts, topic: TopicSurvey, duration: float) -> Figure:
+def impacts_over_time(impacts: Impacts, topic: TopicSurvey, span: float) -> Figure:
     """Draw peak forces, the rate of impacts, and the power that they bring."""
     figure, (force, rate, power) = _panels(3, 1.8)
     peaks = next(item for item in topic.series if item.column.name == "peak_force").envelope
@@ -101,12 +101,12 @@ def impacts_over_time(impacts: Impacts, topic: TopicSurvey, duration: float) -> 
     force.vlines(peaks.times[used], 0.0, peaks.greatest[used] / 1e3, color=LINE, linewidth=0.8)
     force.set_ylim(bottom=0.0)
     force.set_ylabel("greatest peak\nforce [kN]")
-    coarse = _coarser(impacts.power, duration)
+    coarse = _coarser(impacts.power, span)
     rate.stairs(coarse[1], coarse[0], color=LINE, fill=True)
     rate.set_ylabel("impacts\n[1/s]")
     power.stairs(coarse[2], coarse[0], color=OTHER, fill=True)
     power.set_ylabel("power of\nimpacts [W]")
-    _share_time((force, rate, power), duration)
+    _share_time((force, rate, power), span)
     return figure
 
 
@@ -131,30 +131,30 @@ def spectra(waveform: Waveform, densities: tuple[np.ndarray, np.ndarray]) -> Fig
     return figure
 
 
-def delays(topics: Sequence[TopicSurvey], duration: float) -> Figure:
+def delays(topics: Sequence[TopicSurvey], span: float) -> Figure:
     """Draw how long after their stamps messages were recorded."""
     figure, axes = _panels(len(topics), 1.35)
     for axis, topic in zip(axes, topics, strict=True):
         _draw_envelope(axis, topic.timing.delays, 1e3)
         axis.set_ylabel(f"{topic.name[-_NAME:]}\n[ms]", fontsize="small", rotation=0, ha="right")
-    _share_time(axes, duration)
+    _share_time(axes, span)
     return figure
 
 
-def faults(log: Mapping[tuple[int, int], Fault], duration: float) -> Figure:
+def faults(log: Mapping[tuple[int, int], Fault], span: float) -> Figure:
     """Draw from when to when faults lasted."""
     shown = sorted(log.values(), key=lambda fault: fault.onset)[:60]
     figure = Figure(figsize=(_WIDTH, 0.9 + 0.32 * len(shown)), layout="constrained")
     axis = figure.subplots()
     for row, fault in enumerate(shown):
-        end = duration if fault.clear is None else fault.clear
+        end = span if fault.clear is None else fault.clear
         colour = LINE if fault.channel else MARK
-        axis.barh(row, max(end - fault.onset, duration / 500), left=fault.onset, color=colour)
+        axis.barh(row, max(end - fault.onset, span / 500), left=fault.onset, color=colour)
     names = [f"{f.number}: {f.kind:.{_NAME}} {f.channel:.{_NAME}}".strip() for f in shown]
     axis.set_yticks(range(len(shown)), names, fontsize="small")
     axis.invert_yaxis()
     _decorate(axis)
-    axis.set_xlim(0.0, max(duration, 1e-3))
+    axis.set_xlim(0.0, max(span, 1e-3))
     axis.set_xlabel("time since the bag began [s]")
     return figure
 
@@ -172,9 +172,9 @@ def _decorate(axis: Axes) -> None:
     axis.spines[["top", "right"]].set_visible(False)
 
 
-def _share_time(axes: Sequence[Axes], duration: float) -> None:
+def _share_time(axes: Sequence[Axes], span: float) -> None:
     for axis in axes:
-        axis.set_xlim(0.0, max(duration, 1e-3))
+        axis.set_xlim(0.0, max(span, 1e-3))
     for axis in axes[:-1]:
         axis.tick_params(labelbottom=False)
     axes[-1].set_xlabel("time since the bag began [s]")
@@ -203,13 +203,13 @@ def _draw_distribution(axis: Axes, values: Distribution, scale: float) -> None:
     _decorate(axis)
 
 
-def _coarser(envelope: Envelope, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _coarser(envelope: Envelope, span: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return edges of fewer parts of the time [s], and how many and how much a second in each."""
-    step = max(1, round(duration / envelope.width / 100))
+    step = max(1, round(span / envelope.width / 100))
     starts = np.arange(0, len(envelope.count), step)
     width = step * envelope.width
     counts = np.add.reduceat(envelope.count, starts) / width
     totals = np.add.reduceat(envelope.total, starts) / width
-    whole = max(1, int(duration / width + 1e-9))  # a part at the end would look like a drop
+    whole = max(1, int(span / width + 1e-9))  # a part at the end would look like a drop
     counts, totals = counts[:whole], totals[:whole]
     return np.arange(len(counts) + 1) * width, counts, totals

@@ -100,7 +100,7 @@ def _context(seen: Survey) -> dict[str, Any]:
         ],
         "impacts": [_impacts(seen, name) for name in seen.impacts],
         "waveforms": [_waveform(seen, name) for name in seen.waveforms],
-        "series": [_series(topic, seen.duration) for topic in shown],
+        "series": [_series(topic, seen.span) for topic in shown],
         "series_more": ", ".join(more),
         "timing": rows.timing_rows(seen),
         "statuses": [
@@ -108,13 +108,13 @@ def _context(seen: Survey) -> dict[str, Any]:
             for topic in seen.topics.values()
             if topic.type == rows.STATUS and topic.find("real_time_factor").count
         ],
-        "delays": plots.picture(plots.delays, late, seen.duration) if late else "",
+        "delays": plots.picture(plots.delays, late, seen.span) if late else "",
         "faults": [
             {
                 "name": name,
                 "rows": rows.fault_rows(log),
                 "more": log.unlisted,
-                "picture": plots.picture(plots.faults, log.faults, seen.duration),
+                "picture": plots.picture(plots.faults, log.faults, seen.span),
             }
             for name, log in seen.faults.items()
         ],
@@ -149,8 +149,7 @@ def _impacts(seen: Survey, name: str) -> dict[str, Any]:
         "name": name,
         "figures": rows.impact_rows(seen, name),
         "energy": rows.energy_rows(seen, name) if there else [],
-        "over_time": there
-        and plots.picture(plots.impacts_over_time, impacts, topic, seen.duration),
+        "over_time": there and plots.picture(plots.impacts_over_time, impacts, topic, seen.span),
         "distributions": there and plots.picture(plots.distributions, impacts, topic),
     }
 
@@ -168,7 +167,7 @@ def _waveform(seen: Survey, name: str) -> dict[str, Any]:
     }
 
 
-def _series(topic: TopicSurvey, duration: float) -> dict[str, Any]:
+def _series(topic: TopicSurvey, span: float) -> dict[str, Any]:
     followed = [item for item in topic.series if item.values.count]
     moving = [item for item in followed if item.values.least < item.values.greatest]
     constant = [item for item in followed if item not in moving]
@@ -178,7 +177,7 @@ def _series(topic: TopicSurvey, duration: float) -> dict[str, Any]:
         more.append(f"not followed: {topic.left_out} fields beyond the first {MOST_SERIES}")
     return {
         "name": topic.name,
-        "picture": plots.picture(plots.series, drawn, duration) if drawn else "",
+        "picture": plots.picture(plots.series, drawn, span) if drawn else "",
         "constant": ", ".join(
             f"{item.column.name} = {rows.show(item.values.mean, item.column.unit)}"
             for item in constant

@@ -67,7 +67,7 @@ def parameter_rows(seen: Survey) -> Rows:
     told += [journal.parameters for journal in seen.journals.values()]
     parameters = next(filter(None, told), {})
     return [
-        (str(name), f"{value:g}" if isinstance(value, float) else str(value))
+        (str(name), f"{value:g}" if isinstance(value, float) else f"{value!s:.200}")
         for name, value in sorted(parameters.items())
     ]
 

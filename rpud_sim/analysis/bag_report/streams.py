@@ -18,7 +18,7 @@ _AHEAD = 60 * NANOSECONDS  # a step ahead that is more than time that went by
 
 def usable(values: np.ndarray) -> np.ndarray:
     """Tell which values can be counted and drawn: they are finite, and not beyond 1e150."""
-    return np.abs(values) < _GREATEST
+    return np.abs(values.astype(float)) < _GREATEST
 
 
 class Timeline:

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from rpud_sim.analysis.bag_report.drills import FaultLog, Impacts, Journal, Segments, Waveform
+from rpud_sim.analysis.bag_report.drills import (
+    CHANNELS,
+    FaultLog,
+    Impacts,
+    Journal,
+    Segments,
+    Waveform,
+)
 from rpud_sim.analysis.bag_report.topics import TopicSurvey
 from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
 from rpud_sim.simulation.sampling import NANOSECONDS
@@ -15,13 +23,19 @@ from rpud_sim.simulation.sampling import NANOSECONDS
 MOST_TOPICS = 200
 """Topics that are followed; of others the report has what the bag's index tells."""
 
-# Columns without which a topic is not ours, whatever its type is called.
+# Columns without which a topic is not ours, whatever its type is called: of numbers the kind of
+# their dtype, of others their own kind.
 _NEEDED = {
-    "rpud_msgs/msg/ContactForce": {"header.stamp", "energy", "peak_force"},
-    "rpud_msgs/msg/Trajectory": {"time", "event", "duration"},
-    "rpud_msgs/msg/Waveform": {"time", "sample_period", "nodal_plane_position", "reacting_force"},
-    "rpud_msgs/msg/Faults": {"header.stamp", "faults"},
-    "rpud_msgs/msg/JournalEntry": {"header.stamp", "kind", "content"},
+    "rpud_msgs/msg/ContactForce": {"header.stamp": "time", "energy": "f", "peak_force": "f"},
+    "rpud_msgs/msg/Trajectory": {"time": "time", "event": "u", "duration": "f"},
+    "rpud_msgs/msg/Waveform": {
+        "time": "time",
+        "sample_period": "f",
+        "sequence": "u",
+        **dict.fromkeys(CHANNELS, "f"),
+    },
+    "rpud_msgs/msg/Faults": {"header.stamp": "time", "faults": "nested"},
+    "rpud_msgs/msg/JournalEntry": {"header.stamp": "time", "kind": "text", "content": "text"},
 }
 
 
@@ -57,6 +71,14 @@ class Survey:
     waveforms: dict[str, Waveform] = field(default_factory=dict)
     faults: dict[str, FaultLog] = field(default_factory=dict)
     journals: dict[str, Journal] = field(default_factory=dict)
+
+    @property
+    def span(self) -> float:
+        """From the bag's beginning to the last of all stamps and log times [s].
+
+        Where time passes faster than on the recorder's clock, that is more than the duration.
+        """
+        return max([self.duration, *(topic.end for topic in self.topics.values())])
 
     def beside(self, topic: str, kind: str) -> TopicSurvey | None:
         """Return the topic of a type in the namespace of another."""
@@ -99,7 +121,7 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
             continue
         columns = bag.columns(name)
         seen.topics[name] = TopicSurvey(summary, columns, bag.start_time, duration)
-        _follow(seen, summary, {column.name for column in columns})
+        _follow(seen, summary, columns)
     for batch in bag.batches([*seen.topics]):
         times = seen.topics[batch.topic].add(batch)
         for followed in (seen.impacts, seen.segments, seen.waveforms, seen.journals):
@@ -112,9 +134,13 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
     return seen
 
 
-def _follow(seen: Survey, summary: TopicSummary, columns: set[str]) -> None:
+def _follow(seen: Survey, summary: TopicSummary, columns: Sequence[Column]) -> None:
     name, kind = summary.topic.name, summary.topic.type
-    if not _NEEDED.get(kind, {""}) <= columns:
+    held = {
+        (column.name, column.dtype.kind if column.kind is Kind.NUMBER else column.kind.value)
+        for column in columns
+    }
+    if kind not in _NEEDED or not _NEEDED[kind].items() <= held:
         return
     if kind == "rpud_msgs/msg/ContactForce":
         seen.impacts[name] = Impacts(seen.duration)

@@ -58,6 +58,7 @@ class TopicSurvey:
 
     Attributes:
         timeline: that turns its stamps into time since the bag began.
+        end: the last of these times [s].
     """
 
     def __init__(
@@ -65,10 +66,13 @@ class TopicSurvey:
     ) -> None:
         self.summary = summary
         self.timeline = Timeline(begin)
+        self.end = 0.0
         self.timing = Timing(Envelope(duration))
-        names = {column.name for column in columns}
-        self._blocks = "time" in names
-        self._stamp = next((n for n in ("time", "header.stamp") if n in names), "log_time")
+        times = {column.name for column in columns if column.kind is Kind.TIME}
+        self._blocks = columns[0].name == "time"
+        self._stamped_blocks = self._blocks and "header.stamp" in times
+        stamp = "header.stamp" if "header.stamp" in times else "log_time"
+        self._stamp = "time" if self._blocks else stamp
         self.timing.stamped = self._stamp != "log_time"
         numbers = [
             column
@@ -79,7 +83,10 @@ class TopicSurvey:
             numbers = []
         self.series = [Series(column, Envelope(duration)) for column in numbers[:MOST_SERIES]]
         self.left_out = len(numbers) - len(self.series)
-        self._numbered = "sequence" in names
+        self._numbered = any(
+            column.name == "sequence" and column.kind is Kind.NUMBER and column.dtype.kind in "iu"
+            for column in columns
+        )
         self._last_log_time: int | None = None
         self._last_number: int | None = None
 
@@ -103,6 +110,7 @@ class TopicSurvey:
             there = usable(values)
             series.envelope.add(times[there], values[there])
         if len(batch):
+            self.end = max(self.end, float(times.max()))
             self._time(columns, times)
         return times
 
@@ -115,7 +123,7 @@ class TopicSurvey:
         last = np.arange(len(times))  # rows that are the last of their message
         if self._blocks:
             ends = np.diff(columns["log_time"]) != 0
-            if "header.stamp" in columns:
+            if self._stamped_blocks:
                 ends |= np.diff(columns["header.stamp"]) != 0
             last = np.append(np.flatnonzero(ends), len(times) - 1)
         log_times = columns["log_time"][last]
@@ -127,7 +135,7 @@ class TopicSurvey:
             delays = (log_times - columns[self._stamp][last]) / NANOSECONDS
             self.timing.delay.add(delays)
             self.timing.delays.add(times[last], delays)
-        if self._numbered and columns["sequence"].dtype.kind in "iu":
+        if self._numbered:
             numbers = columns["sequence"].astype(np.int64)
             before = numbers[0] - 1 if self._last_number is None else self._last_number
             jumps = np.diff(numbers, prepend=before) - 1

@@ -10,7 +10,15 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from sample_bags import SECOND, START, STRING_DEFINITION, TALK, write_bag, write_everything
+from sample_bags import (
+    SECOND,
+    START,
+    STRING_DEFINITION,
+    TALK,
+    serialized,
+    write_bag,
+    write_everything,
+)
 
 import rpud_sim.bag
 from bench.long_bag import long_waveform
@@ -18,7 +26,6 @@ from rpud_sim.analysis.bag_report import rows
 from rpud_sim.analysis.bag_report.report import ReportError, render, write_report
 from rpud_sim.analysis.bag_report.survey import survey
 from rpud_sim.bag import BagError, BagWriter, Topic
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest
@@ -233,14 +240,14 @@ def test_topics_of_the_drill_without_messages_are_no_failure(drilled, tmp_path):
 def test_hostile_names_and_values_are_text(tmp_path):
     evil = "/<script>alert(1)</script>$\\frac{\"'&amp;"
     definition = "float64 value # [$\\x_{<b>]\n"
-    codec = Codec("pkg/msg/Evil", definition)
     kind = "rpud_msgs/msg/JournalEntry"
     journal = "string kind\nstring content\nstd_msgs/Header header\n"
     with BagWriter(tmp_path / "<i>bag") as bag:
         bag.add_topic(Topic(evil, "pkg/msg/Evil"), definition)
         bag.add_topic(Topic("/journal", kind), journal)  # without a definition of its header
         for number, value in enumerate((1e308, -1e149, 1e149, np.nan, np.inf, 5e-324, 1.0)):
-            bag.write(evil, codec.encode({"value": value}), START + number * SECOND, START)
+            data = serialized("pkg/msg/Evil", definition, {"value": value})
+            bag.write(evil, data, START + number * SECOND, START)
         bag.add_record(MANIFEST, Manifest(node="<b>", parameters={"<u>": "</td>"}).to_record())
     page = Page(render(surveyed(tmp_path / "<i>bag")))
     plain = Page(render(surveyed(write_bag(tmp_path / "plain"))))
@@ -251,12 +258,46 @@ def test_hostile_names_and_values_are_text(tmp_path):
 
 
 def test_types_that_only_have_the_names_of_ours_are_no_failure(tmp_path):
+    fields = ("energy", "peak_force", "event", "duration", "time", "sequence", "real_time_factor")
+    texts = "".join(f"string {field}\n" for field in fields) + "string[] faults\nstring header\n"
+    stamped = (
+        "pkg/Header header\nfloat64 time\nuint8[2] sequence\nstring[] faults\nfloat32 energy\n"
+        f"float32 peak_force\n{'=' * 80}\nMSG: pkg/Header\nbuiltin_interfaces/Time stamp\n"
+        f"{'=' * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+    )
+    stamp = {"stamp": {"sec": 1, "nanosec": 0}}
+    values = {"time": 1.0, "sequence": np.zeros(2, np.uint8), "faults": ["a"], "energy": 1.0}
+    contents = {
+        texts: {**dict.fromkeys(fields, "a"), "faults": ["a"], "header": "b"},
+        stamped: {"header": stamp, "peak_force": 2.0, **values},
+    }
+    ours = ("ContactForce", "Waveform", "Trajectory", "Faults", "JournalEntry", "Status")
     with BagWriter(tmp_path / "bag") as bag:
-        for number, kind in enumerate(
-            ("ContactForce", "Waveform", "Trajectory", "Faults", "Status")
-        ):
-            bag.add_topic(Topic(f"/t{number}", f"rpud_msgs/msg/{kind}"), STRING_DEFINITION)
-    assert "Nothing is known of faults" in Page(render(surveyed(tmp_path / "bag"))).text
+        for kind in ours:
+            for number, (definition, content) in enumerate(contents.items()):
+                topic = Topic(f"/{kind.lower()}{number}", f"rpud_msgs/msg/{kind}")
+                bag.add_topic(topic, definition)
+                data = serialized(topic.type, definition, content)
+                for time in (START, START + 1):
+                    bag.write(topic.name, data, time, time)
+    seen = surveyed(tmp_path / "bag")
+    assert seen.left_out == {}
+    assert seen.faults["/faults1"].unlisted == 2
+    assert "drill_tool_impacts 2" in Page(render(seen)).text
+
+
+def test_a_drill_that_is_faster_than_the_recorder_s_clock_is_shown_to_its_end(drilled, tmp_path):
+    with rpud_sim.bag.open(drilled) as source, BagWriter(tmp_path / "bag") as bag:
+        for summary in source.topics:
+            bag.add_topic(summary.topic, summary.definition)
+        for message in source.messages():
+            bag.write(message.topic, message.data, START + message.log_time // 10, START)
+    seen = surveyed(tmp_path / "bag")
+    assert seen.duration == pytest.approx(0.1 * DURATION)
+    assert seen.span == pytest.approx(DURATION, rel=0.05)
+    assert seen.topics["/rpud/waveform"].timeline.jumps == 0
+    rate = float(rows.impact_rows(seen, "/rpud/contact_force")[2][1].split()[0])
+    assert 300.0 < rate < 500.0  # by the stamps
 
 
 def test_what_cannot_be_read_is_named(tmp_path):
@@ -304,6 +345,6 @@ def test_memory_does_not_grow_with_the_bag(tmp_path):
         command = [sys.executable, "-c", script, tmp_path / str(size), tmp_path / f"{size}.html"]
         return int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
-    small, large = peak(40_000_000), peak(120_000_000)
+    small, large = peak(30_000_000), peak(90_000_000)
     assert large < small + 24_000  # KiB
     assert large < 500_000
