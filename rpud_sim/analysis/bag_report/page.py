@@ -129,7 +129,7 @@ samples at {{ item.rate }}, Hann's window, half overlapping, without their means
 {{ picture(item.closer, "some milliseconds of the waveform") }}
 {%- endfor %}
 <p>Line: mean; band: least to greatest in each thousandth of the time. Left out are values that are
-not finite, or beyond 1e150. Quantiles are as exact as a thousandth of the range.</p>
+not finite, or beyond 1e150. Quantiles are exact to about a hundredth of the range.</p>
 {%- for item in series %}
 <h3>{{ item.name }}</h3>
 {% if item.picture %}{{ picture(item.picture, "time series of " ~ item.name) }}{% endif %}
