@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -17,8 +18,11 @@ from rclpy.signals import SignalHandlerOptions
 
 from bench.hearing import Hearing
 from bench.row import Row, row
+from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.pacing import NANOSECONDS
 from rpud_sim.ros.publishers import TOPICS
 
+PERIOD = 0.01  # of blocks at the default rate [s]
 SECONDS = 20.0  # of listening at each load
 TURNS = 5  # of the comparison of bytes
 TURN_SECONDS = 3.0
@@ -38,6 +42,7 @@ def telemetry(seconds: float = SECONDS) -> Iterator[Row]:
     Args:
         seconds: of listening at each load.
     """
+    yield from _timer(seconds)
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         for name, parameters in LOADS.items():
@@ -46,6 +51,19 @@ def telemetry(seconds: float = SECONDS) -> Iterator[Row]:
             yield from _throughput(name, parameters)
     finally:
         rclpy.try_shutdown()
+
+
+def _timer(seconds: float) -> Iterator[Row]:
+    """How late this machine wakes a thread that waits for every default period and does nothing."""
+    wake, lateness = threading.Event(), Lateness()
+    due = time.monotonic_ns()
+    for _ in range(round(seconds / PERIOD)):
+        due += round(PERIOD * NANOSECONDS)
+        wake.wait(max(0.0, (due - time.monotonic_ns()) / NANOSECONDS))
+        lateness.add(time.monotonic_ns() - due)
+    for key, share in (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999)):
+        late = 1e3 * lateness.quantile(share)
+        yield row(f"telemetry: lateness of a bare timer, {key}", [late], "ms")
 
 
 def _real_time(name: str, parameters: Mapping[str, object], seconds: float) -> Iterator[Row]:

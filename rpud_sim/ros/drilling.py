@@ -337,11 +337,12 @@ class Drilling:
         self._outputs.patient = self._goal is not None or self._factor(self._settings) == 0.0
         self._outputs.publish_block(block, self._simulation.faults.since(block.start))
         self._publish_faults()
+        commanded = self._take_commands()
+        self._pacer.finish(until)
+        # What nobody waits for takes its time behind the block.
         self._account.add(block)
         for refusal in self._simulation.take_refusals():
             self._logger.warning(refusal)
-        commanded = self._take_commands()
-        self._pacer.finish(until)
         reached = self._goal is not None and until >= self._goal
         if reached:
             self._goal = None
