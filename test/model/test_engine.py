@@ -1,7 +1,6 @@
 """The engine in the whole parameter space: exact, associative, never stuck."""
 
 import math
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -264,11 +263,3 @@ def test_a_new_weight_on_bit_acts_at_once_and_jolts_nothing():
     check_trajectory(segments)
     (change,) = np.flatnonzero(np.diff(segments["weight_on_bit"]))
     assert segments["start_fraction"][change + 1] == 0.1
-
-
-@pytest.mark.parametrize("regime", REGIMES)
-def test_it_is_much_faster_than_real_time(regime):
-    run(preset(regime), 0.1)
-    start = time.perf_counter()
-    run(preset(regime), 20.0)
-    assert time.perf_counter() - start < 2.0
