@@ -8,6 +8,8 @@ import signal
 import subprocess
 import tempfile
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
@@ -31,6 +33,14 @@ def claim_ros_domain() -> tuple[int, IO[str]]:
         else:
             return domain, lock
     raise RuntimeError(f"all ROS domains are in use: see {folder}")
+
+
+def until(condition: Callable[[], object], *, seconds: float = 20.0) -> None:
+    """Wait for a condition, and fail where it does not come."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not come true"
+        time.sleep(0.01)
 
 
 class Process:

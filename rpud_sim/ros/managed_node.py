@@ -33,6 +33,11 @@ class ManagedNode(LifecycleNode):
             callback = _tells_refusals(guards[srv_type](callback), self.refuse_request)
         return super().create_service(srv_type, srv_name, callback, **options)
 
+    def destroy_node(self) -> None:
+        """Destroy the node, with the topic of its transitions, which rclpy leaves in the graph."""
+        self._state_machine.destroy_when_not_in_use()
+        super().destroy_node()
+
     def refuse_request(self, reason: str) -> None:
         """Hear why a client's request to set a parameter or to change the state was refused."""
         self.get_logger().warning(f"request refused: {reason}")

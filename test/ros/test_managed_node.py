@@ -6,6 +6,7 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
+from support import until
 
 from rpud_sim.ros.managed_node import ManagedNode
 
@@ -58,3 +59,16 @@ def test_of_parameters_that_are_set_at_once_one_of_an_unknown_type_refuses_all(n
     assert node.get_parameter("gain").value == 1.0
     assert call(node, SetParametersAtomically, name, [KNOWN]).result.successful
     assert node.get_parameter("gain").value == 2.0
+
+
+def test_a_destroyed_node_leaves_no_topic_behind(node):
+    peer = rclpy.create_node("peer")
+
+    def topics():
+        return {name for name, _ in peer.get_topic_names_and_types()}
+
+    until(lambda: "/managed/transition_event" in topics())
+    node.destroy_node()
+    node.destroy_node()  # a second time does nothing
+    until(lambda: "/managed/transition_event" not in topics())
+    peer.destroy_node()

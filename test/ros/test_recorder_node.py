@@ -8,6 +8,7 @@ import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Int32, String
+from support import until
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.losses import Losses
@@ -47,14 +48,6 @@ def record(nodes):
         return nodes[-1]
 
     return start
-
-
-def until(condition, *, seconds=20.0):
-    """Wait for a condition, and fail where it does not come."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "it did not come true"
-        time.sleep(0.01)
 
 
 def discovered(recorder, count):
