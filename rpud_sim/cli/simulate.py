@@ -141,11 +141,12 @@ def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
 def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write the bag, if one is asked for, and return the figures."""
     from rpud_sim.simulation.configuration import to_configuration
-    from rpud_sim.simulation.ensemble import initial_phases
+    from rpud_sim.simulation.ensemble import compile_kernels, initial_phases
 
     values = chosen_values(arguments)
     configuration = to_configuration(values)
     scenario = _scenario(values.get("scenario", ""), arguments.seed)
+    compile_kernels(configuration, _tell)
     phases = initial_phases(arguments.repeat, arguments.seed)
     if arguments.bag:
         from rpud_sim.cli.offline_bag import write_offline_bag
@@ -210,6 +211,10 @@ def _table(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _tell(line: object) -> None:
+    print(f"rpud simulate: {line}", file=sys.stderr)
+
+
 def _fail(error: Exception, code: int) -> int:
-    print(f"rpud simulate: {error}", file=sys.stderr)
+    _tell(error)
     return code
