@@ -20,21 +20,6 @@ HELP = "run the drill offline, faster than real time, and print its figures"
 EXAMPLE = "rpud simulate --regime drilling --duration 20 --set weight_on_bit=20 --json"
 
 _SHORTEST, _LONGEST = 1e-9, 1e6  # s; time is whole nanoseconds
-_UNITS = {
-    "duration": "s",
-    "events": "",
-    "drill_tool_impact_rate": "1/s",
-    "actuator_impact_rate": "1/s",
-    "impact_velocity_mean": "m/s",
-    "contact_force_mean": "N",
-    "contact_force_max": "N",
-    "contact_duration_mean": "s",
-    "kinetic_energy_rate": "W",
-    "reacting_force_mean": "N",
-    "depth": "m",
-    "penetration_rate": "m/s",
-    "real_time_factor": "",
-}
 # Parameters of the node that act here as well.
 _NODE_NAMES = ("drive_enabled", "scenario")
 
@@ -198,9 +183,18 @@ def _figures(
 
 
 def _table(figures: dict[str, Any]) -> str:
+    from rpud_sim.simulation.statistics import FIGURES
+
+    units = {
+        "duration": "s",
+        **FIGURES,
+        "depth": "m",
+        "penetration_rate": "m/s",
+        "real_time_factor": "",
+    }
     errors = figures.get("standard_error", {})
     lines = []
-    for name, unit in _UNITS.items():
+    for name, unit in units.items():
         if name not in figures:
             continue
         value = figures[name]
