@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
+from rpud_sim.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from rpud_sim.simulation.configuration import Configuration
@@ -160,14 +161,11 @@ def _figures(
     phases: Sequence[float],
     scenario: Scenario | None,
 ) -> dict[str, Any]:
-    from tqdm import tqdm
-
     from rpud_sim.simulation.ensemble import run_ensemble
 
     duration = arguments.duration
     total = duration * arguments.repeat
-    # A bar appears only on a terminal, and only for what takes longer than two seconds.
-    with tqdm(total=total, unit=" s", delay=2.0, disable=None, leave=False, file=sys.stderr) as bar:
+    with progress_bar(" s", total) as bar:
         ensemble = run_ensemble(configuration, duration, phases, bar.update, scenario)
     figures: dict[str, Any] = dict(ensemble.mean())
     figures["real_time_factor"] = ensemble.real_time_factor
