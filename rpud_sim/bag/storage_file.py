@@ -36,7 +36,7 @@ from rpud_sim.bag.records import (
     read_record,
     uncompressed,
 )
-from rpud_sim.bag.summary import read_summary
+from rpud_sim.bag.summary import complete_statistics, read_summary
 
 RECORDS_LIMIT = 64 * 2**20
 """Bytes that all metadata records of one name may have together."""
@@ -49,14 +49,15 @@ class TopicSummary:
     """What a bag holds of one topic.
 
     `first_time` and `last_time` are log times [ns], None where there is no message;
-    `definition` is the `ros2msg` text of its type; `losses` is None where nobody counted them.
+    `definition` is the `ros2msg` text of its type, None where the file lacks it; `losses` is None
+    where nobody counted them.
     """
 
     topic: Topic
     message_count: int
     first_time: int | None
     last_time: int | None
-    definition: str
+    definition: str | None
     losses: Losses | None
 
     @property
@@ -88,9 +89,7 @@ class StorageFile:
                 self.size = os.fstat(self._stream.fileno()).st_size
                 self._check_ends()
                 self._index = read_summary(self._stream, self.size)
-            if self._index.statistics is None:
-                raise BagFormatError(f"{path} has no summary section with statistics")
-            self.statistics: Statistics = self._index.statistics
+                self.statistics: Statistics = complete_statistics(self._index)
         except BaseException:
             self._stream.close()
             raise
@@ -168,7 +167,7 @@ class StorageFile:
                 message_count=sum(counts.get(channel.id, 0) for channel in channels),
                 first_time=first,
                 last_time=last,
-                definition=schema.data.decode() if schema.encoding == "ros2msg" else "",
+                definition=schema.data.decode() if schema.encoding == "ros2msg" else None,
                 losses=None,
             )
 

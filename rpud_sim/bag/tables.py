@@ -64,7 +64,7 @@ class Table:
             raise BagFormatError(
                 f"its messages are {summary.topic.serialization_format!r:.40}; only 'cdr' is read"
             )
-        if not summary.definition:
+        if summary.definition is None:
             raise BagFormatError("the bag does not hold the definition of its type")
         self._codec = Codec(summary.topic.type, summary.definition)
         self._fields = columns_of(self._codec, summary.definition)

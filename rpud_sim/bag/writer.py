@@ -114,10 +114,10 @@ class BagWriter:
         """Files so far."""
         return len(self._closed_files) + (self._file is not None)
 
-    def add_topic(self, topic: Topic, definition: str = "") -> None:
+    def add_topic(self, topic: Topic, definition: str | None = None) -> None:
         """Declare a topic before its first message.
 
-        `definition` is the complete `ros2msg` text of its type; empty where it is unknown.
+        `definition` is the complete `ros2msg` text of its type; None where it is unknown.
         Raises BagError where the topic was declared already.
         """
         if topic.name in self._topics:
@@ -125,8 +125,8 @@ class BagWriter:
         schema = Schema(
             id=0,
             name=topic.type,
-            encoding="ros2msg" if definition else "",
-            data=definition.encode(),
+            encoding="" if definition is None else "ros2msg",
+            data=(definition or "").encode(),
         )
         metadata = {
             "offered_qos_profiles": dump_offered_qos(topic.offered_qos),

@@ -251,14 +251,16 @@ class Recorder(Node):
         topic = Topic(
             name=recording.name,
             type=recording.type,
-            type_hash=hashes[0] if hashes else self._installed(find_type_hash, recording.type),
+            type_hash=hashes[0]
+            if hashes
+            else self._installed(find_type_hash, recording.type) or "",
             offered_qos=tuple(recorded_profile(offer) for offer in offers),
         )
         self._intake.declare(Declaration(topic, self._installed(find_definition, recording.type)))
 
-    def _installed(self, find: Callable[[str], str], type_name: str) -> str:
+    def _installed(self, find: Callable[[str], str], type_name: str) -> str | None:
         try:
             return find(type_name)
         except BagError as error:
             self.get_logger().warning(f"{error}; the bag lacks it")
-            return ""
+            return None

@@ -15,10 +15,10 @@ from rpud_sim.ros.disk_room import DiskRoom
 
 @dataclass(frozen=True)
 class Declaration:
-    """A topic and the definition of its type, ahead of the topic's first message."""
+    """A topic, ahead of its first message, and the definition of its type, None if unknown."""
 
     topic: Topic
-    definition: str
+    definition: str | None
 
 
 @dataclass(frozen=True)

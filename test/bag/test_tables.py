@@ -224,6 +224,20 @@ def test_a_topic_that_is_not_there_is_named_with_those_that_are(tmp_path):
             )
 
 
+def test_a_type_without_fields_is_a_table_of_times(tmp_path):
+    # As std_msgs/msg/Empty: its definition is an empty text, not one that is unknown.
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_topic(Topic("/e", "std_msgs/msg/Empty"), "")
+        bag.write("/e", b"\x00\x01\x00\x00\x00", START + 1, START)
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert bag.left_out == {}
+        columns = bag.arrays("/e")
+    assert {name: list(values) for name, values in columns.items()} == {
+        "log_time": [START + 1],
+        "publish_time": [START],
+    }
+
+
 def write_odd(path):
     """A bag with topics that cannot be tables, and one that can."""
     wide = "\n".join(f"float64 f{number}" for number in range(11))
