@@ -48,7 +48,7 @@ _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 class TopicSummary:
     """What a bag holds of one topic.
 
-    `first_time` and `last_time` are log times [ns], None where there is no message;
+    `first_time` and `last_time` are log times [ns], None where there is no message or no index;
     `definition` is the `ros2msg` text of its type, None where the file lacks it; `losses` is None
     where nobody counted them.
     """
@@ -61,8 +61,13 @@ class TopicSummary:
     losses: Losses | None
 
     @property
-    def rate(self) -> float:
-        """Mean rate from the first to the last message [Hz]; 0 where there are fewer than two."""
+    def rate(self) -> float | None:
+        """Mean rate from the first to the last message [Hz]; 0 where there are fewer than two.
+
+        None where the file has no index that would tell their times.
+        """
+        if self.message_count and self.first_time is None:
+            return None
         if self.first_time is None or self.last_time is None or self.last_time <= self.first_time:
             return 0.0
         if self.message_count < 2:  # the statistics may contradict the message indexes
