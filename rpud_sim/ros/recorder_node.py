@@ -146,11 +146,14 @@ class Recorder(Node):
         return more
 
     def finish(self) -> None:
-        """Hand over the last messages, and declare the topics that had none."""
+        """Hand over the last messages, declare the topics that had none, and name what was not."""
         self._hand_over(self._batch)
         self._batch.clear()
         for recording in self._recordings.values():
             self._declare(recording, heard=False)
+        for name in self._selection.topics:
+            if self.wants(name) and name not in self._recordings:
+                self.skipped.setdefault(name, "it never appeared")
 
     def _hand_over(self, messages: Sequence[Message]) -> None:
         self.taken += len(messages)
