@@ -7,9 +7,11 @@ from collections.abc import Iterable
 from math import inf
 
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
 from rpud_sim.bag import Message, Topic, TopicSummary
@@ -25,7 +27,8 @@ class Replayer(Node):
 
     Publishers: `topics`, with their types and the QoS they were offered with, under other names by
     `remappings` as `OLD:=NEW`; /clock where `with_clock`. Topics whose type is not installed, or
-    not that of the topic with which they would share a name, are left out, with a warning.
+    not that of the topic with which they would share a name, or whose name is none in ROS, are left
+    out, with a warning.
     Services: those of `ReplayServices`, from when it is given a playback to control.
     """
 
@@ -80,7 +83,11 @@ class Replayer(Node):
             )
 
     def _check_name(self, topic: Topic) -> None:
-        name = self.resolve_topic_name(topic.name)
+        try:
+            name = self.resolve_topic_name(topic.name)
+            validate_full_topic_name(name)
+        except (NameValidationException, RuntimeError):  # RCLError
+            raise UnknownTypeError("ROS has no such names") from None
         other = self._types.setdefault(name, topic.type)
         if other != topic.type:
             raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")
