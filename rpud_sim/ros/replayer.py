@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -
         try:
             with rpud_sim.bag.open(arguments.bag) as bag:
                 topics = _chosen(bag, arguments)
-                rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+                rclpy.init(args=ros_arguments or [], signal_handler_options=SignalHandlerOptions.NO)
                 try:
                     return _replay(bag, topics, arguments, stop)
                 finally:
