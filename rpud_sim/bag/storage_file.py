@@ -140,7 +140,7 @@ class StorageFile:
         """Yield the metadata records of that name."""
         offsets = {index.offset for index in self._index.metadata_indexes if index.name == name}
         total = 0
-        with clear_errors(self._path):
+        with self._clear_errors():
             for offset in sorted(offsets):
                 found = read_record(self._stream, offset, self.size)
                 record = parse(found)
@@ -154,7 +154,7 @@ class StorageFile:
 
     def topic(self, name: str) -> TopicSummary:
         """Summarize one topic of this file; publishers may have had a channel each."""
-        with clear_errors(self._path):
+        with self._clear_errors():
             channels = [channel for channel in self.channels.values() if channel.topic == name]
             schema = self._index.schemas.get(channels[0].schema_id, _NO_SCHEMA)
             first, last = self._time_span({channel.id for channel in channels})
@@ -207,8 +207,15 @@ class StorageFile:
         return self._guarded(chunk_messages(self._stream, index, wanted, start_time))
 
     def _guarded(self, messages: Iterator[Message]) -> Iterator[Message]:
-        with clear_errors(self._path):
+        with self._clear_errors():
             yield from messages
+
+    @contextmanager
+    def _clear_errors(self) -> Iterator[None]:
+        if self._stream.closed:
+            raise BagError(f"{self._path} was closed; open the bag again")
+        with clear_errors(self._path):
+            yield
 
     def _unchunked(self, wanted: dict[int, str], start_time: int) -> Iterator[Message]:
         offset = len(MAGIC)

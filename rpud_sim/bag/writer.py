@@ -73,6 +73,7 @@ class BagWriter:
         # By their numbers in the bag; `_numbers` are those in the open file.
         self._channels: list[tuple[str, str, Schema | None, dict[str, str]]] = []
         self._counts: dict[str, int] = {}
+        self._repeated = 0
         self._latched = LatchedMessages()
         self._last = 0  # log time of the last message
         self._began: int | None = None  # log time of the file's first message that is not repeated
@@ -93,8 +94,8 @@ class BagWriter:
 
     @property
     def message_count(self) -> int:
-        """Messages written so far."""
-        return sum(self._counts.values())
+        """Messages written so far, without those that files repeat: what a reader will count."""
+        return sum(self._counts.values()) - self._repeated
 
     @property
     def size(self) -> int:
@@ -202,6 +203,7 @@ class BagWriter:
                 number = self._repeating(message.topic)
                 self._file.write(number, message.data, message.log_time, message.publish_time, 0)
                 self._counts[message.topic] += 1
+                self._repeated += 1
 
     def add_attachment(self, attachment: Attachment) -> None:
         """Keep a file in the bag.

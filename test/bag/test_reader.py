@@ -180,6 +180,15 @@ def test_a_channel_without_a_schema_has_no_type(tmp_path):
         assert [message.data for message in bag.messages()] == [b"{}"]
 
 
+def test_a_closed_bag_is_no_damaged_one(tmp_path):
+    bag = rpud_sim.bag.open(write_bag(tmp_path / "run"))
+    bag.close()
+    for read in (lambda: list(bag.messages()), lambda: bag.topics, lambda: bag.records("rosbag2")):
+        with pytest.raises(BagError, match="was closed; open the bag again") as refused:
+            read()
+        assert not isinstance(refused.value, BagFormatError)
+
+
 def test_losses_are_told(tmp_path):
     with BagWriter(tmp_path / "run") as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
