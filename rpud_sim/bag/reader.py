@@ -205,6 +205,7 @@ class BagReader:
             last_time=max(times, default=None),
             definition=parts[0].definition,
             losses=losses,
+            kinds=frozenset().union(*(part.kinds for part in parts)),
         )
 
 

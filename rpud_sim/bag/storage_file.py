@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -41,6 +42,7 @@ from rpud_sim.bag.summary import complete_statistics, read_summary
 RECORDS_LIMIT = 64 * 2**20
 """Bytes that all metadata records of one name may have together."""
 
+_COMMENT = re.compile(r"#.*")
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
 
@@ -50,7 +52,8 @@ class TopicSummary:
 
     `first_time` and `last_time` are log times [ns], None where there is no message or no index;
     `definition` is the `ros2msg` text of its type, None where the file lacks it; `losses` is None
-    where nobody counted them.
+    where nobody counted them. `kinds` are encoding, type and definition without comments of all its
+    channels: where they are several, `topic` and `definition` are those of the first.
     """
 
     topic: Topic
@@ -59,6 +62,7 @@ class TopicSummary:
     last_time: int | None
     definition: str | None
     losses: Losses | None
+    kinds: frozenset[tuple[str, str, str]] = frozenset()
 
     @property
     def rate(self) -> float | None:
@@ -174,7 +178,13 @@ class StorageFile:
                 last_time=last,
                 definition=schema.data.decode() if schema.encoding == "ros2msg" else None,
                 losses=None,
+                kinds=frozenset(self._kind(channel) for channel in channels),
             )
+
+    def _kind(self, channel: Channel) -> tuple[str, str, str]:
+        schema = self._index.schemas.get(channel.schema_id, _NO_SCHEMA)
+        text = _COMMENT.sub("", schema.data.decode()) if schema.encoding == "ros2msg" else ""
+        return channel.message_encoding, schema.name, " ".join(text.split())
 
     def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
         """Yield the chunks that may hold messages of `topics` from `start_time` [ns] on."""

@@ -60,6 +60,8 @@ class Table:
         Raises BagFormatError where it cannot be understood.
         """
         self._name = summary.topic.name
+        if len(summary.kinds) > 1:
+            raise BagFormatError("its messages are of several types or definitions")
         if summary.topic.serialization_format != "cdr":
             raise BagFormatError(
                 f"its messages are {summary.topic.serialization_format!r:.40}; only 'cdr' is read"

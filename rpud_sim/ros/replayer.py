@@ -128,7 +128,7 @@ def _replay(
     node = Replayer(topics, with_clock=arguments.clock is not None, remappings=arguments.remap)
     if not node.topic_names:
         if topics:
-            return _fail(f"no type of {bag.path} is installed here", 1)
+            return _fail(f"nothing of {bag.path} can be replayed here", 1)
         print(f"{bag.path} has no messages to replay")
         return 0
     node.get_logger().info(

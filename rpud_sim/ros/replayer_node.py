@@ -26,9 +26,9 @@ class Replayer(Node):
     """Publishes messages of a bag.
 
     Publishers: `topics`, with their types and the QoS they were offered with, under other names by
-    `remappings` as `OLD:=NEW`; /clock where `with_clock`. Topics whose type is not installed, or
-    not that of the topic with which they would share a name, or whose name is none in ROS, are left
-    out, with a warning.
+    `remappings` as `OLD:=NEW`; /clock where `with_clock`. Topics are left out, with a warning,
+    whose name is none in ROS, or whose type is not installed, not the only one, or not that of the
+    topic with which they would share a name.
     Services: those of `ReplayServices`, from when it is given a playback to control.
     """
 
@@ -60,6 +60,8 @@ class Replayer(Node):
                 self.get_logger().warning(f"the bag's own {CLOCK} is left out for that of --clock")
                 continue
             try:
+                if len(summary.kinds) > 1:
+                    raise UnknownTypeError("it has several types or definitions")
                 if summary.topic.serialization_format != "cdr":
                     raise UnknownTypeError(f"it is in {summary.topic.serialization_format!r}")
                 message = message_class(summary.topic.type)

@@ -64,6 +64,13 @@ def test_what_cannot_be_published_is_left_out_and_named(replay, summaries, capfd
     assert f"not replayed: {changes.get('name', TALK.name)}: " in capfd.readouterr().err
 
 
+def test_a_topic_of_several_definitions_is_left_out_and_named(replay, summaries, capfd):
+    kinds = frozenset({("cdr", TALK.type, "string data"), ("cdr", TALK.type, "int32 data")})
+    node = replay(dataclasses.replace(summaries[TALK.name], kinds=kinds), summaries[CHAT.name])
+    assert node.topic_names == [CHAT.name]
+    assert f"not replayed: {TALK.name}: it has several types" in capfd.readouterr().err
+
+
 def test_there_is_one_clock(replay, summaries, capfd):
     node = replay(changed(summaries[TALK.name], name="/clock"), with_clock=True)
     assert node.topic_names == []
