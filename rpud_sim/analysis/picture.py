@@ -146,7 +146,7 @@ def _messages(bag: BagReader, type_name: str) -> list[Any]:
     found = [topic for topic in bag.topics if topic.topic.type == type_name and topic.message_count]
     if len(found) != 1:
         raise BagError(f"{bag.path} holds {len(found)} topics of {type_name}; it must be one")
-    codec = Codec(type_name, found[0].definition)
+    codec = Codec(type_name, found[0].definition or "")
     return [codec.decode(message.data) for message in bag.messages([found[0].topic.name])]
 
 

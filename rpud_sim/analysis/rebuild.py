@@ -13,6 +13,7 @@ import numpy as np
 from numpy.lib.format import write_array_header_1_0
 
 import rpud_sim.bag
+from rpud_sim.analysis.whole_folder import whole_folder
 from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
@@ -79,6 +80,8 @@ def rebuild(
 ) -> Rebuilt:
     """Write every channel of a bag's trajectory at any rate; no simulation is needed.
 
+    There is nothing at `out` until all of it is whole.
+
     Args:
         path: of the bag.
         out: new folder for the files.
@@ -103,25 +106,27 @@ def rebuild(
         if duration is not None:
             end = min(end, first + max(1, round(duration * rate)))
         try:
-            with _Files(Path(out), first, end - first) as files:
-                for number, samples in _samples(pieces, rate, run, end):
-                    report(files.write(number, samples))
-            rebuilt = Rebuilt(
-                path=os.fspath(out),
-                rate=rate,
-                first=first,
-                count=end - first,
-                missing=files.missing,
-                origin=origin,
-                run=run,
-                runs=runs,
-                trajectory_size=pieces.size,
-                size=files.size,
-            )
-            content = json.dumps(vars(rebuilt), indent=2) + "\n"
-            (Path(out) / "rebuilt.json").write_text(content)
-        except FileExistsError:
-            raise RebuildError(f"{out} exists already; nothing is overwritten") from None
+            with whole_folder(out) as folder:
+                with _Files(folder, first, end - first) as files:
+                    for number, samples in _samples(pieces, rate, run, end):
+                        report(files.write(number, samples))
+                    files.finish()
+                rebuilt = Rebuilt(
+                    path=os.fspath(out),
+                    rate=rate,
+                    first=first,
+                    count=end - first,
+                    missing=files.missing,
+                    origin=origin,
+                    run=run,
+                    runs=runs,
+                    trajectory_size=pieces.size,
+                    size=files.size,
+                )
+                content = json.dumps(vars(rebuilt), indent=2) + "\n"
+                (folder / "rebuilt.json").write_text(content)
+        except FileExistsError as error:
+            raise RebuildError(f"{error.filename} exists already; nothing is overwritten") from None
         except OSError as error:
             raise RebuildError(f"cannot write {out}: {error.strerror or error}") from error
     return rebuilt
@@ -219,7 +224,6 @@ class _Files:
     """
 
     def __init__(self, folder: Path, first: int, count: int) -> None:
-        folder.mkdir(parents=True)
         self._paths = {channel: folder / f"{channel}.npy" for channel in CHANNELS}
         self._first = self._next = first
         self._end = first + count
@@ -255,10 +259,11 @@ class _Files:
         return self
 
     def __exit__(self, *_: object) -> None:
-        try:
-            self._skip_to(self._end)
-        finally:
-            self._open.close()
+        self._open.close()
+
+    def finish(self) -> None:
+        """Fill what is left at the end."""
+        self._skip_to(self._end)
 
     def _skip_to(self, number: int) -> None:
         while (count := min(number - self._next, _MOST_SKIPPED)) > 0:

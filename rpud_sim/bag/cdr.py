@@ -20,6 +20,7 @@ DEFINITION_LIMIT = 256 * 2**10
 """Greatest definition of a type, with all that it needs [characters]."""
 
 _WRITTEN_OUT_LIMIT = 10_000
+_NO_FIELDS = "structure_needs_at_least_one_member"  # what a type without any has in CDR
 
 
 class Codec:
@@ -62,7 +63,9 @@ class Codec:
         names = [name for name, _ in self._store.fielddefs[type_name][1]]
         decoded = self._store.get_msgdef(type_name).fields
         return [
-            (name, attribute, kind) for name, (attribute, kind) in zip(names, decoded, strict=True)
+            (name, attribute, kind)
+            for name, (attribute, kind) in zip(names, decoded, strict=True)
+            if name != _NO_FIELDS
         ]
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:

@@ -31,6 +31,7 @@ _NODE_SIZE = 32
 _DEPTH_LIMIT = 32
 _LONG_NUMBER = re.compile(r"[-+0-9_.:]{65,}")  # in sixties, `1:1:1`, it takes very long to read
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _OUTER_KEY = "rosbag2_bagfile_information"
 
 
@@ -213,7 +214,7 @@ def _topic(value: Mapping[str, Any]) -> Topic:
 
 
 def _dump(value: Any) -> str:
-    text: str = yaml.safe_dump(value, sort_keys=False, allow_unicode=True)
+    text: str = yaml.dump(value, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
     return text
 
 

@@ -14,7 +14,7 @@ from rpud_sim.bag.errors import BagFormatError, BagNotFoundError
 from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
 from rpud_sim.bag.losses import Losses, losses_from_record
 from rpud_sim.bag.messages import Message, merged
-from rpud_sim.bag.metadata import FILE_NAME, read_document
+from rpud_sim.bag.metadata import FILE_NAME, BagMetadata, read_document
 from rpud_sim.bag.storage_file import StorageFile, TopicSummary, clear_errors
 
 if TYPE_CHECKING:
@@ -205,6 +205,7 @@ class BagReader:
             last_time=max(times, default=None),
             definition=parts[0].definition,
             losses=losses,
+            kinds=frozenset().union(*(part.kinds for part in parts)),
         )
 
 
@@ -237,15 +238,23 @@ def storage_files(path: Path) -> list[Path]:
         raise BagFormatError(
             f"{document}: storage is {metadata.storage_identifier!r:.80}; only 'mcap' is read"
         )
+    check_compression(metadata, document)
+    names = [_inside(name, document) for name in metadata.relative_file_paths]
+    if len(set(names)) < len(names):
+        raise BagFormatError(f"{document}: a file is named twice")
+    return [path / name for name in names]
+
+
+def check_compression(metadata: BagMetadata, document: Path) -> None:
+    """Refuse files or messages that rosbag2 compressed on its own, beside the chunks of MCAP.
+
+    Raises BagFormatError.
+    """
     if metadata.compression_mode.lower() not in ("", "none"):
         raise BagFormatError(
             f"{document}: compression_mode is {metadata.compression_mode!r:.80}; "
             "only compression of MCAP chunks is read"
         )
-    names = [_inside(name, document) for name in metadata.relative_file_paths]
-    if len(set(names)) < len(names):
-        raise BagFormatError(f"{document}: a file is named twice")
-    return [path / name for name in names]
 
 
 def _inside(name: str, document: Path) -> PurePosixPath:

@@ -20,6 +20,7 @@ from rpud_sim.bag.losses import Losses, losses_from_record
 from rpud_sim.bag.metadata import FILE_NAME as METADATA_FILE
 from rpud_sim.bag.metadata import (
     RECORD_KEY,
+    BagMetadata,
     Topic,
     load_offered_qos,
     metadata_from_record,
@@ -27,7 +28,7 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.metadata import RECORD_NAME as ROSBAG2_RECORD
 from rpud_sim.bag.qos import QosProfile
-from rpud_sim.bag.reader import in_order, storage_files
+from rpud_sim.bag.reader import check_compression, in_order, storage_files
 from rpud_sim.bag.scan import Damage, Missing, Scan
 from rpud_sim.bag.sequence import SequenceCounter
 from rpud_sim.bag.storage_file import StorageFile, clear_errors
@@ -127,8 +128,8 @@ def recover(
 
     `progress` is called with the bytes that were read since it was called last. What fails
     leaves nothing at `out`. Raises BagNotFoundError where there is nothing to read, BagFormatError
-    where it holds nothing of a bag, BagExistsError where anything exists at `out`, and BagError
-    where the disk fails.
+    where it holds nothing of a bag or rosbag2 compressed it on its own, BagExistsError where
+    anything exists at `out`, and BagError where the disk fails.
     """
     files = files_to_recover(torn)
     recovery = Recovery(Path(out))
@@ -136,7 +137,8 @@ def recover(
         raise BagFormatError(f"{torn} holds nothing of an MCAP file")
     bag = BagWriter(out)
     try:
-        bag.add_custom_data(_custom_data(Path(torn)))
+        document = _document(Path(torn))
+        bag.add_custom_data(document.custom_data if document else {})
         outputs = _Outputs(bag, recovery)
         for file in files:
             repeats = file == files[0]
@@ -155,9 +157,13 @@ def recover(
 def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
     """Name the MCAP files of a bag, whether or not its metadata can be read.
 
-    Raises BagNotFoundError where there are none.
+    Raises BagNotFoundError where there are none, and BagFormatError where rosbag2 compressed
+    them, or the messages in them, on its own: what would be saved is nothing that can be read.
     """
     path = Path(torn)
+    document = _document(path)
+    if document is not None:
+        check_compression(document, path / METADATA_FILE)
     try:
         named = storage_files(path)
     except BagFormatError:
@@ -185,11 +191,12 @@ def _definition(schema: Schema | None) -> str:
     return schema.data.decode("utf-8", "replace")
 
 
-def _custom_data(torn: Path) -> dict[str, str]:
+def _document(torn: Path) -> BagMetadata | None:
+    """Read the metadata of a bag's folder, if that is possible."""
     with suppress(BagError, OSError, ValueError):
         if torn.is_dir():
-            return dict(read_document(torn / METADATA_FILE).custom_data)
-    return {}
+            return read_document(torn / METADATA_FILE)
+    return None
 
 
 class _Outputs:
@@ -390,5 +397,6 @@ class _FileRecovery:
         if self._unknown + nameless:
             self._recovery.damage_count += 1
             self._recovery.damages.append(
-                f"{self._file.name}: {self._unknown + nameless} messages belong to no known topic"
+                f"{self._file.name}: {self._unknown + nameless} messages belong to no known topic, "
+                "or have a time that rosbag2 cannot have"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import struct
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -36,11 +37,12 @@ from rpud_sim.bag.records import (
     read_record,
     uncompressed,
 )
-from rpud_sim.bag.summary import read_summary
+from rpud_sim.bag.summary import complete_statistics, read_summary
 
 RECORDS_LIMIT = 64 * 2**20
 """Bytes that all metadata records of one name may have together."""
 
+_COMMENT = re.compile(r"#.*")
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
 
@@ -48,20 +50,28 @@ _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 class TopicSummary:
     """What a bag holds of one topic.
 
-    `first_time` and `last_time` are log times [ns], None where there is no message;
-    `definition` is the `ros2msg` text of its type; `losses` is None where nobody counted them.
+    `first_time` and `last_time` are log times [ns], None where there is no message or no index;
+    `definition` is the `ros2msg` text of its type, None where the file lacks it; `losses` is None
+    where nobody counted them. `kinds` are encoding, type and definition without comments of all its
+    channels: where they are several, `topic` and `definition` are those of the first.
     """
 
     topic: Topic
     message_count: int
     first_time: int | None
     last_time: int | None
-    definition: str
+    definition: str | None
     losses: Losses | None
+    kinds: frozenset[tuple[str, str, str]] = frozenset()
 
     @property
-    def rate(self) -> float:
-        """Mean rate from the first to the last message [Hz]; 0 where there are fewer than two."""
+    def rate(self) -> float | None:
+        """Mean rate from the first to the last message [Hz]; 0 where there are fewer than two.
+
+        None where the file has no index that would tell their times.
+        """
+        if self.message_count and self.first_time is None:
+            return None
         if self.first_time is None or self.last_time is None or self.last_time <= self.first_time:
             return 0.0
         if self.message_count < 2:  # the statistics may contradict the message indexes
@@ -88,9 +98,7 @@ class StorageFile:
                 self.size = os.fstat(self._stream.fileno()).st_size
                 self._check_ends()
                 self._index = read_summary(self._stream, self.size)
-            if self._index.statistics is None:
-                raise BagFormatError(f"{path} has no summary section with statistics")
-            self.statistics: Statistics = self._index.statistics
+                self.statistics: Statistics = complete_statistics(self._index)
         except BaseException:
             self._stream.close()
             raise
@@ -136,7 +144,7 @@ class StorageFile:
         """Yield the metadata records of that name."""
         offsets = {index.offset for index in self._index.metadata_indexes if index.name == name}
         total = 0
-        with clear_errors(self._path):
+        with self._clear_errors():
             for offset in sorted(offsets):
                 found = read_record(self._stream, offset, self.size)
                 record = parse(found)
@@ -150,7 +158,7 @@ class StorageFile:
 
     def topic(self, name: str) -> TopicSummary:
         """Summarize one topic of this file; publishers may have had a channel each."""
-        with clear_errors(self._path):
+        with self._clear_errors():
             channels = [channel for channel in self.channels.values() if channel.topic == name]
             schema = self._index.schemas.get(channels[0].schema_id, _NO_SCHEMA)
             first, last = self._time_span({channel.id for channel in channels})
@@ -168,9 +176,15 @@ class StorageFile:
                 message_count=sum(counts.get(channel.id, 0) for channel in channels),
                 first_time=first,
                 last_time=last,
-                definition=schema.data.decode() if schema.encoding == "ros2msg" else "",
+                definition=schema.data.decode() if schema.encoding == "ros2msg" else None,
                 losses=None,
+                kinds=frozenset(self._kind(channel) for channel in channels),
             )
+
+    def _kind(self, channel: Channel) -> tuple[str, str, str]:
+        schema = self._index.schemas.get(channel.schema_id, _NO_SCHEMA)
+        text = _COMMENT.sub("", schema.data.decode()) if schema.encoding == "ros2msg" else ""
+        return channel.message_encoding, schema.name, " ".join(text.split())
 
     def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
         """Yield the chunks that may hold messages of `topics` from `start_time` [ns] on."""
@@ -203,8 +217,15 @@ class StorageFile:
         return self._guarded(chunk_messages(self._stream, index, wanted, start_time))
 
     def _guarded(self, messages: Iterator[Message]) -> Iterator[Message]:
-        with clear_errors(self._path):
+        with self._clear_errors():
             yield from messages
+
+    @contextmanager
+    def _clear_errors(self) -> Iterator[None]:
+        if self._stream.closed:
+            raise BagError(f"{self._path} was closed; open the bag again")
+        with clear_errors(self._path):
+            yield
 
     def _unchunked(self, wanted: dict[int, str], start_time: int) -> Iterator[Message]:
         offset = len(MAGIC)

@@ -14,6 +14,7 @@ from rpud_sim.bag.records import MAGIC, RECORD, parse, read_record
 SUMMARY_LIMIT = 64 * 2**20
 """Greatest summary section [bytes]; that of an hour's recording has less than one MiB."""
 
+_REMEDY = "rpud recover makes a whole bag of it"
 _FOOTER_SIZE = RECORD.size + 20
 
 
@@ -25,7 +26,7 @@ def read_summary(stream: BinaryIO, size: int) -> Summary:
     end = size - len(MAGIC) - _FOOTER_SIZE
     footer = parse(read_record(stream, end, size - len(MAGIC)))
     if not isinstance(footer, Footer) or not 0 < footer.summary_start <= end:
-        raise BagFormatError("it has no summary section with statistics")
+        raise BagFormatError(f"it has no summary section; {_REMEDY}")
     if end - footer.summary_start > SUMMARY_LIMIT:
         raise BagFormatError(f"its summary section has more than {SUMMARY_LIMIT} bytes")
     stream.seek(footer.summary_start)
@@ -57,3 +58,21 @@ def read_summary(stream: BinaryIO, size: int) -> Summary:
     if place > footer.summary_start:
         raise BagFormatError("a chunk reaches beyond the file's data")
     return summary
+
+
+def complete_statistics(summary: Summary) -> Statistics:
+    """Give the statistics of a summary section that names all that they count.
+
+    The format leaves each part of it to the writer; without one, topics would be missing unnoticed.
+    Raises BagFormatError where a part is not there.
+    """
+    statistics = summary.statistics
+    if statistics is None:
+        raise BagFormatError(f"its summary section has no statistics; {_REMEDY}")
+    channels = summary.channels
+    counted = statistics.channel_message_counts.keys()
+    if statistics.channel_count > len(channels) or not counted <= channels.keys():
+        raise BagFormatError(f"its summary section lacks channels; {_REMEDY}")
+    if not {channel.schema_id for channel in channels.values()} <= {0, *summary.schemas}:
+        raise BagFormatError(f"its summary section lacks schemas; {_REMEDY}")
+    return statistics

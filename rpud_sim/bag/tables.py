@@ -60,11 +60,13 @@ class Table:
         Raises BagFormatError where it cannot be understood.
         """
         self._name = summary.topic.name
+        if len(summary.kinds) > 1:
+            raise BagFormatError("its messages are of several types or definitions")
         if summary.topic.serialization_format != "cdr":
             raise BagFormatError(
                 f"its messages are {summary.topic.serialization_format!r:.40}; only 'cdr' is read"
             )
-        if not summary.definition:
+        if summary.definition is None:
             raise BagFormatError("the bag does not hold the definition of its type")
         self._codec = Codec(summary.topic.type, summary.definition)
         self._fields = columns_of(self._codec, summary.definition)

@@ -73,6 +73,7 @@ class BagWriter:
         # By their numbers in the bag; `_numbers` are those in the open file.
         self._channels: list[tuple[str, str, Schema | None, dict[str, str]]] = []
         self._counts: dict[str, int] = {}
+        self._repeated = 0
         self._latched = LatchedMessages()
         self._last = 0  # log time of the last message
         self._began: int | None = None  # log time of the file's first message that is not repeated
@@ -93,8 +94,8 @@ class BagWriter:
 
     @property
     def message_count(self) -> int:
-        """Messages written so far."""
-        return sum(self._counts.values())
+        """Messages written so far, without those that files repeat: what a reader will count."""
+        return sum(self._counts.values()) - self._repeated
 
     @property
     def size(self) -> int:
@@ -114,10 +115,10 @@ class BagWriter:
         """Files so far."""
         return len(self._closed_files) + (self._file is not None)
 
-    def add_topic(self, topic: Topic, definition: str = "") -> None:
+    def add_topic(self, topic: Topic, definition: str | None = None) -> None:
         """Declare a topic before its first message.
 
-        `definition` is the complete `ros2msg` text of its type; empty where it is unknown.
+        `definition` is the complete `ros2msg` text of its type; None where it is unknown.
         Raises BagError where the topic was declared already.
         """
         if topic.name in self._topics:
@@ -125,8 +126,8 @@ class BagWriter:
         schema = Schema(
             id=0,
             name=topic.type,
-            encoding="ros2msg" if definition else "",
-            data=definition.encode(),
+            encoding="" if definition is None else "ros2msg",
+            data=(definition or "").encode(),
         )
         metadata = {
             "offered_qos_profiles": dump_offered_qos(topic.offered_qos),
@@ -202,6 +203,7 @@ class BagWriter:
                 number = self._repeating(message.topic)
                 self._file.write(number, message.data, message.log_time, message.publish_time, 0)
                 self._counts[message.topic] += 1
+                self._repeated += 1
 
     def add_attachment(self, attachment: Attachment) -> None:
         """Keep a file in the bag.

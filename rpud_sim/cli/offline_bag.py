@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
+from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
 from rpud_sim.cli.progress import progress_bar
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.block import boundaries_until, boundary
@@ -60,6 +63,7 @@ def write_offline_bag(
     phase: float = 0.0,
     scenario: Scenario | None = None,
     seed: int = 0,
+    scenario_text: str | None = None,
 ) -> None:
     """Simulate and write what the drill node would publish; messages have the times of that.
 
@@ -70,6 +74,7 @@ def write_offline_bag(
         phase: of the vibration at time zero [cycles].
         scenario: faults that come by themselves.
         seed: of faulty signals.
+        scenario_text: of the scenario's file, for the bag's manifest.
 
     Raises:
         BagError: if the bag cannot be written.
@@ -79,14 +84,23 @@ def write_offline_bag(
     if isinstance(configuration, Parameters):
         configuration = Configuration(configuration)
     journal = Journal()
-    journal.begin({**to_values(configuration), **_RATES}, phase, seed, scenario)
+    parameters = {**to_values(configuration), **_RATES}
+    journal.begin(parameters, phase, seed, scenario)
     journal.note(0, "origin", origin=0)
     simulation = Simulation(configuration, phase, scenario, journal)
     telemetry = Telemetry()
     telemetry.reseed(seed)
     definitions = {name: find_definition(type_name) for name, type_name in TYPES.items()}
     codecs = {name: Codec(TYPES[name], text) for name, text in definitions.items()}
+    manifest = Manifest(
+        parameters={**parameters, "seed": seed},
+        scenario=scenario_text if scenario else "",
+        command=tuple(sys.argv),
+        versions=installed_versions(),
+        machine=machine_name(),
+    )
     with BagWriter(path) as bag:
+        bag.add_record(MANIFEST_RECORD, manifest.to_record())
         for name, type_name in TYPES.items():
             offer = _LATCHED_OFFER if name in _LATCHED else _OFFER
             topic = Topic(f"{NAMESPACE}/{name}", type_name, find_type_hash(type_name), (offer,))

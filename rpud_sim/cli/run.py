@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
-from rpud_sim.ros.arguments import DEFAULT_NAMESPACE, number
+from rpud_sim.ros.arguments import DEFAULT_NAMESPACE, LONGEST, MAX_LOSS, number
 
 HELP = "drill in real time on ROS topics"
 EXAMPLE = "rpud run --duration 10 --record bags/first --set weight_on_bit=20"
@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_parameter_arguments(parser)
     parser.add_argument(
         "--duration",
-        type=number("s", above=0),
+        type=number("s", above=0, most=LONGEST),
         metavar="S",
         help="stop after that many seconds (default: at SIGINT or SIGTERM)",
     )
@@ -24,6 +24,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--record",
         metavar="DIR",
         help="record the namespace into a new bag, by a recorder beside it",
+    )
+    parser.add_argument(
+        "--max-loss",
+        type=number("s", above=0, most=LONGEST),
+        default=MAX_LOSS,
+        metavar="S",
+        help="with --record: seconds of messages that a crash may cost at most "
+        "(default: %(default)g)",
     )
     parser.add_argument(
         "--namespace",
@@ -52,4 +60,5 @@ def run(arguments: argparse.Namespace) -> int:
         duration=arguments.duration,
         bag=arguments.record,
         live=not arguments.quiet,
+        max_loss=arguments.max_loss,
     )

@@ -8,6 +8,7 @@ import importlib
 import json
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
@@ -131,15 +132,21 @@ def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
 
     values = chosen_values(arguments)
     configuration = to_configuration(values)
-    scenario = _scenario(values.get("scenario", ""), arguments.seed)
+    file = values.get("scenario", "")
+    scenario = _scenario(file, arguments.seed)
     compile_kernels(configuration, _tell)
     phases = initial_phases(arguments.repeat, arguments.seed)
     if arguments.bag:
         from rpud_sim.cli.offline_bag import write_offline_bag
 
-        seed = arguments.seed or 0
         write_offline_bag(
-            arguments.bag, configuration, arguments.duration, phases[0], scenario, seed
+            arguments.bag,
+            configuration,
+            arguments.duration,
+            phases[0],
+            scenario,
+            arguments.seed or 0,
+            Path(file).read_text(encoding="utf-8") if scenario else None,
         )
     figures = _figures(arguments, configuration, phases, scenario)
     figures["scenario"] = values.get("scenario") or None

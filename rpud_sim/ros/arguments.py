@@ -17,6 +17,10 @@ CLOCK_RATE = 40.0
 """Rate of `/clock` where `--clock` names none [Hz]."""
 FASTEST_RATE = 1e6
 """The greatest rate of a replay [times real time]; publishing is slower than that."""
+LONGEST = 1e9
+"""The greatest number of seconds that any option takes: thirty years."""
+FASTEST_CLOCK = 1e4
+"""The greatest rate of `/clock` [Hz]: its messages come before all others."""
 DISCOVERY_TIME = 3.5
 """How long a replay waits for subscribers unasked [s]; Fast DDS announces itself every 3 s."""
 
@@ -103,13 +107,13 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--duration",
-        type=number("s", above=0),
+        type=number("s", above=0, most=LONGEST),
         metavar="S",
         help="stop after that many seconds (default: at SIGINT or SIGTERM)",
     )
     parser.add_argument(
         "--max-loss",
-        type=number("s", above=0),
+        type=number("s", above=0, most=LONGEST),
         default=MAX_LOSS,
         metavar="S",
         help="seconds of messages that a crash may cost at most (default: %(default)g)",
@@ -122,7 +126,7 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--max-bag-duration",
-        type=number("s", above=0),
+        type=number("s", above=0, most=LONGEST),
         metavar="S",
         help="begin a new file of the bag when one lasts as long (default: one file)",
     )
@@ -177,14 +181,14 @@ def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--start",
-        type=number("s", least=0),
+        type=number("s", least=0, most=LONGEST),
         default=0.0,
         metavar="S",
         help="skip that many seconds of the bag (default: 0)",
     )
     parser.add_argument(
         "--duration",
-        type=number("s", above=0),
+        type=number("s", above=0, most=LONGEST),
         metavar="S",
         help="end after that many seconds of the bag (default: at its end)",
     )
@@ -192,7 +196,7 @@ def add_replay_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--clock",
         nargs="?",
-        type=number("Hz", above=0),
+        type=number("Hz", above=0, most=FASTEST_CLOCK),
         const=CLOCK_RATE,
         metavar="HZ",
         help="publish the bag's time on /clock that often by the real time, also when it stands "

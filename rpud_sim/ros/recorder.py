@@ -46,7 +46,7 @@ _DRAIN = 0.1  # s in which messages on their way still arrive after a stop
 def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -> int:
     """Record until the duration is over or a signal asks to stop; give the exit code."""
     with StopRequest() as stop:
-        rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=ros_arguments or [], signal_handler_options=SignalHandlerOptions.NO)
         try:
             return _record(arguments, stop)
         except NameValidationException as error:

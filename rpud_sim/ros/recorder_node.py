@@ -146,11 +146,14 @@ class Recorder(Node):
         return more
 
     def finish(self) -> None:
-        """Hand over the last messages, and declare the topics that had none."""
+        """Hand over the last messages, declare the topics that had none, and name what was not."""
         self._hand_over(self._batch)
         self._batch.clear()
         for recording in self._recordings.values():
             self._declare(recording, heard=False)
+        for name in self._selection.topics:
+            if self.wants(name) and name not in self._recordings:
+                self.skipped.setdefault(name, "it never appeared")
 
     def _hand_over(self, messages: Sequence[Message]) -> None:
         self.taken += len(messages)
@@ -251,14 +254,16 @@ class Recorder(Node):
         topic = Topic(
             name=recording.name,
             type=recording.type,
-            type_hash=hashes[0] if hashes else self._installed(find_type_hash, recording.type),
+            type_hash=hashes[0]
+            if hashes
+            else self._installed(find_type_hash, recording.type) or "",
             offered_qos=tuple(recorded_profile(offer) for offer in offers),
         )
         self._intake.declare(Declaration(topic, self._installed(find_definition, recording.type)))
 
-    def _installed(self, find: Callable[[str], str], type_name: str) -> str:
+    def _installed(self, find: Callable[[str], str], type_name: str) -> str | None:
         try:
             return find(type_name)
         except BagError as error:
             self.get_logger().warning(f"{error}; the bag lacks it")
-            return ""
+            return None

@@ -8,17 +8,17 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from rpud_sim.bag import BagError, BagWriter, Message, Topic
+from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.ros.arguments import MAX_CACHE_SIZE
 from rpud_sim.ros.disk_room import DiskRoom
 
 
 @dataclass(frozen=True)
 class Declaration:
-    """A topic and the definition of its type, ahead of the topic's first message."""
+    """A topic, ahead of its first message, and the definition of its type, None if unknown."""
 
     topic: Topic
-    definition: str
+    definition: str | None
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class WritingThread(threading.Thread):
         room: DiskRoom | None = None,
     ) -> None:
         super().__init__(name="bag writer")
-        self.error: BagError | None = None
+        self.error: Exception | None = None
         self.refusal = ""
         self.exposure = 0.0
         self._messages = messages
@@ -114,10 +114,10 @@ class WritingThread(threading.Thread):
         self._oldest: int | None = None  # log time of a message that may not be on the disk [ns]
 
     def run(self) -> None:
-        """Write until the queue ends or the disk fails."""
+        """Write until the queue ends or something fails."""
         try:
             self._write()
-        except BagError as error:
+        except Exception as error:  # nobody else would hear of it, and the bag would go on empty
             self.error = error
             self._on_end()
 

@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -
         try:
             with rpud_sim.bag.open(arguments.bag) as bag:
                 topics = _chosen(bag, arguments)
-                rclpy.init(args=ros_arguments, signal_handler_options=SignalHandlerOptions.NO)
+                rclpy.init(args=ros_arguments or [], signal_handler_options=SignalHandlerOptions.NO)
                 try:
                     return _replay(bag, topics, arguments, stop)
                 finally:
@@ -128,7 +128,7 @@ def _replay(
     node = Replayer(topics, with_clock=arguments.clock is not None, remappings=arguments.remap)
     if not node.topic_names:
         if topics:
-            return _fail(f"no type of {bag.path} is installed here", 1)
+            return _fail(f"nothing of {bag.path} can be replayed here", 1)
         print(f"{bag.path} has no messages to replay")
         return 0
     node.get_logger().info(

@@ -7,9 +7,11 @@ from collections.abc import Iterable
 from math import inf
 
 from rclpy.duration import Duration
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
 from rpud_sim.bag import Message, Topic, TopicSummary
@@ -24,8 +26,9 @@ class Replayer(Node):
     """Publishes messages of a bag.
 
     Publishers: `topics`, with their types and the QoS they were offered with, under other names by
-    `remappings` as `OLD:=NEW`; /clock where `with_clock`. Topics whose type is not installed, or
-    not that of the topic with which they would share a name, are left out, with a warning.
+    `remappings` as `OLD:=NEW`; /clock where `with_clock`. Topics are left out, with a warning,
+    whose name is none in ROS, or whose type is not installed, not the only one, or not that of the
+    topic with which they would share a name.
     Services: those of `ReplayServices`, from when it is given a playback to control.
     """
 
@@ -57,6 +60,8 @@ class Replayer(Node):
                 self.get_logger().warning(f"the bag's own {CLOCK} is left out for that of --clock")
                 continue
             try:
+                if len(summary.kinds) > 1:
+                    raise UnknownTypeError("it has several types or definitions")
                 if summary.topic.serialization_format != "cdr":
                     raise UnknownTypeError(f"it is in {summary.topic.serialization_format!r}")
                 message = message_class(summary.topic.type)
@@ -80,7 +85,11 @@ class Replayer(Node):
             )
 
     def _check_name(self, topic: Topic) -> None:
-        name = self.resolve_topic_name(topic.name)
+        try:
+            name = self.resolve_topic_name(topic.name)
+            validate_full_topic_name(name)
+        except (NameValidationException, RuntimeError):  # RCLError
+            raise UnknownTypeError("ROS has no such names") from None
         other = self._types.setdefault(name, topic.type)
         if other != topic.type:
             raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
+from rpud_sim.ros.arguments import MAX_LOSS
 from rpud_sim.ros.drill_node import DrillNode, spin
 from rpud_sim.ros.parameters import check_settings
 from rpud_sim.ros.report import Report
@@ -33,13 +34,15 @@ class RecorderProcess:
     Args:
         bag: the new bag's folder.
         namespace: to record.
+        max_loss: that a crash of the recorder may cost at most [s].
     """
 
-    def __init__(self, bag: str, namespace: str) -> None:
+    def __init__(self, bag: str, namespace: str, max_loss: float) -> None:
         self._process = subprocess.Popen(
             [
                 *(sys.executable, "-m", "rpud_sim.cli.main", "record"),
                 *("--out", bag, "--namespace", namespace, "--until-eof"),
+                *("--max-loss", str(max_loss)),
             ],
             stdin=subprocess.PIPE,  # it ends with this process, whatever ends that
             stdout=subprocess.PIPE,
@@ -102,6 +105,7 @@ def drill(
     duration: float | None = None,
     bag: str | None = None,
     live: bool = True,
+    max_loss: float = MAX_LOSS,
 ) -> int:
     """Drill in real time and return the exit code.
 
@@ -111,6 +115,7 @@ def drill(
         duration: after which it stops [s]; None for never.
         bag: folder of a bag to record into.
         live: whether to show a live line.
+        max_loss: that a crash of the recorder may cost at most [s].
     """
     try:
         check_settings(dict(values))
@@ -130,7 +135,7 @@ def drill(
                 for name, value in values.items()
             ]
             node = DrillNode(duration, namespace=namespace, parameter_overrides=overrides)
-            return _drill(node, stop, bag, namespace, live)
+            return _drill(node, stop, bag, namespace, live, max_loss)
         finally:
             rclpy.try_shutdown()
 
@@ -139,7 +144,14 @@ def _is_whole(value: Any) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _drill(node: DrillNode, stop: StopRequest, bag: str | None, namespace: str, live: bool) -> int:
+def _drill(
+    node: DrillNode,
+    stop: StopRequest,
+    bag: str | None,
+    namespace: str,
+    live: bool,
+    max_loss: float,
+) -> int:
     recorder = None
     if bag:
         try:
@@ -147,7 +159,7 @@ def _drill(node: DrillNode, stop: StopRequest, bag: str | None, namespace: str, 
         except RuntimeError as error:
             print(f"rpud run: {error}", file=sys.stderr)
             return 1
-        recorder = RecorderProcess(bag, namespace)
+        recorder = RecorderProcess(bag, namespace, max_loss)
         if not recorder.wait_until_ready(stop):
             code = recorder.close()
             return 0 if stop.requested and code == 0 else 1

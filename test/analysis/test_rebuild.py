@@ -1,7 +1,9 @@
 """Waveforms out of a bag's trajectory: those that the drill published, and any other rate."""
 
+import errno
 import itertools
 import json
+import os
 
 import numpy as np
 import pytest
@@ -128,6 +130,15 @@ def test_what_is_not_there_is_refused_and_nothing_written(bag, tmp_path, options
     with pytest.raises(RebuildError, match=reason):
         rebuild(bag, tmp_path / "out", 1000, **options)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_rebuilding_that_fails_midway_leaves_nothing(bag, tmp_path):
+    def fail(_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(RebuildError, match=r"cannot write .*out: No space left on device"):
+        rebuild(bag, tmp_path / "out", 1000, report=fail)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_bag_without_a_trajectory_is_refused(bag, tmp_path):

@@ -7,7 +7,7 @@ import tracemalloc
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 from sample_bags import (
     CHAT,
     SECOND,
@@ -22,6 +22,7 @@ from sample_bags import (
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagNotFoundError, BagReader, BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.recovery import recover
 
 
 def texts(messages):
@@ -129,7 +130,41 @@ def test_files_of_other_writers_are_read(tmp_path, chunked):
         assert topic.message_count == 6
         assert topic.topic.offered_qos == ()
         assert bag.compression == ("lz4" if chunked else "none")
-        assert topic.rate == (pytest.approx(1e9) if chunked else 0.0)
+        assert topic.rate == (pytest.approx(1e9) if chunked else None)
+
+
+@pytest.mark.parametrize(
+    ("left_out", "complaint"),
+    [
+        ({"repeat_channels": False}, "lacks channels"),
+        ({"repeat_schemas": False}, "lacks schemas"),
+        ({"use_statistics": False}, "no statistics"),
+        (
+            {
+                "index_types": IndexType.NONE,
+                "repeat_channels": False,
+                "repeat_schemas": False,
+                "use_statistics": False,
+                "use_summary_offsets": False,
+            },
+            "no summary section",
+        ),
+    ],
+)
+def test_no_topic_is_missing_unnoticed_where_a_summary_lacks_it(tmp_path, left_out, complaint):
+    file = tmp_path / "other.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, **left_out)
+        writer.start()
+        schema = writer.register_schema(STRING, "ros2msg", STRING_DEFINITION.encode())
+        channel = writer.register_channel("/a", "cdr", schema)
+        writer.add_message(channel, START, serialized_string("0"), START)
+        writer.finish()
+    with pytest.raises(BagFormatError, match=f"{complaint}; rpud recover makes a whole bag of it"):
+        rpud_sim.bag.open(file)
+    recover(file, tmp_path / "whole")
+    with rpud_sim.bag.open(tmp_path / "whole") as bag:
+        assert texts(bag.messages(["/a"])) == ["0"]
 
 
 def test_a_channel_without_a_schema_has_no_type(tmp_path):
@@ -143,6 +178,15 @@ def test_a_channel_without_a_schema_has_no_type(tmp_path):
         [topic] = bag.topics
         assert (topic.topic.type, topic.topic.serialization_format) == ("", "json")
         assert [message.data for message in bag.messages()] == [b"{}"]
+
+
+def test_a_closed_bag_is_no_damaged_one(tmp_path):
+    bag = rpud_sim.bag.open(write_bag(tmp_path / "run"))
+    bag.close()
+    for read in (lambda: list(bag.messages()), lambda: bag.topics, lambda: bag.records("rosbag2")):
+        with pytest.raises(BagError, match="was closed; open the bag again") as refused:
+            read()
+        assert not isinstance(refused.value, BagFormatError)
 
 
 def test_losses_are_told(tmp_path):

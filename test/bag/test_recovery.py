@@ -31,6 +31,8 @@ from rpud_sim.bag import BagError, BagExistsError, BagFormatError, BagNotFoundEr
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.metadata import FILE_NAME as METADATA_FILE
+from rpud_sim.bag.metadata import BagMetadata, FileInformation
 from rpud_sim.bag.recovery import RECORDING_RECORD, recover
 
 COUNT = 60
@@ -360,6 +362,19 @@ def test_what_cannot_be_recovered_is_named_and_leaves_nothing(tmp_path):
         file.write_bytes(content)
         with pytest.raises(BagFormatError, match="holds nothing of an MCAP file"):
             recover(file, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("mode", ["MESSAGE", "FILE"])
+def test_what_rosbag2_compressed_on_its_own_is_refused(whole, tmp_path, mode):
+    torn = tmp_path / "torn"
+    torn.mkdir()
+    (torn / "torn_0.mcap").write_bytes(whole("none"))
+    files = (FileInformation("torn_0.mcap", 0, 0, 0),)
+    metadata = BagMetadata(0, 0, 0, (), files, compression_format="zstd", compression_mode=mode)
+    (torn / METADATA_FILE).write_text(metadata.to_document())
+    with pytest.raises(BagFormatError, match=f"compression_mode is '{mode}'"):
+        recover(torn, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

@@ -224,6 +224,39 @@ def test_a_topic_that_is_not_there_is_named_with_those_that_are(tmp_path):
             )
 
 
+def test_a_type_without_fields_is_a_table_of_times(tmp_path):
+    # As std_msgs/msg/Empty: its definition is an empty text, not one that is unknown.
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_topic(Topic("/e", "std_msgs/msg/Empty"), "")
+        bag.write("/e", b"\x00\x01\x00\x00\x00", START + 1, START)
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert bag.left_out == {}
+        columns = bag.arrays("/e")
+    assert {name: list(values) for name, values in columns.items()} == {
+        "log_time": [START + 1],
+        "publish_time": [START],
+    }
+
+
+def test_a_type_that_changed_within_a_bag_is_not_read_as_the_first(tmp_path):
+    def write(name, *definitions):
+        with (tmp_path / name).open("wb") as stream:
+            writer = Writer(stream)
+            writer.start()
+            for number, text in enumerate(definitions):
+                schema = writer.register_schema("pkg/msg/A", "ros2msg", text.encode())
+                channel = writer.register_channel("/a", "cdr", schema)
+                writer.add_message(channel, number, b"\x00\x01\x00\x00" + bytes(4), number)
+            writer.finish()
+
+    write("a_0.mcap", "int32 a # as it was first told\n", "int32   a # as it is told now\n")
+    with rpud_sim.bag.open(tmp_path) as bag:
+        assert list(bag.arrays("/a")["a"]) == [0, 0]
+    write("a_1.mcap", "float32 a\n")
+    with rpud_sim.bag.open(tmp_path) as bag:
+        assert bag.left_out == {"/a": "its messages are of several types or definitions"}
+
+
 def write_odd(path):
     """A bag with topics that cannot be tables, and one that can."""
     wide = "\n".join(f"float64 f{number}" for number in range(11))

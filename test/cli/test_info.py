@@ -4,6 +4,7 @@ import argparse
 import json
 
 import pytest
+from mcap.writer import Writer
 from sample_bags import CHAT, START, STRING, TALK, write_bag
 
 from rpud_sim.bag import BagWriter
@@ -67,6 +68,22 @@ def test_the_table_has_a_line_for_each_topic(tmp_path, capsys):
     assert "messages  11" in lines
     [talk] = [line.split() for line in lines if line.startswith(TALK.name)]
     assert talk == [TALK.name, STRING, "11", "1000.00", "unknown"]
+
+
+def test_rates_that_no_index_tells_are_unknown(tmp_path, capsys):
+    """As of the bags of `ros2 bag record --storage-preset-profile fastwrite`."""
+    file = tmp_path / "fast.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start()
+        channel = writer.register_channel("/a", "cdr", writer.register_schema(STRING, "", b""))
+        for number in range(3):
+            writer.add_message(channel, START + number, b"", START)
+        writer.finish()
+    assert run(file) == 0
+    assert capsys.readouterr().out.splitlines()[-1].split() == ["/a", STRING, "3", *["unknown"] * 2]
+    assert run(file, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["topics"][0]["rate"] is None
 
 
 def test_an_empty_bag_has_no_times(tmp_path, capsys):

@@ -13,6 +13,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 import rpud_sim.bag
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.fields import SEGMENT_ARRAYS
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
@@ -210,8 +212,14 @@ def test_faults_of_a_scenario_are_in_the_bag_with_what_they_do(tmp_path):
     )
     words = ["--set", f"scenario={scenario}", "--set", "rock_model=specific_energy"]
     path = tmp_path / "bag"
-    result = simulate("--duration", 0.6, *words, "--bag", path)
+    result = simulate("--duration", 0.6, *words, "--seed", 5, "--bag", path)
     assert (result.returncode, result.stderr) == (0, "")
+    with rpud_sim.bag.open(path) as bag:
+        [manifest] = map(manifest_from_record, bag.records(MANIFEST))
+    assert (manifest.seed, manifest.scenario) == (5, scenario.read_text())
+    assert manifest.parameters["rock_model"] == "specific_energy"
+    assert manifest.command[-2:] == ("--bag", str(path))
+    assert manifest.versions.keys() >= {"rpud_sim", "python", "numpy", "numba"}
     found = {}
     with AnyReader([path]) as reader:
         for connection, time, data in reader.messages():

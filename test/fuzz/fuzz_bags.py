@@ -40,7 +40,7 @@ def read(data: bytes) -> None:
         assert bag.compression
         assert bag.duration is not None
         for topic in bag.topics:
-            assert topic.rate >= 0.0
+            assert topic.rate is None or topic.rate >= 0.0
         bag.records("notes")
         for _ in bag.messages():
             pass

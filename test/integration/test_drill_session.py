@@ -11,6 +11,9 @@ from drill_client import SECOND, Client, nanoseconds, steps
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import Status
 
+import rpud_sim.bag
+from rpud_sim.bag.recovery import RECORDING_RECORD
+
 CONFIG = get_package_share_directory("rpud_sim") + "/config"
 TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 TYPES = {
@@ -59,7 +62,8 @@ def stamps(messages):
 def session(tmp_path_factory):
     """Two seconds of drilling, recorded."""
     path = tmp_path_factory.mktemp("session") / "bag"
-    return path, run("--duration", 2, "--record", path, "--set", "weight_on_bit=20")
+    words = ("--duration", 2, "--record", path, "--max-loss", 0.25, "--set", "weight_on_bit=20")
+    return path, run(*words)
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +86,12 @@ def test_it_shows_rate_and_forces_and_ends_with_a_summary_and_the_bag(session):
     assert live, errors
     assert " N mean " in live[0]
     assert "Traceback" not in errors
+
+
+def test_the_recorder_keeps_to_the_bound_that_was_asked_for(session):
+    path, _ = session
+    with rpud_sim.bag.open(path) as bag:
+        assert bag.records(RECORDING_RECORD) == [{"max_loss": "0.25"}]
 
 
 def test_the_bag_has_every_topic_with_its_type(bag):

@@ -398,4 +398,4 @@ def test_a_replay_names_types_that_are_not_installed(process, bag):
     path = os.pathsep.join(place for place in places if "rpud_msgs" not in place)
     replayer = process("replayer", bag, env=os.environ | {"PYTHONPATH": path})
     assert replayer.wait() == 1
-    assert f"rpud replay: no type of {bag} is installed here" in replayer.output
+    assert f"rpud replay: nothing of {bag} can be replayed here" in replayer.output

@@ -156,13 +156,15 @@ def test_topics_are_renamed_and_left_out(process, bag, audience):
     heard = []
     audience.hear("/robot/talk", lambda message: heard.append(int(message.data)))
     process = process(
-        *("replayer", bag, "--rate", "10", "--start", "0.5", "--duration", "1"),
+        *("rpud", "replay", bag, "--rate", "10", "--start", "0.5", "--duration", "1"),
         *("--exclude", "/rpud/chat", "--remap", f"{REPLAYED}:=/robot/talk"),
     )
     assert process.wait() == 0
     process.wait_for_line("replayed 21 messages")
     audience.until(lambda: heard == list(range(10, 31)))
     assert audience.numbers == []
+    # The rules are the command's own, and no old form of ROS arguments.
+    assert "deprecated" not in process.output
 
 
 def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
@@ -200,7 +202,7 @@ def test_two_types_do_not_share_a_name(process, audience, tmp_path):
     clock = Topic("/clock", "rosgraph_msgs/msg/Clock", "", (RecordedProfile(),))
     talk = Topic("/talk", STRING, STRING_HASH, (RecordedProfile(),))
     with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic(clock, "")
+        writer.add_topic(clock)
         writer.add_topic(talk, STRING_DEFINITION)
         writer.write("/clock", bytes(12), START, START)
         writer.write("/talk", serialized_string("0"), START, START)

@@ -67,6 +67,11 @@ def test_the_start_is_not_before_the_bag(replay, capsys, value):
     [
         (["--rate", "1e7"], "it must be a finite number greater than 0 and at most 1e+06"),
         (["--duration", "0"], "--duration: '0' s; it must be a finite number greater than 0"),
+        (["--duration", "1e300"], "it must be a finite number greater than 0 and at most 1e+09"),
+        (
+            ["--clock", "1e6"],
+            "'1e6' Hz; it must be a finite number greater than 0 and at most 10000",
+        ),
         (["--remap", "talk:=/b"], "'talk:=/b' is not of the form OLD:=NEW with two absolute topic"),
         (["--remap", "/a:=/b", "/c"], "'/c' is not of the form OLD:=NEW"),
     ],
@@ -83,11 +88,12 @@ def test_a_replay_takes_rules_for_names(replay):
     assert arguments.remap == ["/a:=/b", "/a_1/b:=/c/d"]
 
 
-@pytest.mark.parametrize("value", ["0", "nan", "inf"])
-def test_the_duration_is_positive(record, capsys, value):
+@pytest.mark.parametrize("option", ["--duration", "--max-loss", "--max-bag-duration"])
+@pytest.mark.parametrize("value", ["0", "nan", "inf", "1e300"])
+def test_a_duration_is_positive_and_no_eternity(record, capsys, option, value):
     with pytest.raises(SystemExit) as ended:
-        record.parse_args(["--out", "bag", f"--duration={value}"])
+        record.parse_args(["--out", "bag", f"{option}={value}"])
     assert ended.value.code == 2
-    assert f"--duration: {value!r} s; it must be a finite number greater than 0" in (
+    assert f"{option}: {value!r} s; it must be a finite number greater than 0 and at most" in (
         capsys.readouterr().err
     )

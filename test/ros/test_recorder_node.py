@@ -203,6 +203,15 @@ def test_a_topic_without_a_message_is_declared_at_the_end(peer, record):
     assert declaration.topic.type_hash.startswith("RIHS01_")
 
 
+def test_a_named_topic_that_never_appears_is_named_at_the_end(peer, record):
+    peer.create_publisher(String, "talk", RELIABLE)
+    unwanted = re.compile("left_out")
+    recorder = record(MessageQueue(), ["talk", "absent", "/rpud/left_out"], exclude=unwanted)
+    until(discovered(recorder, 1))
+    recorder.finish()
+    assert recorder.skipped == {"/rpud/absent": "it never appeared"}
+
+
 def test_a_latched_message_is_recorded_by_a_recorder_that_comes_later(peer, record):
     peer.create_publisher(String, "status", LATCHED).publish(String(data="latched"))
     messages = MessageQueue()

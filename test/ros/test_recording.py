@@ -76,6 +76,22 @@ def test_a_failure_to_write_is_told_at_once(tmp_path):
     assert "/never/declared" in str(thread.error)
 
 
+def test_no_failure_at_all_goes_unheard(tmp_path):
+    class Bag(BagWriter):
+        def write(self, *_):
+            raise OverflowError("not foreseen")
+
+    messages = MessageQueue()
+    failed = threading.Event()
+    with Bag(tmp_path / "run") as bag:
+        thread = WritingThread(messages, bag, 1.0, on_end=failed.set)
+        thread.start()
+        messages.put(message())
+        assert failed.wait(10.0)
+        thread.join(10.0)
+    assert "not foreseen" in str(thread.error)
+
+
 def test_what_was_written_is_flushed_within_the_bound_without_more(tmp_path):
     messages = MessageQueue()
     flushed = threading.Event()

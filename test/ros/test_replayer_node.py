@@ -51,12 +51,24 @@ def test_it_offers_what_was_offered(replay, summaries):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"type": "nowhere_msgs/msg/Thing"}, {"type": ""}, {"serialization_format": "json"}],
+    [
+        {"type": "nowhere_msgs/msg/Thing"},
+        {"type": ""},
+        {"serialization_format": "json"},
+        *({"name": name} for name in ("", "/a b", "1a", "/x//y")),
+    ],
 )
 def test_what_cannot_be_published_is_left_out_and_named(replay, summaries, capfd, changes):
     node = replay(changed(summaries[TALK.name], **changes), summaries[CHAT.name])
     assert node.topic_names == [CHAT.name]
-    assert f"not replayed: {TALK.name}" in capfd.readouterr().err
+    assert f"not replayed: {changes.get('name', TALK.name)}: " in capfd.readouterr().err
+
+
+def test_a_topic_of_several_definitions_is_left_out_and_named(replay, summaries, capfd):
+    kinds = frozenset({("cdr", TALK.type, "string data"), ("cdr", TALK.type, "int32 data")})
+    node = replay(dataclasses.replace(summaries[TALK.name], kinds=kinds), summaries[CHAT.name])
+    assert node.topic_names == [CHAT.name]
+    assert f"not replayed: {TALK.name}: it has several types" in capfd.readouterr().err
 
 
 def test_there_is_one_clock(replay, summaries, capfd):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
@@ -14,6 +13,7 @@ from typing import Any
 
 import rpud_sim.bag
 from rpud_sim.analysis.export.names import file_stem
+from rpud_sim.analysis.whole_folder import whole_folder
 from rpud_sim.bag import BagReader, TopicSummary
 from rpud_sim.bag.columns import Column
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
@@ -114,7 +114,7 @@ def export(
             round(start * NANOSECONDS),
             length,
         )
-        with _whole(Path(out)) as folder:
+        with _whole(out) as folder:
             files = _Files(bag, folder, file_format, chosen)
             with files:
                 for batch in batches:
@@ -128,20 +128,12 @@ def export(
 
 
 @contextmanager
-def _whole(out: Path) -> Iterator[Path]:
-    """Give a folder that gets its name when all is in it, and goes when something fails."""
-    part = out.with_name(f"{out.name}.part")
-    for there in (out, part):
-        if os.path.lexists(there):
-            raise ExportError(f"{there} exists already; nothing is overwritten")
+def _whole(out: str | os.PathLike[str]) -> Iterator[Path]:
     try:
-        part.mkdir(parents=True)
-        try:
-            yield part
-            part.rename(out)
-        except BaseException:
-            shutil.rmtree(part, ignore_errors=True)
-            raise
+        with whole_folder(out) as folder:
+            yield folder
+    except FileExistsError as error:
+        raise ExportError(f"{error.filename} exists already; nothing is overwritten") from None
     except OSError as error:
         raise ExportError(f"cannot write {out}: {error.strerror or error}") from error
 
