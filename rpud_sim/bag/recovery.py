@@ -7,7 +7,6 @@ import os
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from rpud_sim.bag.errors import BagError, BagFormatError, BagNotFoundError
 from rpud_sim.bag.latched import REPEATED_KEY
 from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
-from rpud_sim.bag.losses import Losses, losses_from_record
+from rpud_sim.bag.losses import losses_from_record
 from rpud_sim.bag.metadata import FILE_NAME as METADATA_FILE
 from rpud_sim.bag.metadata import (
     RECORD_KEY,
@@ -29,6 +28,7 @@ from rpud_sim.bag.metadata import (
 from rpud_sim.bag.metadata import RECORD_NAME as ROSBAG2_RECORD
 from rpud_sim.bag.qos import QosProfile
 from rpud_sim.bag.reader import check_compression, in_order, storage_files
+from rpud_sim.bag.recovery_account import Recovery, TopicRecovery
 from rpud_sim.bag.scan import Damage, Missing, Scan
 from rpud_sim.bag.sequence import SequenceCounter
 from rpud_sim.bag.storage_file import StorageFile, clear_errors
@@ -42,81 +42,6 @@ RECOVERY_RECORD = "rpud_recovery"
 
 _DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas
 _SHOWN = 1000  # damages that are kept one by one
-
-
-@dataclass
-class TopicRecovery:
-    """What was found of one topic.
-
-    `unchecked` of its `recovered` messages are not covered by a checksum. `lost` are those that
-    are known to have been in the file; `gaps` are missing by the numbers in the messages
-    themselves, None where they have none. `recording_losses` is what the recorder had lost.
-    """
-
-    name: str
-    type: str
-    recovered: int = 0
-    unchecked: int = 0
-    lost: int = 0
-    gaps: int | None = None
-    recording_losses: Losses | None = None
-
-
-@dataclass
-class Recovery:
-    """What was recovered into the bag at `path`, and what was not.
-
-    `closed` tells whether every file ends as one that was closed; where not, messages that its
-    recorder had not written yet are missing, of at most `max_loss` seconds where that is known.
-    `size_lost` are bytes that hold nothing readable, in `damage_count` places; `damages` names the
-    first of these.
-    """
-
-    path: Path
-    topics: dict[str, TopicRecovery] = field(default_factory=dict)
-    closed: bool = True
-    max_loss: float | None = None
-    size_lost: int = 0
-    damage_count: int = 0
-    damages: list[str] = field(default_factory=list)
-
-    @property
-    def message_count(self) -> int:
-        """Messages in the new bag."""
-        return sum(topic.recovered for topic in self.topics.values())
-
-    @property
-    def complete(self) -> bool:
-        """Whether nothing that the file ever held is missing."""
-        lost = any(topic.lost for topic in self.topics.values())
-        return self.closed and not (self.damage_count or lost)
-
-    def to_mapping(self) -> dict[str, Any]:
-        """Give it as plain values."""
-        return {
-            "path": str(self.path),
-            "complete": self.complete,
-            "closed": self.closed,
-            "max_loss": self.max_loss,
-            "message_count": self.message_count,
-            "size_lost": self.size_lost,
-            "damage_count": self.damage_count,
-            "damages": self.damages,
-            "topics": [
-                {
-                    "name": topic.name,
-                    "type": topic.type,
-                    "recovered": topic.recovered,
-                    "unchecked": topic.unchecked,
-                    "lost": topic.lost,
-                    "gaps": topic.gaps,
-                    "recording_losses": (
-                        topic.recording_losses.total if topic.recording_losses else None
-                    ),
-                }
-                for _, topic in sorted(self.topics.items())
-            ],
-        }
 
 
 def recover(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rpud_sim.cli.progress import progress_bar
 
 if TYPE_CHECKING:
-    from rpud_sim.bag.recovery import Recovery
+    from rpud_sim.bag.recovery_account import Recovery
 
 HELP = "make a whole bag of one that was cut off or damaged"
 EXAMPLE = "rpud recover bags/torn --out bags/whole"
