@@ -117,7 +117,8 @@ class DrillNode(ManagedNode):
     @property
     def finished(self) -> bool:
         """Whether there is nothing left to do."""
-        return self._quit or (self._drilling is not None and self._drilling.finished)
+        drilling = self.drilling
+        return self._quit or (drilling is not None and drilling.finished)
 
     @property
     def failure(self) -> BaseException | None:
@@ -199,13 +200,13 @@ class DrillNode(ManagedNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the drilling, and take everything back."""
         self._gate.open(False)
+        self._started = False  # or the end of the drilling would be the end of the process
         self.stop()
         if self._drilling is not None:
             self._drilling.close()
         if self._outputs is not None:
             self._outputs.destroy()
         self._drilling = self._outputs = None
-        self._started = False
         gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 

@@ -6,6 +6,7 @@ import pytest
 import rclpy
 
 from rpud_sim.ros import drill_node
+from rpud_sim.ros.publishers import DrillPublishers
 
 
 @pytest.fixture
@@ -34,3 +35,18 @@ def test_a_configuration_that_takes_long_says_why(node, monkeypatch, capfd, long
     node.trigger_configure()
     node.trigger_cleanup()
     assert (drill_node._COMPILING in shown()) == long
+
+
+def test_a_clean_up_is_no_end_of_the_process_however_long_its_listeners_take(node, monkeypatch):
+    finished = []
+    wait = DrillPublishers.wait_for_listeners
+
+    def slowly(self, seconds):
+        finished.append(node.finished)  # what the executor asks meanwhile
+        wait(self, seconds)
+
+    monkeypatch.setattr(DrillPublishers, "wait_for_listeners", slowly)
+    node.start()
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    assert finished == [False]
