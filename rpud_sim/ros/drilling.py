@@ -262,9 +262,7 @@ class Drilling:
             scenario,
         )
 
-    def _begin(
-        self, fresh: tuple[Simulation, float, Scenario | None], active: bool = True
-    ) -> None:
+    def _begin(self, fresh: tuple[Simulation, float, Scenario | None], active: bool = True) -> None:
         settings = self._settings
         self._simulation, phase, scenario = fresh
         self._journal.begin(settings.values(), phase, self._seed, scenario)
