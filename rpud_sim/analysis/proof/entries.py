@@ -18,8 +18,8 @@ def entries(recorded: Iterable[Message], codec: Codec) -> Iterator[tuple[Message
     """Yield the journal's entries with their messages, in order.
 
     An entry that stands there again, as at the beginning of a bag's next file, is passed over.
-    The number zero begins the journal of another start of the node, even where both say the same, as
-    with a simulated time: it was then published at another time.
+    The number zero begins the journal of another start of the node. Both may say the same, where
+    the node is its own clock; then they were published at different times.
 
     Raises:
         UnverifiableError: if entries are missing, or one cannot be understood.
