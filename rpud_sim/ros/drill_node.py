@@ -12,6 +12,7 @@ from typing import Any
 
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -281,7 +282,8 @@ def _main() -> int:
         try:
             rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
             node = DrillNode()
-        except (ParameterError, RuntimeError) as error:  # rcl's errors are RuntimeErrors
+        # rcl's errors are RuntimeErrors; the other is of use_sim_time, which rclpy declares.
+        except (ParameterError, ParameterException, RuntimeError) as error:
             print(f"drill_node: {error}", file=sys.stderr)
             rclpy.try_shutdown()
             return 2
