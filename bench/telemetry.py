@@ -73,12 +73,12 @@ def _real_time(name: str, parameters: Mapping[str, object], seconds: float) -> I
         hearing = talk.hearing
         hearing.take_until(lambda: talk.status().state == "stopped", 30.0)
         status, timing = talk.status(), hearing.last("/diagnostics").status[0]
-        values = {pair.key: float(pair.value) for pair in timing.values}
+        values = {pair.key: pair.value for pair in timing.values}
         yield row(f"telemetry, {name}: share of one core", [100.0 * counted.share], "%")
         yield row(f"telemetry, {name}: impacts per second", [counted.impacts], "1/s")
         yield row(f"telemetry, {name}: bytes per second", [counted.bytes], "B/s")
         for key in ("p50", "p99", "p99.9"):
-            late = 1e3 * values[f"lateness_{key} [s]"]
+            late = 1e3 * float(values[f"lateness_{key} [s]"])
             yield row(f"telemetry, {name}: lateness of blocks, {key}", [late], "ms")
         yield row(f"telemetry, {name}: greatest lateness of each second", talk.late, "ms")
         yield row(f"telemetry, {name}: blocks late by a period", [status.deadlines_missed])

@@ -8,6 +8,8 @@ import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from rpud_sim.cli.progress import progress_bar
+
 if TYPE_CHECKING:
     from rpud_sim.analysis.export.export import Exported
 
@@ -45,8 +47,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Export and print the account; give the exit code."""
-    from tqdm import tqdm
-
     from rpud_sim.analysis.export.export import ExportError, export
     from rpud_sim.bag import BagError
     from rpud_sim.simulation import ParameterError
@@ -57,10 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"rpud export: {error}", file=sys.stderr)
         return 2
     try:
-        # A bar appears only on a terminal, and only for what takes longer than two seconds.
-        with tqdm(
-            unit=" messages", unit_scale=True, delay=2.0, disable=None, leave=False, file=sys.stderr
-        ) as bar:
+        with progress_bar(" messages", scaled=True) as bar:
             exported = export(
                 arguments.bag,
                 arguments.out,

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Iterator
-
-from tqdm import tqdm
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.cli.progress import progress_bar
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.configuration import Configuration, to_values
@@ -104,10 +102,7 @@ def _messages(
 ) -> Iterator[Entry]:
     """Yield what the node publishes during a run, block by block."""
     end = round(duration * NANOSECONDS)
-    # A bar appears only on a terminal, and only for what takes longer than two seconds.
-    with tqdm(
-        total=duration, unit=" s", delay=2.0, disable=None, leave=False, file=sys.stderr
-    ) as bar:
+    with progress_bar(" s", duration) as bar:
         yield from _entries(journal)
         yield _faults(simulation)
         yield _status(simulation, "running")

@@ -7,6 +7,8 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
+from rpud_sim.cli.progress import progress_bar
+
 if TYPE_CHECKING:
     from rpud_sim.analysis.rebuild import Rebuilt
 
@@ -46,8 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Rebuild and print the account; give the exit code."""
-    from tqdm import tqdm
-
     from rpud_sim.analysis.rebuild import RebuildError, rebuild
     from rpud_sim.bag import BagError
     from rpud_sim.simulation import ParameterError
@@ -58,10 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"rpud rebuild: {error}", file=sys.stderr)
         return 2
     try:
-        # A bar appears only on a terminal, and only for what takes longer than two seconds.
-        with tqdm(
-            unit=" samples", unit_scale=True, delay=2.0, disable=None, leave=False, file=sys.stderr
-        ) as bar:
+        with progress_bar(" samples", scaled=True) as bar:
             rebuilt = rebuild(
                 arguments.bag,
                 arguments.out,

@@ -7,6 +7,8 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
+from rpud_sim.cli.progress import progress_bar
+
 if TYPE_CHECKING:
     from rpud_sim.bag.recovery import Recovery
 
@@ -34,22 +36,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Recover and print the account; give the exit code."""
-    from tqdm import tqdm
-
     from rpud_sim.bag import BagError
     from rpud_sim.bag.recovery import files_to_recover, recover
 
     try:
         size = sum(file.stat().st_size for file in files_to_recover(arguments.torn))
-        with tqdm(
-            total=size,
-            unit="B",
-            unit_scale=True,
-            delay=2.0,
-            disable=None,
-            leave=False,
-            file=sys.stderr,
-        ) as bar:
+        with progress_bar("B", size, scaled=True) as bar:
             recovery = recover(arguments.torn, arguments.out, bar.update)
     except BagError as error:
         print(f"rpud recover: {error}", file=sys.stderr)

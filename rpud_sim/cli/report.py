@@ -6,6 +6,8 @@ import argparse
 import json
 import sys
 
+from rpud_sim.cli.progress import progress_bar
+
 HELP = "write a report of a bag as one HTML page"
 EXAMPLE = "rpud report bags/first --out first.html"
 
@@ -25,16 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the report and say where it is; give the exit code."""
-    from tqdm import tqdm
-
     from rpud_sim.analysis.bag_report.report import ReportError, write_report
     from rpud_sim.bag import BagError
 
     try:
-        # A bar appears only on a terminal, and only for what takes longer than two seconds.
-        with tqdm(
-            unit=" messages", unit_scale=True, delay=2.0, disable=None, leave=False, file=sys.stderr
-        ) as bar:
+        with progress_bar(" messages", scaled=True) as bar:
             seen = write_report(arguments.bag, arguments.out, bar.update)
     except (BagError, ReportError) as error:
         print(f"rpud report: {error}", file=sys.stderr)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
+from rpud_sim.cli.progress import progress_bar
 
 if TYPE_CHECKING:
     from rpud_sim.simulation.configuration import Configuration
@@ -20,21 +21,6 @@ HELP = "run the drill offline, faster than real time, and print its figures"
 EXAMPLE = "rpud simulate --regime drilling --duration 20 --set weight_on_bit=20 --json"
 
 _SHORTEST, _LONGEST = 1e-9, 1e6  # s; time is whole nanoseconds
-_UNITS = {
-    "duration": "s",
-    "events": "",
-    "drill_tool_impact_rate": "1/s",
-    "actuator_impact_rate": "1/s",
-    "impact_velocity_mean": "m/s",
-    "contact_force_mean": "N",
-    "contact_force_max": "N",
-    "contact_duration_mean": "s",
-    "kinetic_energy_rate": "W",
-    "reacting_force_mean": "N",
-    "depth": "m",
-    "penetration_rate": "m/s",
-    "real_time_factor": "",
-}
 # Parameters of the node that act here as well.
 _NODE_NAMES = ("drive_enabled", "scenario")
 
@@ -141,11 +127,12 @@ def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
 def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write the bag, if one is asked for, and return the figures."""
     from rpud_sim.simulation.configuration import to_configuration
-    from rpud_sim.simulation.ensemble import initial_phases
+    from rpud_sim.simulation.ensemble import compile_kernels, initial_phases
 
     values = chosen_values(arguments)
     configuration = to_configuration(values)
     scenario = _scenario(values.get("scenario", ""), arguments.seed)
+    compile_kernels(configuration, _tell)
     phases = initial_phases(arguments.repeat, arguments.seed)
     if arguments.bag:
         from rpud_sim.cli.offline_bag import write_offline_bag
@@ -174,14 +161,11 @@ def _figures(
     phases: Sequence[float],
     scenario: Scenario | None,
 ) -> dict[str, Any]:
-    from tqdm import tqdm
-
     from rpud_sim.simulation.ensemble import run_ensemble
 
     duration = arguments.duration
     total = duration * arguments.repeat
-    # A bar appears only on a terminal, and only for what takes longer than two seconds.
-    with tqdm(total=total, unit=" s", delay=2.0, disable=None, leave=False, file=sys.stderr) as bar:
+    with progress_bar(" s", total) as bar:
         ensemble = run_ensemble(configuration, duration, phases, bar.update, scenario)
     figures: dict[str, Any] = dict(ensemble.mean())
     figures["real_time_factor"] = ensemble.real_time_factor
@@ -197,9 +181,18 @@ def _figures(
 
 
 def _table(figures: dict[str, Any]) -> str:
+    from rpud_sim.simulation.statistics import FIGURES
+
+    units = {
+        "duration": "s",
+        **FIGURES,
+        "depth": "m",
+        "penetration_rate": "m/s",
+        "real_time_factor": "",
+    }
     errors = figures.get("standard_error", {})
     lines = []
-    for name, unit in _UNITS.items():
+    for name, unit in units.items():
         if name not in figures:
             continue
         value = figures[name]
@@ -210,6 +203,10 @@ def _table(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _tell(line: object) -> None:
+    print(f"rpud simulate: {line}", file=sys.stderr)
+
+
 def _fail(error: Exception, code: int) -> int:
-    print(f"rpud simulate: {error}", file=sys.stderr)
+    _tell(error)
     return code

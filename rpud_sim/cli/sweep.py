@@ -9,6 +9,8 @@ import sys
 import time
 from pathlib import Path
 
+from rpud_sim.cli.progress import progress_bar
+
 HELP = "run a design of experiments over any parameters"
 EXAMPLE = "rpud sweep config/sweep.yaml --out sweeps/first"
 
@@ -39,8 +41,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the sweep and print what was made; give the exit code."""
-    from tqdm import tqdm
-
     from rpud_sim.analysis.sweep.errors import SweepError, WorkerError
     from rpud_sim.analysis.sweep.specification import read_specification
 
@@ -49,15 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
         specification = read_specification(arguments.spec)
         from rpud_sim.analysis.sweep.sweep import run_sweep
 
-        # A bar appears only on a terminal, and only for what takes longer than two seconds.
-        with tqdm(
-            total=specification.simulations,
-            unit=" simulations",
-            delay=2.0,
-            disable=None,
-            leave=False,
-            file=sys.stderr,
-        ) as bar:
+        with progress_bar(" simulations", specification.simulations) as bar:
             result = run_sweep(
                 specification,
                 Path(arguments.out),

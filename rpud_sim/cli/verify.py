@@ -8,6 +8,8 @@ import json
 import sys
 from typing import TYPE_CHECKING, Any
 
+from rpud_sim.cli.progress import progress_bar
+
 if TYPE_CHECKING:
     from rpud_sim.analysis.proof.verification import Verification
 
@@ -30,15 +32,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Verify and print the account; give the exit code."""
-    from tqdm import tqdm
-
     from rpud_sim.analysis.proof.entries import UnverifiableError
     from rpud_sim.analysis.proof.verification import verify
     from rpud_sim.bag import BagError
 
     try:
-        # A bar appears only on a terminal, and only for what takes longer than two seconds.
-        with tqdm(unit=" s", delay=2.0, disable=None, leave=False, file=sys.stderr) as bar:
+        with progress_bar(" s") as bar:
             verification = verify(arguments.bag, bar.update)
     except (BagError, UnverifiableError) as error:
         print(f"rpud verify: {error}", file=sys.stderr)

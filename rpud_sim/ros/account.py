@@ -25,6 +25,9 @@ _COMMAND_TOPICS = ("command/weight_on_bit", "command/drive")
 class Account:
     """Reports every second and on demand, of the interval since the full report before.
 
+    Attributes:
+        scheduling: how the system schedules the drilling.
+
     Args:
         node: for its name, its clock and the graph.
         settings: of the node.
@@ -35,6 +38,7 @@ class Account:
     def __init__(
         self, node: Node, settings: Settings, outputs: DrillPublishers, inbox: Inbox
     ) -> None:
+        self.scheduling = "time-sharing"
         self._node = node
         self._telemetry_rate = settings.telemetry_rate
         self._outputs = outputs
@@ -118,6 +122,7 @@ class Account:
             commanders=max(map(self._node.count_publishers, self._command_topics)),
             messages_dropped=self._outputs.dropped,
             **drill_fields(simulation),
+            scheduling=self.scheduling,
             timing=timing,
             figures=figures,
         )

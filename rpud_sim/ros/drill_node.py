@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import gc
 import sys
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -38,8 +37,6 @@ from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
 
-_LONG = 3.0  # that a configuration takes before it says why [s]
-_COMPILING = "compiling the model, as it has changed or never ran here: this takes up to a minute"
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listeners [s]
 _THREADS = 3  # a step, a short request, and whatever else comes
 
@@ -160,12 +157,7 @@ class DrillNode(ManagedNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare everything; nothing moves yet."""
         settings = self._settings
-        notice = threading.Timer(_LONG, self.get_logger().info, [_COMPILING])
-        notice.start()
-        try:
-            compile_kernels(settings.configuration.parameters)
-        finally:
-            notice.cancel()
+        compile_kernels(settings.configuration.parameters, self.get_logger().info)
         self._outputs = DrillPublishers(self, settings)
         self._drilling = Drilling(self, settings, self._outputs, self._inbox, self._end)
         self._drilling.announce()

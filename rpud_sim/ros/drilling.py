@@ -16,6 +16,7 @@ from rpud_sim.ros.pacing import Pacer
 from rpud_sim.ros.parameters import Settings
 from rpud_sim.ros.publishers import DrillPublishers
 from rpud_sim.ros.requests import Requests
+from rpud_sim.ros.scheduling import schedule_thread
 from rpud_sim.ros.time_source import TimeSource
 from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.control import Control
@@ -168,21 +169,21 @@ class Drilling:
         """Let time go on by itself, from here on."""
         self._interrupt("the simulation was set to play")
         self._playing, self._at_start = True, False
-        self._pacer.start(self._simulation.time, self._source.resume(self._simulation.time))
+        self._pace()
         self._report()
 
     def pause(self) -> None:
         """Let time stand still."""
         self._interrupt("the simulation was paused")
         self._playing = self._at_start = False
-        self._pacer.stop()
+        self._pace()
         self._report()
 
     def halt(self) -> None:
         """Begin anew and let time stand still."""
         self.reset(time=True, state=True)
         self._playing, self._at_start = False, True
-        self._pacer.stop()
+        self._pace()
         self._report()
 
     def step(self, until: int) -> Future[int]:
@@ -207,15 +208,9 @@ class Drilling:
 
     def configure(self, settings: Settings) -> None:
         """Take settings that differ in what may change while the drill runs."""
-        if self._factor(settings) != self._factor(self._settings):
-            self._pacer.start(
-                self._simulation.time,
-                self._source.resume(self._simulation.time),
-                self._factor(settings),
-            )
-            if not self._playing:
-                self._pacer.stop()
-        self._settings = settings
+        before, self._settings = self._factor(), settings
+        if self._factor() != before:
+            self._pace()
         self._control.set(settings.command_timeout, settings.command_loss_ramp)
         self._simulation.configure(settings.configuration)
         self._report()
@@ -246,8 +241,7 @@ class Drilling:
         elif time:
             self._outputs.move(self._source.begin() - now)
             self._note_origin()
-        if self._playing:
-            self._pacer.start(self._simulation.time, self._source.resume(self._simulation.time))
+        self._pace()
         self._publish_faults()
         self._report()
 
@@ -266,9 +260,7 @@ class Drilling:
         settings = self._settings
         self._simulation, phase, scenario = fresh
         self._journal.begin(settings.values(), phase, self._seed, scenario)
-        self._pacer = Pacer(
-            settings.telemetry_rate, self._factor(settings), schedule=self._source.schedule
-        )
+        self._pacer = Pacer(settings.telemetry_rate, self._factor(), schedule=self._source.schedule)
         self._control = Control(
             self._simulation.applied, settings.command_timeout, settings.command_loss_ramp, active
         )
@@ -297,8 +289,7 @@ class Drilling:
         self._outputs.begin(self._source.wait(self._stop, self._requests.serve))
         self._note_origin()
         self._playing = self._source.follows or not settings.start_paused
-        if self._playing:
-            self._pacer.start(self._simulation.time, self._source.resume(self._simulation.time))
+        self._pace()
         self._account.finish()
         self._publish_faults()
         self._report()
@@ -339,8 +330,20 @@ class Drilling:
         self._wake.wait(min(seconds, _LONGEST_WAIT))
         self._wake.clear()
 
-    def _factor(self, settings: Settings) -> float:
-        return 1.0 if self._source.follows else settings.real_time_factor
+    def _factor(self) -> float:
+        return 1.0 if self._source.follows else self._settings.real_time_factor
+
+    def _pace(self) -> None:
+        """Begin a schedule here and now if time goes on by itself, and hold it otherwise."""
+        if self._playing:
+            now = self._simulation.time
+            self._pacer.start(now, self._source.resume(now), self._factor())
+        else:
+            self._pacer.stop()
+        # A drill in a hurry takes all that it can get, and others must have their share.
+        punctual = self._playing and 0.0 < self._factor() <= 1.0
+        priority = self._settings.thread_priority if punctual else 0
+        self._account.scheduling = schedule_thread(priority)
 
     def _advance(self, until: int) -> None:
         block = self._simulation.advance_to(until)
@@ -349,7 +352,7 @@ class Drilling:
             self._journal.note(until, "stop")
             self._publish_journal()
         # Where nothing paces it, its listeners do.
-        self._outputs.patient = self._goal is not None or self._factor(self._settings) == 0.0
+        self._outputs.patient = self._goal is not None or self._factor() == 0.0
         self._outputs.publish_block(block, self._simulation.faults.since(block.start))
         self._publish_faults()
         commanded = self._take_commands()

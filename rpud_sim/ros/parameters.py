@@ -35,6 +35,9 @@ REAL_TIME_FACTOR = Quantity(
     "", "simulated over elapsed time; 0 is as fast as possible, otherwise at least 0.01", 0.0, 1e3
 )
 LEAST_REAL_TIME_FACTOR = 0.01
+THREAD_PRIORITY = Quantity(
+    "", "real-time priority in real time or slower, where permitted; 0 for none; whole", 0.0, 99.0
+)
 SEED = Quantity("", "seed of initial vibration phase, scenario and noise; whole", 0.0, 2.0**32 - 1)
 
 ALL_NAMES = (*NAMES, *ACTUATOR_NAMES, *ROCK_NAMES, *NODE_NAMES)
@@ -57,6 +60,7 @@ FLAGS = {
 }
 NUMBERS = {
     "real_time_factor": REAL_TIME_FACTOR,
+    "thread_priority": THREAD_PRIORITY,
     "command_timeout": COMMAND_TIMEOUT,
     "command_loss_ramp": COMMAND_LOSS_RAMP,
     "telemetry_rate": TELEMETRY_RATE,
@@ -64,7 +68,7 @@ NUMBERS = {
     "block_duration": BLOCK_DURATION,
     "seed": SEED,
 }
-WHOLE = ("telemetry_rate", "sample_rate", "seed")
+WHOLE = ("thread_priority", "telemetry_rate", "sample_rate", "seed")
 TEXTS = {"scenario": "file of the faults that come by themselves; none if empty"}
 ALL_QUANTITIES = {**QUANTITIES, **ACTUATOR_QUANTITIES, **ROCK_QUANTITIES, **NUMBERS}
 
@@ -95,6 +99,7 @@ class Settings:
         start_paused: whether the simulation waits to be stepped or played.
         publish_clock: whether the node is the source of ``/clock``.
         real_time_factor: simulated over elapsed time; 0 is as fast as possible.
+        thread_priority: of the pacing thread in real time or slower; 0 for none.
         command_timeout: without a command, after which the drill is made safe [s]; 0 for never.
         command_loss_ramp: in which it is made safe [s].
         telemetry_rate: blocks, and samples on the telemetry topics, per second [Hz].
@@ -109,6 +114,7 @@ class Settings:
     start_paused: bool = False
     publish_clock: bool = False
     real_time_factor: float = 1.0
+    thread_priority: int = 10
     command_timeout: float = 0.0
     command_loss_ramp: float = 0.5
     telemetry_rate: int = 100

@@ -59,6 +59,7 @@ class Report:
         depth: of the hole [m], or NaN.
         penetration_rate: over the last second [m/s], or NaN.
         active_faults: that last.
+        scheduling: how the system schedules the drilling.
         timing: how well the schedule was kept.
         figures: of the interval since the report before.
     """
@@ -82,6 +83,7 @@ class Report:
     depth: float
     penetration_rate: float
     active_faults: int
+    scheduling: str
     timing: Timing
     figures: Figures
 
@@ -131,6 +133,7 @@ def report_to_diagnostics(
                     "lateness_p99 [s]": f"{timing.lateness_p99:.6f}",
                     "lateness_p99.9 [s]": f"{timing.lateness_p999:.6f}",
                     "lag [s]": f"{timing.lag:.6f}",
+                    "scheduling": report.scheduling,
                     "messages_dropped": report.messages_dropped,
                 },
             ),

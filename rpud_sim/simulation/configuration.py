@@ -23,6 +23,7 @@ NODE_NAMES = (
     "start_paused",
     "publish_clock",
     "real_time_factor",
+    "thread_priority",
     "command_timeout",
     "command_loss_ramp",
     "telemetry_rate",

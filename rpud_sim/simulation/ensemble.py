@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import threading
 import time
 from collections.abc import Callable, Sequence
 
@@ -19,6 +20,9 @@ from rpud_sim.simulation.statistics import Statistics
 
 # Simulated time between two reports of progress [ns].
 _STRIDE = 10 * NANOSECONDS
+
+COMPILING = "compiling the model, as it has changed or never ran here: this takes up to a minute"
+_LONG = 3.0  # that this takes before it is told [s]
 
 Figures = dict[str, float | int | None]
 
@@ -69,14 +73,26 @@ def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
     return tuple(np.random.default_rng(0 if seed is None else seed).random(repeat).tolist())
 
 
-def compile_kernels(configuration: Configuration | Parameters) -> None:
-    """Have every kernel compiled, or loaded from the cache, before anything is timed."""
-    simulation = Simulation(configuration)
-    block = simulation.advance_to(1000)
-    Statistics().add(block)
-    block.sample(Times.from_nanoseconds(0))
-    simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
-    simulation.advance_to(2000)  # changes are told to the engine when time goes on
+def compile_kernels(
+    configuration: Configuration | Parameters, tell: Callable[[str], object] = lambda text: None
+) -> None:
+    """Have every kernel compiled, or loaded from the cache, before anything is timed.
+
+    Args:
+        configuration: of the drill, or its parameters alone.
+        tell: called in another thread with a line that says so, if it takes long.
+    """
+    notice = threading.Timer(_LONG, tell, [COMPILING])
+    notice.start()
+    try:
+        simulation = Simulation(configuration)
+        block = simulation.advance_to(1000)
+        Statistics().add(block)
+        block.sample(Times.from_nanoseconds(0))
+        simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
+        simulation.advance_to(2000)  # changes are told to the engine when time goes on
+    finally:
+        notice.cancel()
 
 
 def run_ensemble(

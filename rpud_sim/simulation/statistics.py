@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import MappingProxyType
 
 import numpy as np
 
@@ -17,16 +18,19 @@ from rpud_sim.model.segment import (
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.sampling import NANOSECONDS
 
-FIGURES = (
-    "events",
-    "drill_tool_impact_rate",
-    "actuator_impact_rate",
-    "impact_velocity_mean",
-    "contact_force_mean",
-    "contact_force_max",
-    "contact_duration_mean",
-    "kinetic_energy_rate",
-    "reacting_force_mean",
+# Names and units.
+FIGURES = MappingProxyType(
+    {
+        "events": "",
+        "drill_tool_impact_rate": "1/s",
+        "actuator_impact_rate": "1/s",
+        "impact_velocity_mean": "m/s",
+        "contact_force_mean": "N",
+        "contact_force_max": "N",
+        "contact_duration_mean": "s",
+        "kinetic_energy_rate": "W",
+        "reacting_force_mean": "N",
+    }
 )
 
 

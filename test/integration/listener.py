@@ -6,14 +6,16 @@ asked for by `--expect TOPIC=COUNT`.
 """
 
 import argparse
-import contextlib
 import json
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 from rpud_msgs.msg import ContactForce, NodalPlane, Status
+
+from rpud_sim.ros.stopping import StopRequest
 
 TOPICS = {
     "/rpud/contact_force": (ContactForce, QoSProfile(depth=10_000)),
@@ -30,7 +32,7 @@ parser.add_argument("--expect", nargs="+", default=[], metavar="TOPIC=COUNT")
 arguments = parser.parse_args()
 expected = {topic: int(count) for topic, count in (word.split("=") for word in arguments.expect)}
 
-rclpy.init()
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 node = rclpy.create_node("listener")
 heard: dict[str, list[str]] = {topic: [] for topic in expected or TOPICS}
 enough = False
@@ -47,8 +49,10 @@ def hear(topic: str, data: bytes) -> None:
 for name in heard:
     message, qos = TOPICS[name]
     node.create_subscription(message, name, lambda data, name=name: hear(name, data), qos, raw=True)
-print("listening", flush=True)
-# A signal that comes while the executor prepares to wait ends it with an RCLError.
-with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException, RuntimeError):
-    rclpy.spin(node)
+executor = SingleThreadedExecutor()
+executor.add_node(node)
+with StopRequest() as stop:
+    print("listening", flush=True)
+    while not stop.requested:
+        executor.spin_once(0.1)
 print("heard", json.dumps(heard), flush=True)

@@ -1,6 +1,8 @@
 """Simulated time over elapsed time: as the parameter says, and it may change meanwhile."""
 
 import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from drill_client import COMPILED, SECOND, Client, nanoseconds, start_drill
@@ -8,7 +10,10 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
 
+from rpud_sim.ros.scheduling import schedule_thread
+
 RATE = 50
+PRIORITY = 10  # the default
 
 
 @pytest.fixture(scope="module")
@@ -76,4 +81,32 @@ def test_a_factor_of_zero_waits_for_nothing_but_its_listeners(client):
     client.until(lambda: len(impacts) > count + 5000)
     sequences = [message.sequence for message in impacts]
     assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
+    set_factor(client, 1.0)
+
+
+def priorities(process):
+    """Give the real-time priorities of the process' threads that have one."""
+    found = []
+    for task in Path(f"/proc/{process.pid}/task").iterdir():
+        fields = (task / "stat").read_text().rpartition(")")[2].split()
+        found.append(int(fields[37]))
+    return [priority for priority in found if priority]
+
+
+@pytest.mark.parametrize(("factor", "punctual"), [(1.0, True), (0.0, False), (0.5, True)])
+def test_the_drill_goes_before_others_while_it_keeps_a_time(client, drill, factor, punctual):
+    with ThreadPoolExecutor(1) as pool:
+        permitted = pool.submit(schedule_thread, PRIORITY).result().startswith("real-time")
+    timings = client.listen("/diagnostics")
+
+    def said():
+        return {pair.key: pair.value for pair in timings[-1].status[0].values}["scheduling"]
+
+    set_factor(client, factor)
+    if punctual and permitted:
+        client.until(lambda: timings and said() == f"real-time priority {PRIORITY}")
+        assert priorities(drill) == [PRIORITY]
+    else:
+        client.until(lambda: timings and said().startswith("time-sharing"))
+        assert priorities(drill) == []
     set_factor(client, 1.0)

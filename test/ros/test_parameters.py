@@ -47,6 +47,7 @@ def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
         "start_paused": True,
         "publish_clock": True,
         "real_time_factor": 2,
+        "thread_priority": 7,
         "command_timeout": 0.2,
         "command_loss_ramp": 1,
         "telemetry_rate": 250.0,
@@ -67,6 +68,7 @@ def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
         start_paused=True,
         publish_clock=True,
         real_time_factor=2.0,
+        thread_priority=7,
         command_timeout=0.2,
         command_loss_ramp=1.0,
         telemetry_rate=250,
@@ -75,7 +77,7 @@ def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
         scenario=str(scenario),
         seed=5,
     )
-    for name in ("telemetry_rate", "sample_rate", "seed"):
+    for name in ("thread_priority", "telemetry_rate", "sample_rate", "seed"):
         assert type(settings.value(name)) is int
     for name in ("block_duration", "nominal_voltage", "real_time_factor", "command_loss_ramp"):
         assert type(settings.value(name)) is float
@@ -107,6 +109,8 @@ def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
         ({"seed": -1}, "seed = -1 is outside its range [0, 4.29497e+09]"),
         ({"real_time_factor": 1e4}, "real_time_factor = 10000 is outside its range [0, 1000]"),
         ({"real_time_factor": 0.005}, "real_time_factor = 0.005 is neither 0, as fast as "),
+        ({"thread_priority": 100}, "thread_priority = 100 is outside its range [0, 99]"),
+        ({"thread_priority": 1.5}, "thread_priority = 1.5 is not a whole number"),
         ({"scenario": 3}, "scenario = 3 is not a text"),
         ({"scenario": "/missing.yaml"}, "/missing.yaml: No such file or directory"),
         ({"heating": True}, "heating = True needs actuator_model = resonance"),

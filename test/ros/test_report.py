@@ -44,6 +44,7 @@ REPORT = Report(
     depth=0.003,
     penetration_rate=1e-5,
     active_faults=0,
+    scheduling="real-time priority 10",
     timing=ON_TIME,
     figures={},
 )
@@ -134,6 +135,7 @@ def test_the_diagnostics_have_names_and_values():
     assert values["last_refusal"] == "there is no fault 9 to clear"
     assert values["real_time_factor"] == "0.9998"
     assert values["lateness_max [s]"] == "0.003000"
+    assert values["scheduling"] == "real-time priority 10"
     assert values["lateness_p50 [s]"] == "0.000100"
     assert values["lateness_p99 [s]"] == "0.001100"
     assert values["lateness_p99.9 [s]"] == "0.002500"

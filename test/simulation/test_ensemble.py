@@ -4,12 +4,19 @@ import dataclasses
 import math
 import subprocess
 import sys
+import threading
 
 import pytest
 
-from rpud_sim.simulation import preset
+from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.ensemble import Ensemble, initial_phases, run_ensemble
+from rpud_sim.simulation.ensemble import (
+    COMPILING,
+    Ensemble,
+    compile_kernels,
+    initial_phases,
+    run_ensemble,
+)
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.rock import SANDSTONE
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
@@ -161,3 +168,24 @@ def test_nothing_is_left_to_compile_once_a_drill_runs():
         [sys.executable, "-c", AFTER_COMPILING], stdout=subprocess.PIPE, text=True, check=True
     )
     assert run.stdout == "set()\n"
+
+
+@pytest.mark.parametrize("long", [True, False])
+def test_a_compilation_that_takes_long_is_told(monkeypatch, long):
+    told = threading.Event()
+
+    class Compiling(Statistics):
+        def add(self, block):
+            assert told.wait(10.0)
+
+    def tell(line):
+        lines.append(line)
+        told.set()
+
+    lines = []
+    if not long:
+        told.set()
+    monkeypatch.setattr(ensemble, "Statistics", Compiling)
+    monkeypatch.setattr(ensemble, "_LONG", 0.01 if long else 3600.0)
+    compile_kernels(PARAMETERS, tell)
+    assert lines == [COMPILING] * long

@@ -14,6 +14,7 @@ from rpud_sim.analysis.reproduction.readings import Fit
 from rpud_sim.analysis.reproduction.studies import OUTPUTS, Study
 from rpud_sim.simulation import QUANTITIES, preset
 from rpud_sim.simulation.contact import contact_history, single_contact
+from rpud_sim.simulation.statistics import FIGURES
 
 STUDY_FIGURES = {
     "actuator_restitution": "figure_15",
@@ -22,12 +23,6 @@ STUDY_FIGURES = {
     "weight_on_bit": "figure_18",
 }
 _COLORS = ("tab:blue", "tab:orange")  # of the presets and of the best reading
-UNITS = {
-    "contact_force_mean": "N",
-    "drill_tool_impact_rate": "1/s",
-    "kinetic_energy_rate": "W",
-    "reacting_force_mean": "N",
-}
 
 
 def plot_studies(studies: dict[str, list[Study]]) -> dict[str, Figure]:
@@ -40,7 +35,7 @@ def plot_studies(studies: dict[str, list[Study]]) -> dict[str, Figure]:
     for parameter, name in STUDY_FIGURES.items():
         figure, axes = new_figure(columns=2, rows=2)
         for axis, output in zip(axes.flat, OUTPUTS, strict=True):
-            axis.set(xlabel=_label(parameter), title=f"{output} [{UNITS[output]}]")
+            axis.set(xlabel=_label(parameter), title=f"{output} [{FIGURES[output]}]")
             # Each drill has a scale of its own: the trends are what is compared.
             sides = (axis, axis.twinx())
             for side, color, (drill, group) in zip(sides, _COLORS, studies.items(), strict=True):

@@ -21,16 +21,6 @@ from rpud_sim.analysis.sweep.tables import error_name
 from rpud_sim.simulation import QUANTITIES
 from rpud_sim.simulation.statistics import FIGURES
 
-UNITS = {
-    "drill_tool_impact_rate": "1/s",
-    "actuator_impact_rate": "1/s",
-    "impact_velocity_mean": "m/s",
-    "contact_force_mean": "N",
-    "contact_force_max": "N",
-    "contact_duration_mean": "s",
-    "kinetic_energy_rate": "W",
-    "reacting_force_mean": "N",
-}
 _MOST_CLASSES = 12
 _CONFIDENCE = 0.95
 _PER_PICTURE = 6  # parameters side by side
@@ -60,11 +50,11 @@ def _matrix(
     size = (max(3.2 * len(names), 5.0), 2.0 * len(FIGURES))
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots(len(FIGURES), len(names), squeeze=False, sharex="col", sharey="row")
-    for row, output in zip(axes, FIGURES, strict=True):
+    for row, (output, unit) in zip(axes, FIGURES.items(), strict=True):
         for axis, name in zip(row, names, strict=True):
             _draw(axis, specification, points, name, output)
             axis.grid(alpha=0.3)
-        row[0].set_ylabel(_label(output, UNITS.get(output, "")), fontsize="small")
+        row[0].set_ylabel(_label(output, unit), fontsize="small")
     for axis, name in zip(axes[-1], names, strict=True):
         unit = QUANTITIES[name].unit if name in QUANTITIES else ""
         axis.set_xlabel(_label(name, unit), fontsize="small")
