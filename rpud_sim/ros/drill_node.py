@@ -11,6 +11,7 @@ from typing import Any
 
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -114,7 +115,8 @@ class DrillNode(ManagedNode):
     @property
     def finished(self) -> bool:
         """Whether there is nothing left to do."""
-        return self._quit or (self._drilling is not None and self._drilling.finished)
+        drilling = self.drilling
+        return self._quit or (drilling is not None and drilling.finished)
 
     @property
     def failure(self) -> BaseException | None:
@@ -191,13 +193,13 @@ class DrillNode(ManagedNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the drilling, and take everything back."""
         self._gate.open(False)
+        self._started = False  # or the end of the drilling would be the end of the process
         self.stop()
         if self._drilling is not None:
             self._drilling.close()
         if self._outputs is not None:
             self._outputs.destroy()
         self._drilling = self._outputs = None
-        self._started = False
         gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 
@@ -272,7 +274,8 @@ def _main() -> int:
         try:
             rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
             node = DrillNode()
-        except (ParameterError, RuntimeError) as error:  # rcl's errors are RuntimeErrors
+        # rcl's errors are RuntimeErrors; the other is of use_sim_time, which rclpy declares.
+        except (ParameterError, ParameterException, RuntimeError) as error:
             print(f"drill_node: {error}", file=sys.stderr)
             rclpy.try_shutdown()
             return 2

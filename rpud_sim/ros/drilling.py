@@ -22,6 +22,7 @@ from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.ensemble import initial_phases
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
 
 Result = TypeVar("Result")
@@ -75,7 +76,7 @@ class Drilling:
         self._account = Account(node, settings, outputs, inbox)
         self._thread = threading.Thread(target=self._run, name="pacing")
         inbox.notify(self._wake.set)
-        self._begin(active=False)
+        self._begin(self._fresh(self._seed), active=False)
 
     @property
     def account(self) -> Account:
@@ -120,7 +121,7 @@ class Drilling:
     def start(self) -> None:
         """Begin, active: simulation time zero is now."""
         self._journal = Journal()  # nobody has heard of what was before
-        self._begin()
+        self._begin(self._fresh(self._seed))
         self._journal.note(0, "origin", origin=self._outputs.origin)
         self._thread.start()
 
@@ -221,14 +222,19 @@ class Drilling:
             time: whether stamps begin anew.
             state: whether the drill begins anew: its motion, commands and faults.
             seed: in place of the present one.
+
+        Raises:
+            ParameterError: if the scenario cannot be used; nothing changes then.
         """
+        seed = self._seed if seed is None else seed
+        # First what can fail, as the scenario's file may be another one by now.
+        fresh = self._fresh(seed) if state else None
         self._interrupt("the simulation was reset")
-        self._seed = self._seed if seed is None else seed
+        self._seed = seed
         now = self._simulation.time
         self._flush("flush")
-        if state:
-            active = self._control.active
-            self._begin(active)
+        if fresh:
+            self._begin(fresh, self._control.active)
             self._outputs.begin(self._source.begin(None if time else self._outputs.origin + now))
             self._note_origin()
             self._account.begin()
@@ -239,13 +245,22 @@ class Drilling:
         self._publish_faults()
         self._report()
 
-    def _begin(self, active: bool = True) -> None:
+    def _fresh(self, seed: int) -> tuple[Simulation, float, Scenario | None]:
+        """A simulation, with the phase and the scenario with which it begins."""
         settings = self._settings
-        self._pacer = Pacer(settings.telemetry_rate, self._factor(), schedule=self._source.schedule)
-        phase = initial_phases(1, self._seed or None)[0]
-        scenario = settings.read_scenario(self._seed)
+        phase = initial_phases(1, seed or None)[0]
+        scenario = settings.read_scenario(seed)
+        return (
+            Simulation(settings.configuration, phase, scenario, self._journal),
+            phase,
+            scenario,
+        )
+
+    def _begin(self, fresh: tuple[Simulation, float, Scenario | None], active: bool = True) -> None:
+        settings = self._settings
+        self._simulation, phase, scenario = fresh
         self._journal.begin(settings.values(), phase, self._seed, scenario)
-        self._simulation = Simulation(settings.configuration, phase, scenario, self._journal)
+        self._pacer = Pacer(settings.telemetry_rate, self._factor(), schedule=self._source.schedule)
         self._control = Control(
             self._simulation.applied, settings.command_timeout, settings.command_loss_ramp, active
         )

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterable
 
 import rclpy
-from rclpy.exceptions import NameValidationException
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -
         except NameValidationException as error:
             what, name, *_ = str(error).splitlines()  # below them it points at the character
             return _fail(f"{what} {name.strip()}", 2)
-        except QosOverrideError as error:
+        except (QosOverrideError, ParameterException) as error:
             return _fail(str(error), 2)
         except BagError as error:
             return _fail(str(error), 1)

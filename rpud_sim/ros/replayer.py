@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -49,7 +50,7 @@ def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -
                     rclpy.try_shutdown()
         except BagError as error:
             return _fail(str(error), 1)
-        except _UsageError as error:
+        except (_UsageError, ParameterException) as error:
             return _fail(str(error), 2)
 
 

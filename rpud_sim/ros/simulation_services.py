@@ -170,6 +170,7 @@ class SimulationServices:
         except Exception as error:  # a client must hear of it, whatever it is
             response.result.result = Result.RESULT_OPERATION_FAILED
             response.result.error_message = str(error)
+            self._refused(str(error))
         return response
 
     def _controlled(self) -> Drilling:

@@ -32,11 +32,13 @@ class ScheduledFault:
         onset: simulation time at which it begins [ns].
         clear: simulation time at which it ends, None if it does not end by itself [ns].
         fault: that begins.
+        place: where it was read, with a colon; it begins the line that refuses it.
     """
 
     onset: int
     clear: int | None
     fault: Fault
+    place: str = dataclasses.field(default="", compare=False)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,10 +96,12 @@ def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario
         raise FaultError(f"{name}: faults = {shown(entries)} is not a list")
     found: list[tuple[int, ScheduledFault]] = []
     for number, entry in enumerate(entries, 1):
+        place = f"{name}: entry {number}: "
         try:
-            found.append((number, _scheduled(entry, number, seed)))
+            scheduled = _scheduled(entry, number, seed)
         except ParameterError as error:
-            raise FaultError(f"{name}: entry {number}: {error}") from None
+            raise FaultError(f"{place}{error}") from None
+        found.append((number, dataclasses.replace(scheduled, place=place)))
     found.sort(key=lambda item: item[1].onset)
     _check_overlaps(found, name)
     return Scenario(seed, tuple(scheduled for _, scheduled in found))
@@ -133,13 +137,15 @@ def _scheduled(entry: Any, number: int, seed: int) -> ScheduledFault:
     if "duration" in entry:
         duration = _drawn("duration", entry["duration"], DURATION, streams["duration"])
         clear = start + round(duration * NANOSECONDS)
-    if "magnitude" not in entry:
-        return ScheduledFault(start, clear, known)
+    magnitude = entry.get("magnitude", math.nan)
     quantity = KINDS[kind].quantity_on(channel)
-    if quantity is None:
-        raise FaultError(f"{known} has no magnitude")
-    magnitude = _drawn(f"magnitude of {known}", entry["magnitude"], quantity, streams["magnitude"])
+    if not (quantity is None or _is_nan(magnitude)):
+        magnitude = _drawn(f"magnitude of {known}", magnitude, quantity, streams["magnitude"])
     return ScheduledFault(start, clear, Fault(kind, channel, magnitude))
+
+
+def _is_nan(value: Any) -> bool:
+    return isinstance(value, float) and math.isnan(value)
 
 
 def _drawn(name: str, value: Any, quantity: Quantity, random: np.random.Generator) -> float:

@@ -82,7 +82,10 @@ class Simulation:
         self._drill = derive(parameters)
         self._in_force = (self._drill, self._commands())
         for scheduled in scenario.faults if scenario else ():
-            check_honoured(scheduled.fault, **self._abilities())
+            try:
+                check_honoured(scheduled.fault, **self._abilities())
+            except FaultError as error:
+                raise FaultError(f"{scheduled.place}{error}") from None
             self._plan(scheduled)
 
     @property
@@ -263,7 +266,7 @@ class Simulation:
             try:
                 self._inject(scheduled.fault, duration)
             except FaultError as error:
-                self._refusals.append(f"scheduled fault refused: {error}")
+                self._refusals.append(f"scheduled fault refused: {scheduled.place}{error}")
 
         self._at(scheduled.onset, True, begin)
 

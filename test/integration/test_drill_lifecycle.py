@@ -1,7 +1,7 @@
 """A managed drill: nothing is driven unless it is active, and no request ends it."""
 
 import pytest
-from drill_client import COMPILED, SECOND, Client, stamps, start_drill
+from drill_client import COMPILED, SECOND, Client, duration, stamps, start_drill
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
@@ -162,6 +162,25 @@ def test_a_transition_that_fails_says_why_and_can_be_tried_again(client, drill, 
     assert change(client, CONFIGURE)
     assert change(client, ACTIVATE)
     assert client.step(0.1) == SECOND // 10
+
+
+def test_a_reset_that_cannot_be_changes_nothing(client, drill, scenario):
+    assert change(client, CONFIGURE)
+    assert change(client, ACTIVATE)
+    request = StepSimulation.Request(duration=duration(1000.0))
+    step = client.call_async(StepSimulation, "simulation/step", request)
+    client.until(lambda: client.status and client.status[-1].state == Status.STATE_RUNNING)
+    text = scenario.read_text()
+    scenario.write_text("faults: [{kind: hard_rock, onset: 1.0}]\n")  # and there is no rock
+    refused = client.reset(seed=5)
+    scenario.write_text(text)
+    assert refused.result == Result.RESULT_OPERATION_FAILED
+    assert "hard_rock" in refused.error_message
+    drill.wait_for_line(f"request refused: {scenario}: entry 1: hard_rock cannot be honoured")
+    # It is the pause that ends the step: the reset has not.
+    assert client.set_state(SimulationState.STATE_PAUSED).result == Result.RESULT_OK
+    client.until(step.done)
+    assert step.result().result.error_message == "interrupted: the simulation was paused"
 
 
 @pytest.mark.parametrize(

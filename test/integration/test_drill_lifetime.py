@@ -81,6 +81,16 @@ def test_a_signal_ends_it_cleanly_and_the_end_is_heard(drill, listen, number):
     assert set(steps([message.sequence for message in impacts])) == {1}
 
 
+@pytest.mark.parametrize("words", [["drill_node"], ["recorder", "--out", "{}/bag"]], ids=str)
+def test_a_parameter_of_rclpy_with_another_type_is_one_line(process, tmp_path, words):
+    words = [word.format(tmp_path) for word in words]
+    node = process(*words, "--ros-args", "-p", "use_sim_time:=maybe")
+    assert node.wait() == 2
+    assert "use_sim_time" in node.output
+    assert "\n" not in node.output
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_signal_before_it_drills_ends_it_too(process):
     node = process("drill_node", "--ros-args", "-r", "__ns:=/early", "-p", "use_sim_time:=true")
     node.wait_for_line("waiting for /clock, as use_sim_time is set")

@@ -102,6 +102,17 @@ def test_what_one_entry_draws_does_not_depend_on_the_others(file):
     assert fixed.faults[0].onset == alone.faults[0].onset
 
 
+@pytest.mark.parametrize("magnitude", [".nan", "0"])
+def test_magnitudes_that_say_nothing_mean_what_they_mean_in_a_request(file, magnitude):
+    text = f"faults: [{{kind: off, channel: wrench, onset: 1, magnitude: {magnitude}}}]"
+    assert read_scenario(file(text)).faults[0].fault == Fault("off", "wrench")
+
+
+def test_a_magnitude_of_nan_is_the_default(file):
+    text = "faults: [{kind: choking, onset: 1, magnitude: .nan}]"
+    assert read_scenario(file(text)).faults[0].fault == Fault("choking")
+
+
 def test_one_fault_may_begin_when_the_last_of_its_kind_ends(file):
     text = "faults: [{kind: choking, onset: 1, duration: 1}, {kind: choking, onset: 2}]"
     first, second = read_scenario(file(text)).faults
@@ -146,7 +157,7 @@ def test_one_fault_may_begin_when_the_last_of_its_kind_ends(file):
             ": entry 1: magnitude of choking = 2 is outside its range (0, 1]",
         ),
         (
-            "faults: [{kind: choking, onset: 1, magnitude: .nan}]",
+            "faults: [{kind: choking, onset: 1, magnitude: {uniform: [.nan, 1]}}]",
             ": entry 1: magnitude of choking = nan is not a number",
         ),
         (

@@ -18,17 +18,19 @@ def entries(recorded: Iterable[Message], codec: Codec) -> Iterator[tuple[Message
     """Yield the journal's entries with their messages, in order.
 
     An entry that stands there again, as at the beginning of a bag's next file, is passed over.
-    The number zero begins the journal of another start of the node.
+    The number zero begins the journal of another start of the node. Both may say the same, where
+    the node is its own clock; then they were published at different times.
 
     Raises:
         UnverifiableError: if entries are missing, or one cannot be understood.
     """
     expected = 0
-    first = b""
+    first = (0, b"")
     for message in recorded:
-        entry, stamped = _entry(message, codec)
-        if entry.sequence == 0 and stamped != first:
-            first, expected = stamped, 0
+        entry = _entry(message, codec)
+        published = (message.publish_time, message.data)
+        if entry.sequence == 0 and published != first:
+            first, expected = published, 0
         if entry.sequence < expected:
             continue
         if entry.sequence > expected:
@@ -39,7 +41,7 @@ def entries(recorded: Iterable[Message], codec: Codec) -> Iterator[tuple[Message
         yield message, entry
 
 
-def _entry(message: Message, codec: Codec) -> tuple[JournalEntry, bytes]:
+def _entry(message: Message, codec: Codec) -> JournalEntry:
     try:
         fields = codec.decode(message.data)
         content = json.loads(fields.content)
@@ -49,4 +51,4 @@ def _entry(message: Message, codec: Codec) -> tuple[JournalEntry, bytes]:
     except (BagFormatError, AttributeError, LookupError, RecursionError, ValueError) as error:
         reason = " ".join(f"{error!r:.120}".split())
         raise UnverifiableError(f"an entry of the journal cannot be understood: {reason}") from None
-    return JournalEntry(int(fields.sequence), time, str(fields.kind), content), message.data
+    return JournalEntry(int(fields.sequence), time, str(fields.kind), content)

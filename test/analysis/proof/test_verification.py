@@ -165,6 +165,22 @@ def test_a_repeated_message_is_none_of_its_own(bag, tmp_path):
     assert totals(verification)[1:] == (0, 0, 0)
 
 
+def test_a_start_that_says_the_same_as_the_one_before_is_another_start(bag, tmp_path):
+    # A node that is its own clock, cleaned up and activated again, or killed and started again.
+    later = 10 * 1_000_000_000
+    with rpud_sim.bag.open(bag) as reader, rpud_sim.bag.BagWriter(tmp_path / "bag") as writer:
+        for summary in reader.topics:
+            writer.add_topic(summary.topic, summary.definition)
+        for shift in (0, later):
+            for message in reader.messages():
+                times = (message.log_time + shift, message.publish_time + shift)
+                writer.write(message.topic, message.data, *times)
+    once, twice = verify(bag), verify(tmp_path / "bag")
+    assert twice.proved
+    assert twice.simulated == 2 * once.simulated
+    assert twice.topics["/rpud/wrench"].equal == 2 * once.topics["/rpud/wrench"].equal
+
+
 def test_lost_messages_are_counted_and_the_others_proved(bag, tmp_path):
     numbers = iter(range(1_000_000))
     dropped = []
