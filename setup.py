@@ -54,9 +54,9 @@ setup(
     entry_points={
         "console_scripts": [
             "rpud = rpud_sim.cli.main:main",
-            "drill_node = rpud_sim.ros.drill_node:main",
-            "recorder = rpud_sim.ros.recorder:main",
-            "replayer = rpud_sim.ros.replayer:main",
+            "drill_node = rpud_sim.ros.drill.drill_node:main",
+            "recorder = rpud_sim.ros.record.recorder:main",
+            "replayer = rpud_sim.ros.replay.replayer:main",
         ],
     },
 )

@@ -13,8 +13,8 @@ from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
-from rpud_sim.ros.messages import filled
-from rpud_sim.ros.publishers import TOPICS
+from rpud_sim.ros.drill.messages import filled
+from rpud_sim.ros.drill.publishers import TOPICS
 from rpud_sim.simulation.block import boundary
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.simulation import Simulation

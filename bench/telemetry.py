@@ -18,9 +18,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from bench.hearing import Hearing
 from bench.row import Row, row
+from rpud_sim.ros.drill.pacing import NANOSECONDS
+from rpud_sim.ros.drill.publishers import TOPICS
 from rpud_sim.ros.lateness import Lateness
-from rpud_sim.ros.pacing import NANOSECONDS
-from rpud_sim.ros.publishers import TOPICS
 
 PERIOD = 0.01  # of blocks at the default rate [s]
 SECONDS = 20.0  # of listening at each load
@@ -117,7 +117,7 @@ class _Talk:
         kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
         self.hearing = Hearing(self._node, kinds, ("status", "/diagnostics"))
         words = [f"{key}:={value}" for key, value in parameters.items()]
-        module = "rpud_sim.ros.drill_node" if program == "drill_node" else f"bench.{program}"
+        module = "rpud_sim.ros.drill.drill_node" if program == "drill_node" else f"bench.{program}"
         self._process = subprocess.Popen(
             [
                 *(sys.executable, "-m", module, "--ros-args", "-r", f"__ns:={namespace}"),

@@ -24,7 +24,7 @@ from support import claim_ros_domain
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.bag.recovery import recover
-from rpud_sim.ros.recording import Declaration, MessageQueue, WritingThread
+from rpud_sim.ros.record.recording import Declaration, MessageQueue, WritingThread
 
 FORCES = "/rpud/contact_force"
 TOPICS = ("/a", "/b", "/c")

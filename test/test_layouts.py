@@ -8,7 +8,7 @@ import pytest
 from rpud_msgs.msg import WeightOnBit
 from rpud_msgs.srv import ClearFault, InjectFault
 
-from rpud_sim.ros.publishers import TOPICS
+from rpud_sim.ros.drill.publishers import TOPICS
 from rpud_sim.simulation.faults import KINDS
 
 CONFIG = Path(__file__).resolve().parent.parent / "config"

@@ -9,8 +9,8 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
-from rpud_sim.ros.drill_node import DrillNode
-from rpud_sim.ros.parameters import (
+from rpud_sim.ros.drill.drill_node import DrillNode
+from rpud_sim.ros.drill.parameters import (
     ALL_NAMES,
     ALL_QUANTITIES,
     CHANGEABLE,

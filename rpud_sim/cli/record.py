@@ -14,6 +14,6 @@ add_arguments = add_record_arguments
 
 def run(arguments: argparse.Namespace) -> int:
     """Record until the duration is over or a signal asks to stop; give the exit code."""
-    from rpud_sim.ros import recorder
+    from rpud_sim.ros.record import recorder
 
     return recorder.run(arguments)

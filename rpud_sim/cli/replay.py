@@ -14,6 +14,6 @@ add_arguments = add_replay_arguments
 
 def run(arguments: argparse.Namespace) -> int:
     """Replay until the end of the bag or until a signal asks to stop; give the exit code."""
-    from rpud_sim.ros import replayer
+    from rpud_sim.ros.replay import replayer
 
     return replayer.run(arguments)

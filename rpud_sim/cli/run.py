@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     except ParameterError as error:
         print(f"rpud run: {error}", file=sys.stderr)
         return 2
-    from rpud_sim.ros.session import drill
+    from rpud_sim.ros.drill.session import drill
 
     return drill(
         values,

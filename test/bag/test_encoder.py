@@ -26,7 +26,7 @@ from sensor_msgs.msg import JointState
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.encoder import CODES, Encoder
-from rpud_sim.ros.publishers import TOPICS
+from rpud_sim.ros.drill.publishers import TOPICS
 from rpud_sim.ros.types import members_of, message_class
 
 # Listed, so that none is left out by mistake.

@@ -15,8 +15,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rpud_msgs.srv import SetSimulationState
 
-from rpud_sim.ros.drill_node import DrillNode
-from rpud_sim.ros.parameters import CHANGEABLE
+from rpud_sim.ros.drill.drill_node import DrillNode
+from rpud_sim.ros.drill.parameters import CHANGEABLE
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 
 PLAYING = SetSimulationState.Request().state.STATE_PLAYING

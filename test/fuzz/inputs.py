@@ -16,8 +16,8 @@ from rpud_msgs.msg import Drive, Fault, Result, SimulationState, WeightOnBit
 
 from fuzz import hostile
 from fuzz.drill import Drill
-from rpud_sim.ros.declaration import declare_settings
-from rpud_sim.ros.parameters import ALL_NAMES, ALL_QUANTITIES, CHANGEABLE, check_settings
+from rpud_sim.ros.drill.declaration import declare_settings
+from rpud_sim.ros.drill.parameters import ALL_NAMES, ALL_QUANTITIES, CHANGEABLE, check_settings
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import (

@@ -12,7 +12,7 @@ from rcl_interfaces.srv import (
 from rpud_msgs.msg import Status
 from std_srvs.srv import SetBool
 
-from rpud_sim.ros.parameters import ALL_NAMES, CHANGEABLE
+from rpud_sim.ros.drill.parameters import ALL_NAMES, CHANGEABLE
 
 NODE = "/changed/drill_node"
 

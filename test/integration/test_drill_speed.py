@@ -10,7 +10,7 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
 
-from rpud_sim.ros.scheduling import schedule_thread
+from rpud_sim.ros.drill.scheduling import schedule_thread
 
 RATE = 50
 PRIORITY = 10  # the default

@@ -15,7 +15,7 @@ from rpud_msgs.msg import ContactForce
 import rpud_sim.bag
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
-from rpud_sim.ros.recorder_services import service_type
+from rpud_sim.ros.record.recorder_services import service_type
 
 HERE = Path(__file__).parent
 CONTACT_FORCE = "/rpud/contact_force"

@@ -22,7 +22,7 @@ from std_msgs.msg import String
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag import QosProfile as RecordedProfile
-from rpud_sim.ros.replay_services import service_types
+from rpud_sim.ros.replay.replay_services import service_types
 
 TYPES = service_types()
 REPLAYED = "/rpud/talk"

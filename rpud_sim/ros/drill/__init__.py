@@ -1,0 +1,1 @@
+"""The drill as a managed node: paced, commanded, telling what it does."""

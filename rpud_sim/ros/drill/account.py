@@ -1,0 +1,142 @@
+"""The account of a drilling: statistics of intervals and of all, and the reports of them."""
+
+from __future__ import annotations
+
+import time
+
+from rclpy.node import Node
+
+from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.pacing import NANOSECONDS, NO_TIMING, Pacer
+from rpud_sim.ros.drill.parameters import Settings
+from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.report import Report, report_to_diagnostics, report_to_status
+from rpud_sim.simulation.block import Block, join_blocks
+from rpud_sim.simulation.control import Control
+from rpud_sim.simulation.fields import drill_fields
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import Statistics
+
+REPORT_PERIOD = 1.0  # of status and diagnostics [s]
+_TOGETHER = 20  # blocks that are counted at once: one by one would take most of the time anew
+_COMMAND_TOPICS = ("command/weight_on_bit", "command/drive")
+
+
+class Account:
+    """Reports every second and on demand, of the interval since the full report before.
+
+    Attributes:
+        scheduling: how the system schedules the drilling.
+
+    Args:
+        node: for its name, its clock and the graph.
+        settings: of the node.
+        outputs: to publish with.
+        inbox: of commands.
+    """
+
+    def __init__(
+        self, node: Node, settings: Settings, outputs: DrillPublishers, inbox: Inbox
+    ) -> None:
+        self.scheduling = "time-sharing"
+        self._node = node
+        self._telemetry_rate = settings.telemetry_rate
+        self._outputs = outputs
+        self._inbox = inbox
+        self._command_topics = [node.resolve_topic_name(topic) for topic in _COMMAND_TOPICS]
+        self._last: Report | None = None
+        self._blocks: list[Block] = []
+        self.begin()
+
+    @property
+    def last(self) -> Report | None:
+        """The latest report, None before the first."""
+        return self._last
+
+    @property
+    def totals(self) -> Statistics:
+        """Statistics since the start; to be read when the drilling has ended."""
+        self._count()
+        totals = Statistics()
+        totals.merge(self._totals)
+        totals.merge(self._interval)
+        return totals
+
+    def begin(self) -> None:
+        """Begin anew."""
+        self._blocks.clear()
+        self._totals = Statistics()
+        self._interval = Statistics()
+        self._inbox.begin()
+        self._due = 0
+
+    def add(self, block: Block) -> None:
+        """Add a block."""
+        self._blocks.append(block)
+        if len(self._blocks) >= _TOGETHER:
+            self._count()
+
+    def due(self) -> bool:
+        """Whether it is time for a full report."""
+        return time.monotonic_ns() >= self._due
+
+    def refused_more(self) -> bool:
+        """Whether commands were refused since the last report."""
+        return self._last is not None and self._inbox.rejected != self._last.commands_rejected
+
+    def finish(self) -> None:
+        """Make the next report a full one."""
+        self._due = 0
+
+    def report(
+        self, state: str, simulation: Simulation, control: Control, pacer: Pacer | None = None
+    ) -> None:
+        """Publish status and diagnostics.
+
+        Args:
+            state: one of the STATE constants of ``rpud_msgs/Status``.
+            simulation: that runs.
+            control: of its commands.
+            pacer: None before the start.
+        """
+        now = time.monotonic_ns()
+        if self._last is None or now >= self._due or pacer is None:
+            self._count()
+            timing = pacer.take() if pacer else NO_TIMING
+            figures = self._interval.figures()
+            self._totals.merge(self._interval)
+            self._interval = Statistics()
+            self._due = now + round(REPORT_PERIOD * NANOSECONDS)
+        else:
+            timing, figures = self._last.timing, self._last.figures
+        self._last = Report(
+            state=state,
+            time=simulation.time,
+            regime=simulation.parameters.regime,
+            applied=simulation.applied,
+            commands_accepted=self._inbox.accepted,
+            commands_rejected=self._inbox.rejected,
+            requests_refused=self._inbox.requests_refused,
+            last_refusal=self._inbox.last_refusal,
+            commands_lost=control.commands_lost,
+            commanders=max(map(self._node.count_publishers, self._command_topics)),
+            messages_dropped=self._outputs.dropped,
+            **drill_fields(simulation),
+            scheduling=self.scheduling,
+            timing=timing,
+            figures=figures,
+        )
+        self._outputs.publish_status(report_to_status(self._last, self._outputs.origin))
+        self._outputs.publish_diagnostics(
+            report_to_diagnostics(
+                self._last,
+                self._node.get_fully_qualified_name(),
+                self._node.get_clock().now().to_msg(),
+                self._telemetry_rate,
+            )
+        )
+
+    def _count(self) -> None:
+        if self._blocks:
+            self._interval.add(join_blocks(self._blocks))
+            self._blocks.clear()

@@ -1,0 +1,97 @@
+"""Declares the drill node's ROS parameters: with ranges and descriptions, read-only or not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from rpud_sim.ros.drill.parameters import (
+    ALL_NAMES,
+    ALL_QUANTITIES,
+    CHANGEABLE,
+    CHOICES,
+    FLAGS,
+    TEXTS,
+    Settings,
+    check_settings,
+)
+from rpud_sim.simulation import ParameterError
+
+
+def declare_settings(node: Node) -> Settings:
+    """Declare all parameters on the node and return the settings that they hold.
+
+    A whole number is taken where a number is meant, as in ``weight_on_bit: 20``. All but
+    ``CHANGEABLE`` are read-only once the node runs.
+
+    Raises:
+        ParameterError: if a value cannot be used.
+    """
+    values: dict[str, Any] = {"regime": _declare(node, "regime", "drilling")}
+    defaults = check_settings(values)
+    for name in ALL_NAMES:
+        if name not in values:
+            values[name] = _declare(node, name, defaults.value(name))
+    settings = check_settings(values)
+    for name, quantity in ALL_QUANTITIES.items():
+        _describe(
+            node,
+            name,
+            float(values[name]),
+            f"{quantity.description} [{quantity.unit or '1'}]",
+            f"in {quantity.range}",
+            FloatingPointRange(from_value=quantity.minimum, to_value=quantity.maximum),
+        )
+    for name, (description, choices) in CHOICES.items():
+        _describe(node, name, values[name], description, f"one of {', '.join(choices)}")
+    for name, description in {**FLAGS, **TEXTS}.items():
+        _describe(node, name, values[name], description)
+    return settings
+
+
+def check_changes(settings: Settings, changes: list[Parameter]) -> SetParametersResult:
+    """Check values that are about to be set, all together, on a node that has settings."""
+    try:
+        settings.replace(changed_values(changes))
+    except ParameterError as error:
+        return SetParametersResult(successful=False, reason=str(error))
+    return SetParametersResult(successful=True)
+
+
+def changed_values(changes: list[Parameter]) -> dict[str, Any]:
+    """Return those of the parameters that may change while the drill runs, by name."""
+    return {change.name: change.value for change in changes if change.name in CHANGEABLE}
+
+
+def _declare(node: Node, name: str, default: Any) -> Any:
+    """Declare a parameter of any type, so that a wrong one gets our error; return its value."""
+    if isinstance(default, int) and not isinstance(default, bool):
+        default = float(default)
+    return node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
+
+
+def _describe(
+    node: Node,
+    name: str,
+    value: Any,
+    description: str,
+    constraints: str = "",
+    allowed: FloatingPointRange | None = None,
+) -> None:
+    """Give a declared parameter its checked value and its final descriptor."""
+    parameter = Parameter(name, value=value)
+    node.set_parameters([parameter])
+    node.set_descriptor(
+        name,
+        ParameterDescriptor(
+            name=name,
+            type=parameter.type_.value,
+            description=description,
+            additional_constraints=constraints,
+            read_only=name not in CHANGEABLE,
+            floating_point_range=[allowed] if allowed else [],
+        ),
+    )

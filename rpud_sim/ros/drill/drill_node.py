@@ -1,0 +1,320 @@
+"""The drill: the managed node, and the executable `drill_node` of `ros2 run`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import gc
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import ParameterException
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from rpud_sim.ros.drill import standard_services
+from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
+from rpud_sim.ros.drill.drilling import Drilling
+from rpud_sim.ros.drill.fault_services import FaultServices
+from rpud_sim.ros.drill.gate import Gate
+from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.managed_node import ManagedNode, told
+from rpud_sim.ros.drill.pacing import NANOSECONDS
+from rpud_sim.ros.drill.parameters import Settings
+from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.report import Report
+from rpud_sim.ros.drill.simulation_services import SimulationServices
+from rpud_sim.ros.drill.standard_services import StandardServices
+from rpud_sim.ros.requests import StoppedError
+from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.simulation import ParameterError
+from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.statistics import Statistics
+
+_ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listeners [s]
+_THREADS = 3  # a step, a short request, and whatever else comes
+
+
+class DrillNode(ManagedNode):
+    """A drill in soft real time: a managed node that activates itself unless told otherwise.
+
+    Publishers (relative names; see the README for types and QoS): ``nodal_plane``, ``drill_tool``,
+    ``reacting_force``, ``wrench`` and ``joint_states`` at ``telemetry_rate``; ``contact_force`` for
+    every impact on the drill tool; ``waveform`` and ``trajectory`` in blocks; ``faults`` when one
+    begins or ends; ``status`` and ``/diagnostics`` every second and on change; ``/clock`` with
+    ``publish_clock``.
+
+    Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
+    (rpud_msgs/Drive). A command takes effect at the next block boundary; one that cannot be used is
+    refused, counted and logged, and changes nothing.
+
+    Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
+    ``simulation/get_state``, ``simulation/set_state``, ``simulation/step``, ``simulation/run_to``,
+    ``simulation/reset`` (rpud_msgs), those of a managed node, and where it is installed those of
+    ``simulation_interfaces``.
+
+    Parameters: those of ``rpud_sim.ros.drill.parameters.ALL_NAMES``; ``CHANGEABLE`` says which of
+    them may be set while it runs.
+
+    Drive and weight on bit are zero unless it is active. Simulation time begins when it is first
+    activated, and ends when it is cleaned up.
+
+    Args:
+        duration: simulation time after which it has finished [s]; None for never.
+        options: keyword arguments of ``rclpy.node.Node``.
+
+    Raises:
+        ParameterError: if a parameter has a value that cannot be used.
+    """
+
+    def __init__(self, duration: float | None = None, **options: Any) -> None:
+        super().__init__("drill_node", **options)
+        self._settings = declare_settings(self)
+        self._end = sys.maxsize if duration is None else round(duration * NANOSECONDS)
+        self._inbox = Inbox(self.get_logger())
+        self._outputs: DrillPublishers | None = None
+        self._drilling: Drilling | None = None
+        self._started = False
+        self._quit = False
+        self._gate = Gate(self, self._settings, self._inbox, self._now)
+        self._simulation_services = SimulationServices(
+            self, lambda: self.drilling, self._origin, self.refuse_request, self._ask_to_quit
+        )
+        if standard_services.INSTALLED:
+            StandardServices(self, self._simulation_services, self._settings.telemetry_rate)
+        FaultServices(self, lambda: self.drilling, self._origin, self.refuse_request)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._take_parameters)
+
+    @property
+    def settings(self) -> Settings:
+        """What it runs with."""
+        return self._settings
+
+    @property
+    def drilling(self) -> Drilling | None:
+        """What it does since it was first activated, None before."""
+        return self._drilling if self._started else None
+
+    @property
+    def report(self) -> Report | None:
+        """The latest report, None before the first."""
+        return self._drilling.account.last if self._drilling else None
+
+    @property
+    def totals(self) -> Statistics:
+        """Statistics since the start; to be read when it has stopped."""
+        return self._drilling.account.totals if self._drilling else Statistics()
+
+    @property
+    def finished(self) -> bool:
+        """Whether there is nothing left to do."""
+        drilling = self.drilling
+        return self._quit or (drilling is not None and drilling.finished)
+
+    @property
+    def failure(self) -> BaseException | None:
+        """What ended the drilling before it was asked to stop, if anything did."""
+        return self._drilling.failure if self._drilling else None
+
+    @property
+    def unheard(self) -> list[str]:
+        """Topics of its namespace that it publishes and nobody listens to."""
+        return self._outputs.unheard if self._outputs else []
+
+    def prepare(self) -> None:
+        """Configure, if it shall do so by itself and has not yet: then its topics are there.
+
+        Raises:
+            RuntimeError: if it cannot.
+        """
+        if self._settings.autostart and self._outputs is None:
+            self._succeed(self.trigger_configure)
+
+    def start(self) -> None:
+        """Configure and activate, if it shall do so by itself.
+
+        Raises:
+            RuntimeError: if it cannot.
+        """
+        self.prepare()
+        if self._settings.autostart:
+            self._succeed(self.trigger_activate)
+
+    def stop(self) -> None:
+        """End the drilling, publish the last status, and let listeners have the last messages."""
+        if self._drilling is not None and self._outputs is not None:
+            self._drilling.stop()
+            self._outputs.wait_for_listeners(_ACKNOWLEDGEMENT)
+
+    @told
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Prepare everything; nothing moves yet."""
+        settings = self._settings
+        compile_kernels(settings.configuration.parameters, self.get_logger().info)
+        self._outputs = DrillPublishers(self, settings)
+        self._drilling = Drilling(self, settings, self._outputs, self._inbox, self._end)
+        self._drilling.announce()
+        # To look through all that lives by now, again and again, would make blocks late.
+        gc.collect()
+        gc.freeze()
+        return TransitionCallbackReturn.SUCCESS
+
+    @told
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let commands act; simulation time begins, if this is the first time."""
+        drilling = self._drilling
+        if drilling is None:
+            return TransitionCallbackReturn.FAILURE
+        if self._started:
+            drilling.request(lambda: drilling.activate(True))
+        else:
+            drilling.start()
+            self._started = True
+        self._gate.open(True)
+        return TransitionCallbackReturn.SUCCESS
+
+    @told
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make drive and weight on bit zero; the drill goes on without them."""
+        self._gate.open(False)
+        drilling = self._drilling
+        if drilling is not None:
+            drilling.request(lambda: drilling.activate(False))
+        return TransitionCallbackReturn.SUCCESS
+
+    @told
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the drilling, and take everything back."""
+        self._gate.open(False)
+        self._started = False  # or the end of the drilling would be the end of the process
+        self.stop()
+        if self._drilling is not None:
+            self._drilling.close()
+        if self._outputs is not None:
+            self._outputs.destroy()
+        self._drilling = self._outputs = None
+        gc.unfreeze()
+        return TransitionCallbackReturn.SUCCESS
+
+    @told
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take back what a transition that failed has left; it can be configured again."""
+        return self.on_cleanup(state)
+
+    @told
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the drilling and the node."""
+        self._gate.open(False)
+        self._quit = True
+        return TransitionCallbackReturn.SUCCESS
+
+    def _succeed(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            raise RuntimeError("the drill cannot be started; the log says why")
+
+    def refuse_request(self, reason: str) -> None:
+        """Count a request that is refused, and log why."""
+        self._inbox.refuse_request(reason)
+
+    def _ask_to_quit(self) -> None:
+        self._quit = True
+
+    def _origin(self) -> int:
+        return self._outputs.origin if self._outputs else 0
+
+    def _now(self) -> int:
+        """The stamp that a command has if it is given now [ns]."""
+        if self._settings.publish_clock and self._drilling is not None:
+            return self._origin() + self._drilling.simulation.time
+        return int(self.get_clock().now().nanoseconds)
+
+    def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+        if self._drilling is not None and any(change.name == "use_sim_time" for change in changes):
+            reason = "use_sim_time is read-only until the drill is cleaned up"
+            return SetParametersResult(successful=False, reason=reason)
+        return check_changes(self._settings, changes)
+
+    def _take_parameters(self, changes: list[Parameter]) -> None:
+        values = changed_values(changes)
+        if not values:
+            return
+        settings = self._settings = self._gate.settings = self._settings.replace(values)
+        drilling = self.drilling
+        if drilling is not None:
+            with contextlib.suppress(StoppedError):  # there is nothing left to change
+                drilling.request(lambda: drilling.configure(settings))
+
+
+def main() -> None:
+    """Run the executable until SIGINT or SIGTERM: exit 0, 1 after a failure, 2 for bad input."""
+    parser = argparse.ArgumentParser(
+        prog="drill_node",
+        description="A drill in soft real time.",
+        epilog="example: drill_node --ros-args -r __ns:=/rpud --params-file config/free.yaml",
+    )
+    try:
+        words = remove_ros_args(sys.argv)[1:]
+    except RuntimeError as error:  # RCLError
+        reason = str(error).partition(", at ")[0]
+        print(f"drill_node: ROS arguments that cannot be used: {reason}", file=sys.stderr)
+        sys.exit(2)
+    parser.parse_args(words)
+    sys.exit(_main())
+
+
+def _main() -> int:
+    with StopRequest() as stop:
+        try:
+            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+            node = DrillNode()
+        # rcl's errors are RuntimeErrors; the other is of use_sim_time, which rclpy declares.
+        except (ParameterError, ParameterException, RuntimeError) as error:
+            print(f"drill_node: {error}", file=sys.stderr)
+            rclpy.try_shutdown()
+            return 2
+        try:
+            return spin(node, stop)
+        finally:
+            rclpy.try_shutdown()
+
+
+def spin(
+    node: DrillNode,
+    stop: StopRequest,
+    show: Callable[[Report | None], None] = lambda report: None,
+) -> int:
+    """Drill until the stop is requested or the node has finished; return the exit code.
+
+    Args:
+        node: that drills.
+        stop: the request.
+        show: called several times a second with the latest report.
+    """
+    executor = MultiThreadedExecutor(_THREADS)
+    executor.add_node(node)
+    try:
+        node.start()
+        while not (stop.requested or node.finished):
+            executor.spin_once(timeout_sec=0.1)
+            show(node.report)
+    except RuntimeError as error:
+        print(f"drill_node: {error}", file=sys.stderr)
+        return 1
+    finally:
+        node.stop()
+        executor.shutdown(timeout_sec=1.0)
+    if node.failure is not None:
+        print(f"drill_node: {node.failure}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""The gate: commands are checked here once, and nowhere else."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from builtin_interfaces.msg import Time
+from rclpy.node import Node
+from rpud_msgs.msg import Drive as DriveMessage
+from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
+
+from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.pacing import NANOSECONDS
+from rpud_sim.ros.drill.parameters import Settings
+from rpud_sim.ros.drill.publishers import COMMAND_QOS
+from rpud_sim.simulation import ParameterError
+from rpud_sim.simulation.actuator import check_drive
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+
+
+class Gate:
+    """Subscriptions to the commands: one that cannot be used is refused with a reason.
+
+    Args:
+        node: that owns them.
+        settings: of the node.
+        inbox: for what is taken, and the count of what is not.
+        now: the stamp that a command would have if it were given now [ns].
+    """
+
+    def __init__(
+        self, node: Node, settings: Settings, inbox: Inbox, now: Callable[[], int]
+    ) -> None:
+        self.settings = settings
+        self._inbox = inbox
+        self._now = now
+        self._open = threading.Event()
+        node.create_subscription(
+            WeightOnBitMessage, "command/weight_on_bit", self._on_weight_on_bit, COMMAND_QOS
+        )
+        node.create_subscription(DriveMessage, "command/drive", self._on_drive, COMMAND_QOS)
+
+    def open(self, opened: bool) -> None:
+        """Take commands from now on, or refuse all of them."""
+        if opened:
+            self._open.set()
+        else:
+            self._open.clear()
+
+    def _on_weight_on_bit(self, message: WeightOnBitMessage) -> None:
+        try:
+            self._check("weight on bit", message.header.stamp)
+            self._inbox.accept(WeightOnBit(message.force))
+        except ParameterError as error:
+            self._inbox.refuse(str(error))
+
+    def _on_drive(self, message: DriveMessage) -> None:
+        configuration = self.settings.configuration
+        try:
+            self._check("drive", message.header.stamp)
+            drive = Drive(message.enabled, message.voltage, message.frequency)
+            check_drive(
+                drive,
+                configuration.parameters.vibration_amplitude,
+                configuration.actuator.nominal_voltage,
+            )
+            self._inbox.accept(drive)
+        except ParameterError as error:
+            self._inbox.refuse(str(error))
+
+    def _check(self, name: str, stamp: Time) -> None:
+        if not self._open.is_set():
+            raise ParameterError(f"{name}: the drill is not active")
+        timeout = self.settings.command_timeout
+        given = stamp.sec * NANOSECONDS + stamp.nanosec
+        # A stamp of zero is none.
+        if not (timeout and given):
+            return
+        age = (self._now() - given) / NANOSECONDS
+        if not -timeout <= age <= timeout:
+            what = f"{age:.3f} s old" if age > 0 else f"{-age:.3f} s ahead of the drill's time"
+            raise ParameterError(f"{name} is stale: its stamp is {what}; allowed is {timeout:g} s")

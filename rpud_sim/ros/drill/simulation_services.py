@@ -1,0 +1,234 @@
+"""Services that play, pause, step and reset the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.node import Node
+from rpud_msgs.msg import Result, SimulationState
+from rpud_msgs.srv import (
+    GetSimulationState,
+    ResetSimulation,
+    RunToTime,
+    SetSimulationState,
+    StepSimulation,
+)
+
+from rpud_sim.ros.drill.drilling import Drilling, InterruptedStepError
+from rpud_sim.ros.drill.messages import nanoseconds_to_time
+from rpud_sim.ros.drill.pacing import NANOSECONDS
+from rpud_sim.ros.requests import StoppedError
+
+STOPPED = SimulationState.STATE_STOPPED
+PLAYING = SimulationState.STATE_PLAYING
+PAUSED = SimulationState.STATE_PAUSED
+QUITTING = SimulationState.STATE_QUITTING
+
+LONGEST_STEP = 1e6  # [s]; longer than any mission
+
+
+class RefusedError(Exception):
+    """A request that is refused, with the number of its result."""
+
+    def __init__(self, result: int, reason: str) -> None:
+        super().__init__(reason)
+        self.result = result
+
+
+class SimulationServices:
+    """``simulation/get_state``, ``set_state``, ``step``, ``run_to`` and ``reset``.
+
+    States, results and refusals are those of the ``simulation_interfaces`` standard.
+
+    Args:
+        node: that owns them.
+        drilling: gives what is controlled, None while there is none.
+        origin: gives the stamp of simulation time zero [ns].
+        refused: told the reason of each refusal.
+        quit_node: ends the node.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        drilling: Callable[[], Drilling | None],
+        origin: Callable[[], int],
+        refused: Callable[[str], None],
+        quit_node: Callable[[], None],
+    ) -> None:
+        self._drilling = drilling
+        self._origin = origin
+        self._refused = refused
+        self._quit = quit_node
+        # A step takes its time: meanwhile the others must be answered.
+        self.stepping = MutuallyExclusiveCallbackGroup()
+        for kind, name, handler, group in (
+            (GetSimulationState, "get_state", self.get_state, None),
+            (SetSimulationState, "set_state", self.set_state, None),
+            (StepSimulation, "step", self._on_step, self.stepping),
+            (RunToTime, "run_to", self._on_run_to, self.stepping),
+            (ResetSimulation, "reset", self._on_reset, None),
+        ):
+            node.create_service(kind, f"simulation/{name}", handler, callback_group=group)
+
+    def controls_time(self) -> bool:
+        """Whether the time can be paused and stepped, and is not that of another's ``/clock``."""
+        drilling = self._drilling()
+        return drilling is None or not drilling.follows_clock
+
+    def get_state(self, request: Any, response: Any) -> Any:
+        """Answer which state it is in."""
+        drilling = self._drilling()
+        response.state.state = STOPPED if drilling is None else _state_of(drilling)
+        response.result.result = Result.RESULT_OK
+        return response
+
+    def set_state(self, request: Any, response: Any) -> Any:
+        """Play, pause, stop or quit."""
+        return self.answer(response, lambda: self._set_state(int(request.state.state)))
+
+    def reset(self, scope: int, seed: int | None = None) -> None:
+        """Begin anew.
+
+        Raises:
+            RefusedError: if that is not possible.
+        """
+        whole = ResetSimulation.Request
+        known = whole.SCOPE_TIME | whole.SCOPE_STATE | whole.SCOPE_SPAWNED
+        bits = known if scope in (whole.SCOPE_DEFAULT, whole.SCOPE_ALL) else scope
+        if bits & ~known:
+            raise RefusedError(Result.RESULT_FEATURE_UNSUPPORTED, f"scope {scope} is unknown")
+        drilling = self._controlled()
+        time, state = bool(bits & whole.SCOPE_TIME), bool(bits & whole.SCOPE_STATE)
+        if time and drilling.follows_clock:
+            raise RefusedError(
+                Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: reset its source"
+            )
+
+        def act() -> None:
+            if bits & whole.SCOPE_SPAWNED and not state:
+                drilling.act_on_faults(lambda simulation: simulation.clear_all())
+            drilling.reset(time=time, state=state, seed=seed)
+
+        drilling.request(act)
+
+    def step_until(self, until_of: Callable[[Drilling], int]) -> int:
+        """Step to a simulation time [ns]; return the stamp that was reached.
+
+        Args:
+            until_of: gives that time, asked between two blocks.
+
+        Raises:
+            RefusedError: if that is not possible.
+            InterruptedStepError: if it ends before its time.
+        """
+        drilling = self._controlled()
+        if drilling.follows_clock:
+            raise RefusedError(
+                Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: step its source"
+            )
+
+        def begin() -> Any:
+            for holds, state in (
+                (drilling.playing, "playing"),
+                (drilling.at_start, "stopped"),
+                (drilling.stepping, "stepping already"),
+            ):
+                if holds:
+                    raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
+            until = until_of(drilling)
+            now = drilling.simulation.time
+            if not now < until <= now + LONGEST_STEP * NANOSECONDS:
+                ahead = (until - now) / NANOSECONDS
+                raise RefusedError(
+                    Result.RESULT_OPERATION_FAILED,
+                    f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s",
+                )
+            return drilling.step(until)
+
+        return self._origin() + drilling.wait(drilling.request(begin))
+
+    def answer(self, response: Any, act: Callable[[], Any]) -> Any:
+        """Fill the response with what comes of an action, and return it."""
+        try:
+            act()
+            response.result.result = Result.RESULT_OK
+        except RefusedError as refused:
+            response.result.result = refused.result
+            response.result.error_message = str(refused)
+            if refused.result != SetSimulationState.Response.ALREADY_IN_TARGET_STATE:
+                self._refused(str(refused))
+        except InterruptedStepError as error:
+            response.result.result = Result.RESULT_OPERATION_FAILED
+            response.result.error_message = f"interrupted: {error}"
+        except StoppedError as error:
+            response.result.result = Result.RESULT_INCORRECT_STATE
+            response.result.error_message = str(error)
+            self._refused(str(error))
+        except Exception as error:  # a client must hear of it, whatever it is
+            response.result.result = Result.RESULT_OPERATION_FAILED
+            response.result.error_message = str(error)
+            self._refused(str(error))
+        return response
+
+    def _controlled(self) -> Drilling:
+        drilling = self._drilling()
+        if drilling is None:
+            raise RefusedError(Result.RESULT_INCORRECT_STATE, "the node has not been activated")
+        return drilling
+
+    def _set_state(self, state: int) -> None:
+        if state == QUITTING:
+            self._quit()
+            return
+        if state not in (STOPPED, PLAYING, PAUSED):
+            raise RefusedError(Result.RESULT_FEATURE_UNSUPPORTED, f"state {state} is unknown")
+        drilling = self._controlled()
+        if drilling.follows_clock:
+            raise RefusedError(
+                Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: control its source"
+            )
+
+        def act() -> None:
+            if _state_of(drilling) == state and not drilling.stepping:
+                already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
+                raise RefusedError(already, "it is in that state already")
+            {STOPPED: drilling.halt, PLAYING: drilling.play, PAUSED: drilling.pause}[state]()
+
+        drilling.request(act)
+
+    def _on_step(
+        self, request: StepSimulation.Request, response: StepSimulation.Response
+    ) -> StepSimulation.Response:
+        length = request.duration.sec * NANOSECONDS + request.duration.nanosec
+
+        def act() -> None:
+            reached = self.step_until(lambda drilling: drilling.simulation.time + length)
+            response.time = nanoseconds_to_time(reached)
+
+        return self.answer(response, act)
+
+    def _on_run_to(
+        self, request: RunToTime.Request, response: RunToTime.Response
+    ) -> RunToTime.Response:
+        stamp = request.time.sec * NANOSECONDS + request.time.nanosec
+
+        def act() -> None:
+            reached = self.step_until(lambda drilling: stamp - self._origin())
+            response.time = nanoseconds_to_time(reached)
+
+        return self.answer(response, act)
+
+    def _on_reset(
+        self, request: ResetSimulation.Request, response: ResetSimulation.Response
+    ) -> ResetSimulation.Response:
+        seed = int(request.seed) if request.reseed else None
+        return self.answer(response, lambda: self.reset(int(request.scope), seed))
+
+
+def _state_of(drilling: Drilling) -> int:
+    if drilling.playing:
+        return PLAYING
+    return STOPPED if drilling.at_start else PAUSED

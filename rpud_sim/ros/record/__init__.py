@@ -1,0 +1,1 @@
+"""The recorder: topics of a running system into a bag."""

@@ -1,0 +1,87 @@
+"""Services of the recorder: of rosbag2's types where these are installed, else Triggers."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from rpud_sim.ros.record.intake import Intake
+
+
+class RecorderServices:
+    """Pauses, resumes, splits and takes snapshots when somebody asks for it.
+
+    Services: `~/pause`, `~/resume`, `~/toggle_paused`, `~/split_bagfile`, `~/snapshot`, of the
+    types of rosbag2_interfaces or std_srvs/Trigger. The node needs no executor: `serve` does what
+    was asked for since.
+
+    Args:
+        node: whose services they are.
+        intake: what they act on.
+        catch_up: gives the intake all that was received before a request.
+    """
+
+    def __init__(self, node: Node, intake: Intake, catch_up: Callable[[], None]) -> None:
+        self._node = node
+        self._catch_up = catch_up
+        self._intake = intake
+        actions: dict[str, Callable[[], tuple[bool, str]]] = {
+            "Pause": self._pause,
+            "Resume": self._resume,
+            "TogglePaused": lambda: self._resume() if intake.paused else self._pause(),
+            "SplitBagfile": self._split,
+            "Snapshot": self._snapshot,
+        }
+        self._services = []
+        for kind, action in actions.items():
+            service = service_type(kind)
+            name = "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in kind)
+            # `serve` takes the requests, so nothing ever calls the callback.
+            handle = node.create_service(service, f"~/{name[1:]}", lambda _, response: response)
+            self._services.append((service, handle, action))
+
+    def serve(self) -> None:
+        """Do what was asked for, and answer."""
+        for service, server, action in self._services:
+            with server.handle:
+                request, header = server.handle.service_take_request(service.Request)
+            if request is None or header is None:
+                continue
+            self._catch_up()
+            success, text = action()
+            self._node.get_logger().info(text)
+            response = service.Response()
+            for field, value in (("success", success), ("message", text)):
+                if hasattr(response, field):
+                    setattr(response, field, value)
+            server.send_response(response, header)
+
+    def _pause(self) -> tuple[bool, str]:
+        self._intake.pause()
+        return True, "paused"
+
+    def _resume(self) -> tuple[bool, str]:
+        self._intake.resume()
+        return True, "resumed"
+
+    def _split(self) -> tuple[bool, str]:
+        self._intake.split()
+        return True, "goes on in a new file"
+
+    def _snapshot(self) -> tuple[bool, str]:
+        if not self._intake.takes_snapshots:
+            return False, "no snapshot: the recorder was started without --snapshot-mode"
+        count = self._intake.snapshot()
+        return count > 0, f"a snapshot of {count} messages is written"
+
+
+def service_type(kind: str) -> Any:
+    """Give the type of a service of rosbag2, or Trigger where that is not installed."""
+    try:
+        return getattr(importlib.import_module("rosbag2_interfaces.srv"), kind)
+    except (ImportError, AttributeError):
+        return Trigger

@@ -1,0 +1,1 @@
+"""The replayer: a bag as topics again, in its time."""

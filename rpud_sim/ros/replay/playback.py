@@ -1,0 +1,252 @@
+"""Messages of a bag when they are due, under control. No ROS, no thread; times are nanoseconds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Protocol
+
+from rpud_sim.bag import Message
+from rpud_sim.ros.arguments import FASTEST_RATE
+from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.replay.replaying import Timeline
+
+NANOSECONDS = 1_000_000_000
+_BEHIND = NANOSECONDS // 20  # later than this, messages come as fast as they can
+_LOOP_PAUSE = NANOSECONDS // 10  # between two passes, so that a bag of one message is no flood
+
+
+class RefusedError(Exception):
+    """A request does not fit the state of the replay, which it leaves as it was."""
+
+
+class Messages(Protocol):
+    """Messages in the order of their log times."""
+
+    def __iter__(self) -> Iterator[Message]: ...
+
+    def __next__(self) -> Message: ...
+
+    def close(self) -> None:
+        """Read no further."""
+
+
+class Outputs(Protocol):
+    """Where a playback goes."""
+
+    def publish(self, message: Message, *, hurried: bool) -> None:
+        """Publish a message; where it is `hurried`, nothing but the listeners paces it."""
+
+    def publish_clock(self, bag_time: int) -> None:
+        """Publish the bag's time [ns]."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is played: the bag's times from `first` to `last` [ns], once or in a `loop`.
+
+    `tick` is the period of the clock's messages [ns of real time], None for none.
+    """
+
+    first: int
+    last: int
+    rate: float = 1.0
+    paused: bool = False
+    loop: bool = False
+    tick: float | None = None
+
+
+class Playback:
+    """Publishes messages on a timeline that can be paused, stepped, sped up and moved.
+
+    Args:
+        read: opens the messages from a time of the bag [ns] on.
+        plan: what is played.
+        outputs: to publish with.
+        clock: monotonic time [ns].
+    """
+
+    def __init__(
+        self,
+        read: Callable[[int], Messages],
+        plan: Plan,
+        outputs: Outputs,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._read = read
+        self._plan = plan
+        self._outputs = outputs
+        self._clock = clock
+        self._messages: Messages | None = None
+        self._next: Message | None = None
+        self._timeline = Timeline(plan.first, clock(), plan.rate, plan.paused)
+        self._tick = inf
+        self._stopped = False
+        self._failure: Exception | None = None
+        self.published = 0
+        self.lateness = Lateness()
+
+    @property
+    def paused(self) -> bool:
+        """Whether it stands still."""
+        return self._timeline.paused
+
+    @property
+    def rate(self) -> float:
+        """How many times as fast as real time it moves when it is not paused."""
+        return self._timeline.rate
+
+    @property
+    def position(self) -> int:
+        """Where in the bag it is [ns]; never beyond a message that is still to be published."""
+        position = self._timeline.position_at(self._clock())
+        following = self._next  # another thread may ask
+        return position if following is None else min(position, following.log_time)
+
+    def begin(self) -> None:
+        """Start at the plan's first time, now: what is due first has been read."""
+        self._open(self._plan.first)
+        now = self._clock()
+        self._timeline = self._timeline.seek(now, self._plan.first)
+        if self._plan.tick is not None:
+            self._tick = now
+
+    def advance(self) -> float | None:
+        """Do what is due, if it is one message or tick; tell when to come again.
+
+        Returns the time until then [s]: 0 for at once, infinite for when something has changed;
+        None at the end. Raises what reading or publishing raises.
+        """
+        if self._stopped:
+            return None
+        if self._failure is not None:
+            raise self._failure
+        if self._next is None and not self.paused:
+            if not self._plan.loop:
+                return None
+            self._open(self._plan.first)
+            self._timeline = self._timeline.seek(self._clock() + _LOOP_PAUSE, self._plan.first)
+        due = inf if self._next is None else self._timeline.due(self._next.log_time)
+        earliest = min(due, self._tick)
+        now = self._clock()
+        if now < earliest:
+            return (earliest - now) / NANOSECONDS
+        if self._tick <= due:
+            # A tick comes before the messages of its time, however late both are.
+            self._outputs.publish_clock(self._timeline.position_at(round(self._tick)))
+            self._tick += self._plan.tick or inf
+        else:
+            self.lateness.add(now - due)
+            self._publish_next(hurried=now - due > _BEHIND)
+        return 0.0
+
+    def stop(self) -> None:
+        """End it; any thread may ask for that."""
+        self._stopped = True
+
+    def close(self) -> None:
+        """Read no further."""
+        if self._messages is not None:
+            self._messages.close()
+
+    def pause(self) -> None:
+        """Stand still; without effect when it does."""
+        self._hold()
+        self._timeline = self._timeline.pause(self._clock())
+
+    def resume(self) -> None:
+        """Go on; without effect when it does."""
+        self._timeline = self._timeline.resume(self._clock())
+
+    def toggle_paused(self) -> None:
+        """Pause or resume."""
+        self.resume() if self.paused else self.pause()
+
+    def set_rate(self, rate: float) -> None:
+        """Move `rate` times as fast as real time.
+
+        Raises:
+            RefusedError: if it is not above 0 and at most `FASTEST_RATE`.
+        """
+        if not (isfinite(rate) and 0 < rate <= FASTEST_RATE):
+            raise RefusedError(f"rate = {rate:g} is outside its range (0, {FASTEST_RATE:g}]")
+        self._hold()
+        self._timeline = self._timeline.with_rate(self._clock(), rate)
+
+    def seek(self, position: int) -> None:
+        """Go to a time of the bag [ns], or to the first that is played if that is later.
+
+        Raises:
+            RefusedError: if it is after the last that is played.
+        """
+        first, last = self._plan.first, self._plan.last
+        if position > last:
+            raise RefusedError(
+                f"time = {position / NANOSECONDS:.3f} s is after the last, "
+                f"{last / NANOSECONDS:.3f} s"
+            )
+        position = max(first, position)
+        self._open(position)
+        self._timeline = self._timeline.seek(self._clock(), position)
+
+    def play_next(self) -> None:
+        """Publish the next message now, and stand at its time.
+
+        Raises:
+            RefusedError: if it is not paused, or there is no next message.
+        """
+        if not self.paused:
+            raise RefusedError("the replay is not paused")
+        if self._next is None:
+            raise RefusedError("the replay is at its end")
+        time_of_next = self._next.log_time
+        self._timeline = self._timeline.seek(self._clock(), time_of_next)
+        if self._plan.tick is not None:
+            self._outputs.publish_clock(time_of_next)
+        self._publish_next(hurried=True)
+
+    def burst(self, count: int) -> int:
+        """Publish the next `count` messages now, all for 0; return how many there were.
+
+        Raises:
+            RefusedError: if it is not paused.
+        """
+        if not self.paused:
+            raise RefusedError("the replay is not paused")
+        before = self.published
+        while self._next is not None and not self._stopped:
+            self.play_next()
+            if self.published - before == count:
+                break
+        return self.published - before
+
+    def _open(self, position: int) -> None:
+        self.close()
+        self._messages = self._read(position)
+        self._take_next()
+
+    def _take_next(self) -> None:
+        assert self._messages is not None
+        self._next = None
+        try:
+            message = next(self._messages, None)
+        except Exception as error:  # it ends the replay, not only the request that led here
+            self._failure = error
+            return
+        if message is not None and message.log_time <= self._plan.last:
+            self._next = message
+
+    def _publish_next(self, *, hurried: bool) -> None:
+        assert self._next is not None
+        self._outputs.publish(self._next, hurried=hurried)
+        self.published += 1
+        self._take_next()
+
+    def _hold(self) -> None:
+        """Put a timeline that messages are behind back to them."""
+        now = self._clock()
+        position = self.position
+        if position < self._timeline.position_at(now):
+            self._timeline = self._timeline.seek(now, position)

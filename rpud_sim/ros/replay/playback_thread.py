@@ -1,0 +1,67 @@
+"""The thread that plays: it sleeps until something is due, or somebody asks for something."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TypeVar
+
+from rpud_sim.ros.replay.playback import Playback
+from rpud_sim.ros.requests import Requests
+
+Result = TypeVar("Result")
+
+_LONGEST_SLEEP = 3600.0  # s; the system call refuses more than some decades
+
+
+class PlaybackThread:
+    """Plays in a thread of its own; any thread may `do` something with the playback there."""
+
+    def __init__(self, playback: Playback) -> None:
+        self._playback = playback
+        self._wake = threading.Event()
+        self._requests = Requests(self._wake.set)
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="playback", daemon=True)
+        self._thread.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended."""
+        return self._thread.is_alive()
+
+    def do(self, action: Callable[[Playback], Result]) -> Result:
+        """Have something done between two messages; return its result, raise what it raises.
+
+        Raises:
+            StoppedError: if the playback has ended.
+        """
+        return self._requests.do(lambda: action(self._playback))
+
+    def stop(self) -> None:
+        """Ask for the end."""
+        self._playback.stop()
+        self._wake.set()
+
+    def join(self) -> None:
+        """Wait for the end, and raise what it ended with."""
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+
+    def _run(self) -> None:
+        try:
+            self._playback.begin()
+            while True:
+                self._wake.clear()
+                self._requests.serve()
+                delay = self._playback.advance()
+                if delay is None:
+                    break
+                if delay > 0:
+                    self._wake.wait(min(delay, _LONGEST_SLEEP))
+        except Exception as error:
+            self._error = error
+        finally:
+            self._requests.close()
+            self._playback.close()

@@ -1,0 +1,210 @@
+"""Parameters as ROS sees them: described, read-only or changeable, and changed together or not."""
+
+import math
+
+import pytest
+import rclpy
+from rcl_interfaces.msg import ParameterType
+from rclpy.parameter import Parameter
+
+from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
+from rpud_sim.ros.drill.parameters import ALL_NAMES, ALL_QUANTITIES, CHANGEABLE, CHOICES, Settings
+from rpud_sim.simulation import ParameterError, preset
+
+READ_ONLY = sorted(set(ALL_NAMES) - set(CHANGEABLE))
+
+
+@pytest.fixture(scope="module")
+def context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def node(context):
+    made = []
+
+    def create(**values):
+        overrides = [Parameter(name, value=value) for name, value in values.items()]
+        made.append(rclpy.create_node("drill_node", parameter_overrides=overrides))
+        return made[-1]
+
+    yield create
+    for each in made:
+        each.destroy_node()
+
+
+@pytest.fixture(scope="module")
+def described(context):
+    """Give the descriptors of all parameters, by name."""
+    drill = rclpy.create_node("described_node")
+    declare_settings(drill)
+    yield dict(zip(ALL_NAMES, drill.describe_parameters(list(ALL_NAMES)), strict=True))
+    drill.destroy_node()
+
+
+@pytest.fixture
+def running(node):
+    """Give a node that checks changes as the drill does, and the settings that they came to."""
+    drill = node()
+    taken = [declare_settings(drill)]
+    drill.add_on_set_parameters_callback(lambda changes: check_changes(taken[-1], changes))
+    drill.add_post_set_parameters_callback(
+        lambda changes: taken.append(taken[-1].replace(changed_values(changes)))
+    )
+    return drill, taken
+
+
+def test_every_parameter_is_declared_with_its_value(node):
+    drill = node()
+    settings = declare_settings(drill)
+    assert settings == Settings()
+    for name in ALL_NAMES:
+        assert drill.get_parameter(name).value == settings.value(name), name
+
+
+def test_every_parameter_says_what_it_is_and_whether_it_may_change(described):
+    for name, descriptor in described.items():
+        assert descriptor.name == name
+        assert descriptor.description, name
+        assert descriptor.read_only == (name not in CHANGEABLE), name
+        assert not descriptor.dynamic_typing, name
+
+
+def test_every_number_has_its_unit_and_its_range(described):
+    for name, quantity in ALL_QUANTITIES.items():
+        descriptor = described[name]
+        assert descriptor.type == ParameterType.PARAMETER_DOUBLE, name
+        [allowed] = descriptor.floating_point_range
+        assert descriptor.description.endswith(f"[{quantity.unit or '1'}]")
+        assert descriptor.additional_constraints == f"in {quantity.range}"
+        assert (allowed.from_value, allowed.to_value) == (quantity.minimum, quantity.maximum)
+
+
+def test_every_choice_names_its_choices(described):
+    for name, (_, choices) in CHOICES.items():
+        assert described[name].additional_constraints == f"one of {', '.join(choices)}"
+
+
+def test_the_regime_chooses_the_defaults_and_a_whole_number_is_a_number(node):
+    drill = node(regime="free", gravity=2, vibration_frequency=20000, seed=7)
+    settings = declare_settings(drill)
+    expected = preset("free").replace(gravity=2.0, vibration_frequency=2e4)
+    assert settings.configuration.parameters == expected
+    assert settings.seed == 7
+    assert drill.get_parameter("weight_on_bit").value == 0.0
+    for name in ("gravity", "seed"):
+        assert drill.get_parameter(name).type_ == Parameter.Type.DOUBLE
+
+
+def test_what_is_read_only_does_not_change_and_the_reason_is_said(running):
+    drill, taken = running
+    for name in READ_ONLY:
+        before = drill.get_parameter(name).value
+        [result] = drill.set_parameters([Parameter(name, value=before)])
+        assert not result.successful, name
+        assert "read-only" in result.reason
+        assert drill.get_parameter(name).value == before
+    assert taken == [Settings()]
+
+
+def test_what_may_change_does(running):
+    drill, taken = running
+    values = {
+        "regime": "free",
+        "rpud_damping_ratio": 0.3,
+        "load_spring_rate": 1500.0,
+        "drill_tool_damping_ratio": 0.25,
+        "restoring_spring_rate": 1000.0,
+        "actuator_restitution": 0.9,
+        "drill_tool_restitution": 0.8,
+        "gravity": 1.62,
+        "rock_specific_energy": 5e7,
+        "real_time_factor": 2.0,
+        "command_timeout": 0.5,
+        "command_loss_ramp": 0.25,
+    }
+    assert values.keys() == set(CHANGEABLE)
+    for name, value in values.items():
+        [result] = drill.set_parameters([Parameter(name, value=value)])
+        assert result.successful, (name, result.reason)
+        assert taken[-1].value(name) == drill.get_parameter(name).value == value
+    for name in READ_ONLY:
+        assert taken[-1].value(name) == Settings().value(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("gravity", -1.0, "gravity"),
+        ("gravity", math.nan, "gravity"),
+        ("gravity", "heavy", "expected 'Type.DOUBLE'"),
+        ("rpud_damping_ratio", 1.0, "rpud_damping_ratio = 1 is outside its range [0, 1)"),
+        ("regime", "moon", "regime = 'moon' is not one of free, drilling"),
+        ("real_time_factor", 0.001, "real_time_factor = 0.001 is neither 0, as fast as possible"),
+    ],
+)
+def test_a_change_that_cannot_be_used_changes_nothing(running, name, value, reason):
+    drill, taken = running
+    before = drill.get_parameter(name).value
+    [result] = drill.set_parameters([Parameter(name, value=value)])
+    assert not result.successful
+    assert reason in result.reason
+    assert drill.get_parameter(name).value == before
+    assert len(taken) == 1
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        Parameter("real_time_factor", value=0.001),
+        Parameter("load_spring_rate", value=-1.0),
+        Parameter("telemetry_rate", value=200.0),
+    ],
+)
+def test_changes_that_belong_together_are_made_together_or_not_at_all(running, bad):
+    drill, taken = running
+    good = [Parameter("gravity", value=1.62), Parameter("regime", value="free")]
+    for changes in ([*good, bad], [bad, *good]):
+        result = drill.set_parameters_atomically(changes)
+        assert not result.successful
+        assert bad.name in result.reason
+        assert drill.get_parameter("gravity").value == 9.81
+        assert drill.get_parameter("regime").value == "drilling"
+    assert len(taken) == 1
+    assert drill.set_parameters_atomically(good).successful
+    [_, changed] = taken
+    assert changed == Settings().replace({"gravity": 1.62, "regime": "free"})
+
+
+def test_parameters_of_others_are_let_through(running):
+    drill, taken = running
+    drill.declare_parameter("of_another", 1)
+    [result] = drill.set_parameters([Parameter("of_another", value=2)])
+    assert result.successful
+    assert changed_values([Parameter("of_another", value=2)]) == {}
+    assert taken[-1] == Settings()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "complaint"),
+    [
+        ("weight_on_bit", "heavy", "weight_on_bit = 'heavy' N is outside its range [0, 1000] N"),
+        ("weight_on_bit", True, "weight_on_bit = True N is outside its range [0, 1000] N"),
+        ("weight_on_bit", math.nan, "weight_on_bit = nan N is outside its range [0, 1000] N"),
+        ("weight_on_bit", [1.0, 2.0], "weight_on_bit = [1.0, 2.0] N is outside its range"),
+        ("regime", 3, "regime = 3 is not one of free, drilling"),
+        ("regime", "moon", "regime = 'moon' is not one of free, drilling"),
+        ("drive_enabled", "off", "drive_enabled = 'off' is not true or false"),
+        ("telemetry_rate", 33.3, "telemetry_rate = 33.3 Hz is not a whole number"),
+        ("scenario", "/missing.yaml", "/missing.yaml: No such file or directory"),
+        ("scenario", 3, "scenario = 3 is not a text"),
+    ],
+)
+def test_an_override_that_cannot_be_used_is_named(node, name, value, complaint):
+    drill = node(**{name: value})
+    with pytest.raises(ParameterError) as caught:
+        declare_settings(drill)
+    assert str(caught.value).startswith(complaint)
+    assert "\n" not in str(caught.value)

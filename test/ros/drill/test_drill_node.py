@@ -1,0 +1,31 @@
+"""The drill's node in the process that made it."""
+
+import pytest
+import rclpy
+
+from rpud_sim.ros.drill.drill_node import DrillNode
+from rpud_sim.ros.drill.publishers import DrillPublishers
+
+
+@pytest.fixture
+def node():
+    rclpy.init()
+    made = DrillNode()
+    yield made
+    made.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_a_clean_up_is_no_end_of_the_process_however_long_its_listeners_take(node, monkeypatch):
+    finished = []
+    wait = DrillPublishers.wait_for_listeners
+
+    def slowly(self, seconds):
+        finished.append(node.finished)  # what the executor asks meanwhile
+        wait(self, seconds)
+
+    monkeypatch.setattr(DrillPublishers, "wait_for_listeners", slowly)
+    node.start()
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    assert finished == [False]

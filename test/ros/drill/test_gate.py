@@ -1,0 +1,157 @@
+"""The gate takes what can be used while it is open, and says why it refuses the rest."""
+
+import math
+import time
+
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from rclpy.executors import SingleThreadedExecutor
+from rpud_msgs.msg import Drive as DriveMessage
+from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
+from std_msgs.msg import Header
+
+from rpud_sim.ros.drill.gate import Gate
+from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.parameters import Settings
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+
+SECOND = 1_000_000_000
+NOW = 1000 * SECOND
+
+
+class Heard(Inbox):
+    """An inbox that remembers every reason; of a flood, it logs only the first ones."""
+
+    def __init__(self, logger):
+        super().__init__(logger)
+        self.reasons = []
+
+    def refuse(self, reason):
+        self.reasons.append(reason)
+        super().refuse(reason)
+
+
+class Commander:
+    """A gate, and somebody who gives commands and waits until they were looked at."""
+
+    def __init__(self):
+        self.drill = rclpy.create_node("drill_node")
+        self.client = rclpy.create_node("commander")
+        self.inbox = Heard(self.drill.get_logger())
+        self.gate = Gate(self.drill, Settings(), self.inbox, lambda: NOW)
+        self.gate.open(True)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.drill)
+        self.publishers = {
+            kind: self.client.create_publisher(kind, f"command/{topic}", 10)
+            for kind, topic in ((WeightOnBitMessage, "weight_on_bit"), (DriveMessage, "drive"))
+        }
+        self.until(lambda: all(p.get_subscription_count() for p in self.publishers.values()))
+
+    def until(self, condition):
+        deadline = time.monotonic() + 30.0
+        while not condition():
+            assert time.monotonic() < deadline, "it did not come true"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def give(self, message):
+        """Give a command, and give back what was taken of it, or why it was refused."""
+        taken, refused = [], len(self.inbox.reasons)
+        self.publishers[type(message)].publish(message)
+        self.until(lambda: taken.extend(self.inbox.take()) or taken or self.inbox.reasons[refused:])
+        return taken[0] if taken else self.inbox.reasons[-1]
+
+    def close(self):
+        self.executor.shutdown()
+        self.drill.destroy_node()
+        self.client.destroy_node()
+
+
+@pytest.fixture(scope="module")
+def shared():
+    rclpy.init()
+    commander = Commander()
+    yield commander
+    commander.close()
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def commander(shared):
+    shared.gate.settings = Settings()
+    shared.gate.open(True)
+    return shared
+
+
+def stamped(seconds):
+    """Give a header whose stamp is so many seconds after now."""
+    sec, nanosec = divmod(NOW + round(seconds * SECOND), SECOND)
+    return Header(stamp=Time(sec=sec, nanosec=nanosec))
+
+
+def test_commands_that_can_be_used_are_taken(commander):
+    assert commander.give(WeightOnBitMessage(force=20.0)) == WeightOnBit(20.0)
+    drive = DriveMessage(enabled=True, voltage=60.0, frequency=17000.0)
+    assert commander.give(drive) == Drive(True, 60.0, 17000.0)
+    assert commander.give(DriveMessage()) == Drive(False, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (WeightOnBitMessage(force=-1.0), "weight_on_bit = -1 N is outside its range [0, 1000] N"),
+        (WeightOnBitMessage(force=math.nan), "weight_on_bit = nan N is outside its range"),
+        (
+            DriveMessage(enabled=True, voltage=math.inf, frequency=16e3),
+            "drive voltage = inf V is outside its range [0, 1000] V",
+        ),
+        (
+            DriveMessage(enabled=True, voltage=100.0),
+            "drive frequency = 0 Hz is outside its range [100, 200000] Hz",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_the_reason_and_counted(commander, message, reason):
+    before = commander.inbox.rejected
+    assert commander.give(message).startswith(reason)
+    assert commander.inbox.rejected == before + 1
+
+
+def test_a_drive_that_would_break_the_stack_is_refused(commander):
+    commander.gate.settings = Settings().replace({"nominal_voltage": 10.0})
+    drive = DriveMessage(enabled=True, voltage=500.0, frequency=16e3)
+    assert commander.give(drive) == (
+        "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"
+    )
+
+
+@pytest.mark.parametrize("message", [WeightOnBitMessage(force=20.0), DriveMessage()])
+def test_a_closed_gate_refuses_everything(commander, message):
+    commander.gate.open(False)
+    assert commander.give(message).endswith(": the drill is not active")
+    commander.gate.open(True)
+    assert isinstance(commander.give(message), (WeightOnBit, Drive))
+
+
+@pytest.mark.parametrize("seconds", [-0.5, -0.1, 0.0, 0.5])
+def test_a_fresh_stamp_and_none_are_taken(commander, seconds):
+    commander.gate.settings = Settings().replace({"command_timeout": 0.5})
+    for header in (stamped(seconds), Header()):
+        taken = commander.give(WeightOnBitMessage(header=header, force=20.0))
+        assert taken == WeightOnBit(20.0)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "what"),
+    [(-0.6, "0.600 s old"), (0.6, "0.600 s ahead of the drill's time"), (-999.0, "999.000 s old")],
+)
+def test_a_stale_stamp_is_refused_where_there_is_a_timeout(commander, seconds, what):
+    message = WeightOnBitMessage(header=stamped(seconds), force=20.0)
+    assert commander.give(message) == WeightOnBit(20.0)
+    commander.gate.settings = Settings().replace({"command_timeout": 0.5})
+    assert commander.give(message) == (
+        f"weight on bit is stale: its stamp is {what}; allowed is 0.5 s"
+    )
+    drive = DriveMessage(header=stamped(seconds))
+    assert commander.give(drive).startswith(f"drive is stale: its stamp is {what}")

@@ -1,0 +1,93 @@
+"""Commands wait in order; those refused are counted in full and logged in part."""
+
+import threading
+
+from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+
+
+class Log:
+    def __init__(self):
+        self.lines = []
+
+    def warning(self, line):
+        self.lines.append(line)
+
+
+def test_commands_come_out_once_in_the_order_in_which_they_came():
+    inbox = Inbox(Log())
+    commands = [WeightOnBit(1.0), Drive(False, 0.0, 0.0), WeightOnBit(2.0)]
+    for command in commands:
+        inbox.accept(command)
+    assert inbox.take() == commands
+    assert inbox.take() == []
+    assert (inbox.accepted, inbox.rejected) == (3, 0)
+
+
+def test_a_refusal_is_counted_and_logged_with_its_reason():
+    log = Log()
+    inbox = Inbox(log)
+    inbox.refuse("weight_on_bit = -1 N is outside its range [0, 1000] N")
+    assert inbox.take() == []
+    assert (inbox.accepted, inbox.rejected) == (0, 1)
+    assert log.lines == ["command refused: weight_on_bit = -1 N is outside its range [0, 1000] N"]
+
+
+def test_a_refused_request_is_counted_and_logged_and_no_command():
+    log = Log()
+    inbox = Inbox(log)
+    inbox.refuse_request("there is no fault 7 to clear")
+    assert (inbox.accepted, inbox.rejected, inbox.requests_refused) == (0, 0, 1)
+    assert inbox.last_refusal == "there is no fault 7 to clear"
+    assert log.lines == ["request refused: there is no fault 7 to clear"]
+
+
+def test_a_flood_is_counted_in_full_and_logged_in_part():
+    log = Log()
+    inbox = Inbox(log)
+    for number in range(10_000):
+        inbox.refuse(str(number))
+    assert inbox.rejected == 10_000
+    # Ten lines and a note for each second, and the flood may span two.
+    assert 11 <= len(log.lines) <= 22
+    assert log.lines[0] == "command refused: 0"
+    assert "more is refused in this second, and counted" in log.lines
+
+
+def test_whoever_takes_is_woken_by_every_command_and_every_refusal():
+    inbox = Inbox(Log())
+    woken = []
+    inbox.accept(WeightOnBit(1.0))  # nobody is to be woken yet
+    inbox.notify(lambda: woken.append(True))
+    inbox.accept(WeightOnBit(1.0))
+    inbox.refuse("for a reason")
+    assert len(woken) == 2
+
+
+def test_a_new_beginning_forgets_what_waits_and_what_was_counted():
+    inbox = Inbox(Log())
+    inbox.accept(WeightOnBit(1.0))
+    inbox.take()
+    inbox.refuse("for a reason")
+    inbox.accept(WeightOnBit(2.0))
+    inbox.begin()
+    assert inbox.take() == []
+    assert (inbox.accepted, inbox.rejected) == (0, 0)
+
+
+def test_nothing_is_lost_between_two_threads():
+    inbox = Inbox(Log())
+    forces = [WeightOnBit(number / 100) for number in range(20_000)]
+
+    def fill():
+        for force in forces:
+            inbox.accept(force)
+
+    filler = threading.Thread(target=fill)
+    filler.start()
+    taken = []
+    while filler.is_alive() or len(taken) < len(forces):
+        taken += inbox.take()
+    filler.join()
+    assert taken == forces
+    assert inbox.accepted == len(forces)

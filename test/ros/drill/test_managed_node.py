@@ -1,0 +1,74 @@
+"""What a client may ask of a managed node never ends it."""
+
+import pytest
+import rclpy
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
+from support import until
+
+from rpud_sim.ros.drill.managed_node import ManagedNode
+
+UNKNOWN = ParameterMessage(name="gain", value=ParameterValue(type=77))
+KNOWN = ParameterMessage(
+    name="gain", value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=2.0)
+)
+REASON = "'gain' has the type 77, which is none"
+
+
+@pytest.fixture
+def node():
+    rclpy.init()
+    made = ManagedNode("managed")
+    made.declare_parameter("gain", 1.0)
+    yield made
+    made.destroy_node()
+    rclpy.try_shutdown()
+
+
+def call(node, kind, name, parameters):
+    executor = SingleThreadedExecutor()
+    client_node = rclpy.create_node("client")
+    client = client_node.create_client(kind, f"managed/{name}")
+    for each in (node, client_node):
+        executor.add_node(each)
+    try:
+        assert client.wait_for_service(10.0)
+        future = client.call_async(kind.Request(parameters=parameters))
+        executor.spin_until_future_complete(future, 10.0)
+        return future.result()
+    finally:
+        executor.shutdown()
+        client_node.destroy_node()
+
+
+def test_a_parameter_of_an_unknown_type_is_refused_and_its_neighbours_are_set(node):
+    results = call(node, SetParameters, "set_parameters", [UNKNOWN, KNOWN]).results
+    assert [(result.successful, result.reason) for result in results] == [
+        (False, REASON),
+        (True, ""),
+    ]
+    assert node.get_parameter("gain").value == 2.0
+
+
+def test_of_parameters_that_are_set_at_once_one_of_an_unknown_type_refuses_all(node):
+    name = "set_parameters_atomically"
+    result = call(node, SetParametersAtomically, name, [KNOWN, UNKNOWN]).result
+    assert (result.successful, result.reason) == (False, REASON)
+    assert node.get_parameter("gain").value == 1.0
+    assert call(node, SetParametersAtomically, name, [KNOWN]).result.successful
+    assert node.get_parameter("gain").value == 2.0
+
+
+def test_a_destroyed_node_leaves_no_topic_behind(node):
+    peer = rclpy.create_node("peer")
+
+    def topics():
+        return {name for name, _ in peer.get_topic_names_and_types()}
+
+    until(lambda: "/managed/transition_event" in topics())
+    node.destroy_node()
+    node.destroy_node()  # a second time does nothing
+    until(lambda: "/managed/transition_event" not in topics())
+    peer.destroy_node()

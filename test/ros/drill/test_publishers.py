@@ -1,0 +1,196 @@
+"""What the drill says arrives: block by block, with faults where there are some, and in time."""
+
+import itertools
+import time
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rpud_msgs.msg import ContactForce, Faults, NodalPlane, ReactingForce, Trajectory
+
+from rpud_sim.ros.drill.parameters import Settings
+from rpud_sim.ros.drill.publishers import CONTACT_FORCE_QOS, TELEMETRY_QOS, TOPICS, DrillPublishers
+from rpud_sim.simulation import Parameters
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.simulation import Simulation
+
+SECOND = 1_000_000_000
+MILLISECOND = 1_000_000
+ORIGIN = 1_700_000_000 * SECOND
+PLENTY = QoSProfile(depth=5000)
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def nanoseconds(stamp):
+    return stamp.sec * SECOND + stamp.nanosec
+
+
+class Listener:
+    """A drill's publishers, and somebody who hears them in the same process."""
+
+    def __init__(self, **changes):
+        self.drill = rclpy.create_node("drill_node")
+        self.node = rclpy.create_node("listener")
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.outputs = DrillPublishers(self.drill, Settings().replace(changes))
+        self.outputs.begin(ORIGIN)
+        self.simulation = Simulation(Parameters())
+        self.numbers = itertools.count(1)
+
+    def hear(self, kind, topic, qos=PLENTY):
+        heard = []
+        subscription = self.node.create_subscription(kind, topic, heard.append, qos)
+        self.until(lambda: subscription.get_publisher_count())
+        self.until(lambda: self.drill.count_subscribers(topic))
+        return heard
+
+    def until(self, condition):
+        deadline = time.monotonic() + 30.0
+        while not condition():
+            assert time.monotonic() < deadline, "it did not come true"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def go_on(self, blocks):
+        for number in itertools.islice(self.numbers, blocks):
+            block = self.simulation.advance_to(number * 10 * MILLISECOND)
+            self.outputs.publish_block(block, self.simulation.faults.since(block.start))
+
+    def close(self):
+        self.executor.shutdown()
+        self.outputs.destroy()
+        self.node.destroy_node()
+        self.drill.destroy_node()
+
+
+@pytest.fixture
+def listener():
+    rclpy.init()
+    made = []
+
+    def create(**changes):
+        made.append(Listener(**changes))
+        return made[-1]
+
+    yield create
+    for each in made:
+        each.close()
+    rclpy.try_shutdown()
+
+
+def test_every_topic_is_offered_reliably(listener):
+    drill = listener(publish_clock=True).drill
+    for topic, (_, qos) in {**TOPICS, "/clock": (None, TELEMETRY_QOS)}.items():
+        [offer] = drill.get_publishers_info_by_topic(topic)
+        assert offer.qos_profile.reliability == qos.reliability
+    assert drill.count_publishers("/clock") == 1
+
+
+def test_there_is_no_clock_unless_it_is_asked_for(listener):
+    assert listener().drill.count_publishers("/clock") == 0
+
+
+def test_samples_and_impacts_arrive_with_their_stamps(listener):
+    drill = listener()
+    planes = drill.hear(NodalPlane, "nodal_plane")
+    impacts = drill.hear(ContactForce, "contact_force")
+    drill.go_on(20)
+    count = len(Simulation(Parameters()).advance_to(SECOND // 5).impacts)
+    drill.until(lambda: len(planes) == 20 and len(impacts) == count)
+    stamps = [nanoseconds(message.header.stamp) - ORIGIN for message in planes]
+    assert stamps == [number * 10 * MILLISECOND for number in range(1, 21)]
+    assert [message.sequence for message in impacts] == list(range(count))
+    assert drill.outputs.dropped == 0
+
+
+def test_the_wire_says_what_faults_make_of_a_signal(listener):
+    drill = listener()
+    forces = drill.hear(ReactingForce, "reacting_force")
+    planes = drill.hear(NodalPlane, "nodal_plane")
+    drill.go_on(5)
+    drill.simulation.inject(Fault("off", "nodal_plane"), 50 * MILLISECOND)
+    number = drill.simulation.inject(Fault("bias", "reacting_force", 1000.0))
+    drill.go_on(5)
+    drill.simulation.clear(number)
+    drill.go_on(5)
+    drill.until(lambda: len(forces) == 15)
+    biased = [message.force > 500.0 for message in forces]
+    assert biased == [False] * 5 + [True] * 5 + [False] * 5
+    drill.until(lambda: len(planes) == 11)
+    stamps = [nanoseconds(message.header.stamp) - ORIGIN for message in planes]
+    silent = {number * 10 * MILLISECOND for number in range(6, 10)}
+    assert set(stamps) == {number * 10 * MILLISECOND for number in range(1, 16)} - silent
+
+
+def test_a_stream_comes_in_blocks_and_its_rest_when_it_is_asked_for(listener):
+    drill = listener()
+    found = drill.hear(Trajectory, "trajectory")
+    drill.go_on(7)
+    drill.until(lambda: len(found) == 1)
+    drill.outputs.flush()
+    drill.until(lambda: len(found) == 2)
+    assert found[1].sequence == len(found[0].duration)
+    assert nanoseconds(found[0].origin) == ORIGIN
+
+
+def test_faults_are_told_when_they_change_and_to_whoever_comes_later(listener):
+    drill = listener()
+    ledger = drill.simulation.faults
+    early = drill.hear(Faults, "faults", LATCHED)
+    drill.outputs.publish_faults(ledger, 0)
+    drill.outputs.publish_faults(ledger, 5)
+    drill.simulation.inject(Fault("lost_preload"))
+    drill.outputs.publish_faults(ledger, 7)
+    drill.outputs.publish_faults(ledger, 8)
+    drill.until(lambda: len(early) == 2)
+    assert [len(message.faults) for message in early] == [0, 1]
+    late = drill.hear(Faults, "faults", LATCHED)
+    drill.until(lambda: late)
+    assert late == early[1:]
+    # With another origin the same faults have other stamps.
+    drill.outputs.move(0)
+    drill.outputs.publish_faults(ledger, 9)
+    drill.until(lambda: len(early) == 3)
+    assert nanoseconds(early[2].header.stamp) == 9
+    assert nanoseconds(early[1].faults[0].onset) == ORIGIN
+    assert nanoseconds(early[2].faults[0].onset) == 0
+
+
+def test_a_beginning_has_new_stamps_and_tells_faults_anew(listener):
+    drill = listener()
+    forces = drill.hear(ReactingForce, "reacting_force")
+    told = drill.hear(Faults, "faults", LATCHED)
+    drill.outputs.publish_faults(drill.simulation.faults, 0)
+    drill.go_on(3)
+    drill.outputs.begin(2 * ORIGIN // 3)
+    assert drill.outputs.origin == 2 * ORIGIN // 3
+    drill.simulation, drill.numbers = Simulation(Parameters()), itertools.count(1)
+    drill.outputs.publish_faults(drill.simulation.faults, 0)
+    drill.go_on(1)
+    drill.until(lambda: len(forces) == 4 and len(told) == 2)
+    assert nanoseconds(forces[3].header.stamp) == 2 * ORIGIN // 3 + 10 * MILLISECOND
+
+
+def test_patient_publishers_lose_nothing_that_a_slow_listener_wants(listener):
+    drill = listener()
+    depth = CONTACT_FORCE_QOS.depth
+    heard = drill.hear(ContactForce, "contact_force", QoSProfile(depth=10 * depth))
+    drill.outputs.patient = True
+    blocks = 0
+    while drill.simulation.impact_count < 1.5 * depth:  # as fast as it goes
+        drill.go_on(50)
+        blocks += 50
+    drill.outputs.wait_for_listeners(10.0)
+    # It has not been asked for any of them until now.
+    sent = len(Simulation(Parameters()).advance_to(blocks * 10 * MILLISECOND).impacts)
+    assert sent > depth
+    drill.until(lambda: len(heard) == sent)
+    assert [message.sequence for message in heard] == list(range(sent))
+
+
+def test_publishers_that_are_gone_are_gone(listener):
+    drill = listener()
+    drill.outputs.destroy()
+    assert drill.drill.count_publishers("nodal_plane") == 0
+    assert drill.drill.count_publishers("status") == 0

@@ -1,0 +1,148 @@
+"""The drill's time is this machine's, its own, or that of somebody else's /clock."""
+
+import threading
+import time
+
+import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+
+from rpud_sim.ros.drill.time_source import TimeSource
+
+SECOND = 1_000_000_000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def context():
+    rclpy.init()
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def node():
+    made = []
+
+    def create(use_sim_time):
+        overrides = [Parameter("use_sim_time", value=use_sim_time)]
+        made.append(rclpy.create_node("drill_node", parameter_overrides=overrides))
+        return made[-1]
+
+    yield create
+    for each in made:
+        each.destroy_node()
+
+
+class Clocked:
+    """A node that hears a /clock, and whoever moves it."""
+
+    def __init__(self, node):
+        self.node = node
+        self.publisher = node.create_publisher(Clock, "/clock", 10)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(node)
+
+    def tell(self, nanoseconds):
+        """Publish a time until the node's clock shows it."""
+        sec, nanosec = divmod(nanoseconds, SECOND)
+        deadline = time.monotonic() + 30.0
+        while self.node.get_clock().now().nanoseconds != nanoseconds:
+            assert time.monotonic() < deadline, "the clock did not come"
+            self.publisher.publish(Clock(clock=Time(sec=sec, nanosec=nanosec)))
+            self.executor.spin_once(timeout_sec=0.1)
+
+
+@pytest.fixture
+def clocked(node):
+    made = Clocked(node(True))
+    yield made
+    made.executor.shutdown()
+
+
+def test_of_itself_time_is_the_machine_s(node):
+    drill = node(False)
+    source = TimeSource(drill, False, lambda: None)
+    assert not source.follows
+    assert source.schedule is None
+    before = time.time_ns()
+    zero = source.wait(threading.Event(), lambda: None)
+    assert before <= zero <= time.time_ns()
+    assert source.resume(5 * SECOND) is None
+    assert not source.went_back()
+    source.close()
+
+
+@pytest.mark.parametrize("use_sim_time", [False, True])
+def test_the_source_of_the_clock_begins_at_zero_and_follows_nobody(node, use_sim_time):
+    source = TimeSource(node(use_sim_time), True, lambda: None)
+    assert not source.follows
+    assert source.wait(threading.Event(), lambda: None) == 0
+    assert source.begin() == 0
+    assert source.begin(3 * SECOND) == 3 * SECOND
+    assert source.resume(SECOND) is None
+
+
+def test_a_follower_waits_for_the_first_time_and_serves_meanwhile(clocked):
+    source = TimeSource(clocked.node, False, lambda: None)
+    assert source.follows
+    served, found = threading.Event(), []
+    waiter = threading.Thread(
+        target=lambda: found.append(source.wait(threading.Event(), served.set))
+    )
+    waiter.start()
+    assert served.wait(10.0)
+    assert not found
+    clocked.tell(7 * SECOND)
+    waiter.join(10.0)
+    assert found == [7 * SECOND]
+    source.close()
+
+
+def test_a_follower_that_is_stopped_waits_no_more(clocked):
+    source = TimeSource(clocked.node, False, lambda: None)
+    stop = threading.Event()
+    stop.set()
+    assert source.wait(stop, lambda: None) == 0
+    source.close()
+
+
+def test_the_schedule_of_a_follower_is_the_clock_from_its_beginning_on(clocked):
+    source = TimeSource(clocked.node, False, lambda: None)
+    clocked.tell(7 * SECOND)
+    assert source.begin() == 7 * SECOND
+    clocked.tell(9 * SECOND)
+    assert source.schedule() == 9 * SECOND
+    assert source.resume(2 * SECOND) == 9 * SECOND
+    # A beginning whose stamp is given: the state begins anew, the stamps go on.
+    assert source.begin(9 * SECOND + 5) == 9 * SECOND + 5
+    assert source.resume(0) == 9 * SECOND + 5
+    source.close()
+
+
+def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_beginning(clocked):
+    woken = []
+    source = TimeSource(clocked.node, False, lambda: woken.append(True))
+    clocked.tell(7 * SECOND)
+    source.begin()
+    before = len(woken)
+    assert before > 0
+    clocked.tell(8 * SECOND)
+    assert len(woken) > before
+    assert not source.went_back()
+    clocked.tell(2 * SECOND)
+    assert source.went_back()
+    assert source.begin() == 2 * SECOND
+    assert not source.went_back()
+    source.close()
+
+
+def test_who_has_stopped_listening_is_woken_no_more(clocked):
+    woken = []
+    source = TimeSource(clocked.node, False, lambda: woken.append(True))
+    source.close()
+    clocked.tell(7 * SECOND)
+    assert woken == []
+    source.close()  # again does no harm

@@ -1,0 +1,272 @@
+"""The node of the recorder follows the graph, and counts what its queue refuses."""
+
+import re
+import time
+
+import pytest
+import rclpy
+from rclpy.exceptions import NameValidationException
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import Int32, String
+from support import until
+
+from rpud_sim.bag import Message
+from rpud_sim.bag.losses import Losses
+from rpud_sim.ros.record.intake import Intake
+from rpud_sim.ros.record.recorder_node import Recorder
+from rpud_sim.ros.record.recording import Declaration, MessageQueue
+from rpud_sim.ros.record.selection import TopicSelection
+
+RELIABLE = QoSProfile(depth=100)
+SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.fixture
+def nodes():
+    """Nodes that leave the graph at the end of the test."""
+    rclpy.init()
+    made = []
+    yield made
+    for node in made:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def peer(nodes):
+    nodes.append(rclpy.create_node("peer", namespace="/rpud"))
+    return nodes[-1]
+
+
+@pytest.fixture
+def record(nodes):
+    def start(messages, topics=(), namespace="/rpud", overrides=None, **options):
+        nodes.append(
+            Recorder(Intake(messages), TopicSelection(topics, **options), namespace, overrides)
+        )
+        return nodes[-1]
+
+    return start
+
+
+def discovered(recorder, count):
+    def condition():
+        recorder.discover()
+        return recorder.topic_count == count
+
+    return condition
+
+
+def items(messages):
+    """Give all that is in the queue."""
+    messages.close()
+    return list(iter(lambda: messages.get(1.0), None))
+
+
+def take(recorder, messages, count):
+    """Take until the queue has had `count` items, and give them."""
+    taken = []
+
+    def condition():
+        recorder.take()
+        recorder.finish()
+        taken.extend(items(messages))
+        return len(taken) >= count
+
+    until(condition)
+    return taken
+
+
+def test_all_of_the_namespace_is_recorded_but_what_is_hidden(peer, record):
+    for name in ("a", "deep/b", "_hidden/c", "/elsewhere/d", "/rpudding/e"):
+        peer.create_publisher(String, name, RELIABLE)
+    recorder = record(MessageQueue(), namespace="rpud")
+    until(discovered(recorder, 2))
+    assert recorder.losses.keys() == {"/rpud/a", "/rpud/deep/b"}
+    assert not recorder.complete
+
+
+def test_names_are_relative_to_the_namespace_or_absolute(peer, record):
+    for name in ("a", "b", "/elsewhere/d"):
+        peer.create_publisher(String, name, RELIABLE)
+    recorder = record(MessageQueue(), ["a", "/elsewhere/d"])
+    until(discovered(recorder, 2))
+    assert recorder.losses.keys() == {"/rpud/a", "/elsewhere/d"}
+    assert recorder.complete
+
+
+def test_topics_of_other_namespaces_are_found_by_expression_and_left_out_by_another(peer, record):
+    for name in ("a", "/elsewhere/a", "/elsewhere/b", "/elsewhere/no_a"):
+        peer.create_publisher(String, name, RELIABLE)
+    recorder = record(MessageQueue(), regex=re.compile("a$"), exclude=re.compile("no"))
+    until(discovered(recorder, 2))
+    assert recorder.losses.keys() == {"/rpud/a", "/elsewhere/a"}
+
+
+def test_an_override_is_requested_and_those_it_keeps_out_are_named(peer, record, capfd):
+    strong = peer.create_publisher(Int32, "a", RELIABLE)
+    weak = peer.create_publisher(Int32, "a", SENSOR)
+    recorder = record(MessageQueue(), overrides={"/rpud/a": RELIABLE})
+    until(discovered(recorder, 1))
+    until(lambda: strong.get_subscription_count() == 1)
+
+    def warned():
+        recorder.discover()
+        return "a publisher of /rpud/a is not heard" in capfd.readouterr().err
+
+    until(warned)
+    assert weak.get_subscription_count() == 0
+
+
+@pytest.mark.parametrize(("topics", "namespace"), [(["a b"], "/rpud"), ([], "/a b"), ([""], "/a")])
+def test_what_is_no_name_is_refused(record, topics, namespace):
+    with pytest.raises(NameValidationException):
+        record(MessageQueue(), topics, namespace)
+
+
+def test_a_message_comes_with_its_times_and_its_topic_s_declaration(peer, record):
+    publisher = peer.create_publisher(String, "a", RELIABLE)
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 1))
+    until(lambda: publisher.get_subscription_count() == 1)
+    before = time.time_ns()
+    publisher.publish(String(data="hello"))
+    declaration, message = take(recorder, messages, 2)
+    assert isinstance(declaration, Declaration)
+    assert declaration.topic.name == "/rpud/a"
+    assert declaration.topic.type == "std_msgs/msg/String"
+    assert declaration.topic.type_hash.startswith("RIHS01_df668c740482bbd4")
+    assert [offer.reliability for offer in declaration.topic.offered_qos] == ["reliable"]
+    assert declaration.definition.endswith("string data\n")
+    assert isinstance(message, Message)
+    assert message.data == b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
+    assert before <= message.publish_time <= message.log_time <= time.time_ns()
+
+
+def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(peer, record):
+    publishers = [peer.create_publisher(Int32, name, RELIABLE) for name in "abc"]
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 3))
+    until(lambda: all(publisher.get_subscription_count() == 1 for publisher in publishers))
+    for number in range(99):
+        publishers[number % 3].publish(Int32(data=number))
+        if number % 10 == 0:
+            recorder.take()
+    taken = take(recorder, messages, 102)
+    times = [item.log_time for item in taken if isinstance(item, Message)]
+    assert len(times) == 99
+    assert times == sorted(times)
+
+
+def test_what_the_queue_refuses_is_counted_for_its_topic(peer, record):
+    publishers = {name: peer.create_publisher(Int32, name, RELIABLE) for name in "ab"}
+    messages = MessageQueue(capacity=8 * 30)  # a serialized Int32 has eight bytes
+    recorder = record(messages)
+    until(discovered(recorder, 2))
+    for publisher in publishers.values():
+        until(lambda publisher=publisher: publisher.get_subscription_count() == 1)
+    for number in range(25):
+        publishers["a"].publish(Int32(data=number))
+    until(lambda: recorder.take() or publishers["a"].wait_for_all_acked())
+    for number in range(25):
+        publishers["b"].publish(Int32(data=number))
+    publishers["b"].wait_for_all_acked()
+    until(lambda: not recorder.take() and recorder.losses["/rpud/b"].queue == 20)
+    assert recorder.losses == {"/rpud/a": Losses(0, 0), "/rpud/b": Losses(0, 20)}
+    assert sum(isinstance(item, Message) for item in items(messages)) == 30
+
+
+def test_before_its_first_publisher_a_topic_is_recorded_as_its_subscribers_want(peer, record):
+    peer.create_subscription(String, "command", lambda _: None, RELIABLE)
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 1))
+    publisher = peer.create_publisher(String, "command", RELIABLE)
+    until(lambda: publisher.get_subscription_count() == 2)
+    publisher.publish(String(data="go"))
+    _, message = take(recorder, messages, 2)
+    assert b"go" in message.data
+
+
+def test_a_topic_without_a_message_is_declared_at_the_end(peer, record):
+    peer.create_subscription(String, "command", lambda _: None, RELIABLE)
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 1))
+    recorder.finish()
+    [declaration] = items(messages)
+    assert declaration.topic.name == "/rpud/command"
+    assert declaration.topic.offered_qos == ()
+    assert declaration.topic.type_hash.startswith("RIHS01_")
+
+
+def test_a_named_topic_that_never_appears_is_named_at_the_end(peer, record):
+    peer.create_publisher(String, "talk", RELIABLE)
+    unwanted = re.compile("left_out")
+    recorder = record(MessageQueue(), ["talk", "absent", "/rpud/left_out"], exclude=unwanted)
+    until(discovered(recorder, 1))
+    recorder.finish()
+    assert recorder.skipped == {"/rpud/absent": "it never appeared"}
+
+
+def test_a_latched_message_is_recorded_by_a_recorder_that_comes_later(peer, record):
+    peer.create_publisher(String, "status", LATCHED).publish(String(data="latched"))
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 1))
+    declaration, message = take(recorder, messages, 2)
+    assert b"latched" in message.data
+    assert declaration.topic.offered_qos[0].durability == "transient_local"
+
+
+def test_a_publisher_that_offers_less_is_heard_as_well(peer, record):
+    strong = peer.create_publisher(Int32, "a", RELIABLE)
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 1))
+    until(lambda: strong.get_subscription_count() == 1)
+    strong.publish(Int32(data=1))
+    strong.wait_for_all_acked()
+    weak = peer.create_publisher(Int32, "a", SENSOR)
+
+    def heard_by_both():
+        recorder.discover()
+        return weak.get_subscription_count() == 1 and strong.get_subscription_count() == 1
+
+    until(heard_by_both)
+    weak.publish(Int32(data=2))
+    strong.publish(Int32(data=3))
+    _, *taken = take(recorder, messages, 4)
+    assert sorted(message.data[4] for message in taken) == [1, 2, 3]
+
+
+def test_a_topic_of_two_types_is_left_out_and_named(peer, record, nodes):
+    peer.create_publisher(String, "a", RELIABLE)
+    peer.create_publisher(String, "b", RELIABLE)
+    # One process has one type for a topic, unless it is two participants.
+    other = rclpy.Context()
+    rclpy.init(context=other)
+    nodes.append(rclpy.create_node("other", namespace="/rpud", context=other))
+    nodes[-1].create_publisher(Int32, "a", RELIABLE)
+    recorder = record(MessageQueue())
+    until(lambda: any(len(types) == 2 for _, types in recorder.get_topic_names_and_types()))
+    until(discovered(recorder, 1))
+    assert recorder.skipped.keys() == {"/rpud/a"}
+    assert "several types: std_msgs/msg/Int32, std_msgs/msg/String" in recorder.skipped["/rpud/a"]
+    rclpy.shutdown(context=other)
+
+
+def test_a_launch_file_s_namespace_is_recorded():
+    rclpy.init(args=["--ros-args", "-r", "__ns:=/launched"])
+    recorder = Recorder(Intake(MessageQueue()), TopicSelection(["a"]), "/rpud")
+    try:
+        assert recorder.get_namespace() == "/launched"
+        recorder.create_publisher(String, "/launched/a", RELIABLE)
+        until(discovered(recorder, 1))
+        assert recorder.losses.keys() == {"/launched/a"}
+    finally:
+        recorder.destroy_node()
+        rclpy.try_shutdown()

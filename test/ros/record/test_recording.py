@@ -1,0 +1,143 @@
+"""The recorder's queue is bounded, and its thread loses nothing."""
+
+import queue
+import threading
+import time
+
+import pytest
+from sample_bags import START, STRING_DEFINITION, TALK
+
+import rpud_sim.bag
+from rpud_sim.bag import BagWriter, Message
+from rpud_sim.ros.record.recording import (
+    Declaration,
+    MessageQueue,
+    NamedRecord,
+    WritingThread,
+)
+
+
+def message(data=b"12345678", topic=TALK.name, log_time=START):
+    return Message(topic, log_time, log_time, data)
+
+
+def test_the_queue_keeps_the_order():
+    messages = MessageQueue()
+    declaration = Declaration(TALK, STRING_DEFINITION)
+    messages.declare(declaration)
+    assert messages.put(message(b"a"))
+    assert messages.put(message(b"b"))
+    messages.close()
+    assert messages.get(1.0) is declaration
+    assert [messages.get(1.0).data, messages.get(1.0).data] == [b"a", b"b"]
+    assert messages.get(1.0) is None
+
+
+def test_the_queue_refuses_what_does_not_fit_until_there_is_room():
+    messages = MessageQueue(capacity=20)
+    assert messages.put(message())
+    assert messages.put(message())
+    assert not messages.put(message())
+    assert messages.put(message(b"1234"))
+    messages.get(1.0)
+    assert messages.put(message())
+    assert not messages.put(message(b"1"))
+
+
+def test_an_empty_queue_says_so_in_time():
+    with pytest.raises(queue.Empty):
+        MessageQueue().get(0.0)
+
+
+def test_the_thread_writes_all_that_was_queued(tmp_path):
+    messages = MessageQueue()
+    with BagWriter(tmp_path / "run") as bag:
+        thread = WritingThread(messages, bag, 1.0, on_end=pytest.fail)
+        thread.start()
+        messages.declare(Declaration(TALK, STRING_DEFINITION))
+        for number in range(1000):
+            assert messages.put(message(str(number).encode(), log_time=START + number))
+        messages.close()
+        thread.join(10.0)
+        assert thread.error is None
+    with rpud_sim.bag.open(tmp_path / "run") as bag:
+        assert [int(item.data) for item in bag.messages()] == list(range(1000))
+
+
+def test_a_failure_to_write_is_told_at_once(tmp_path):
+    messages = MessageQueue()
+    failed = threading.Event()
+    with BagWriter(tmp_path / "run") as bag:
+        thread = WritingThread(messages, bag, 1.0, on_end=failed.set)
+        thread.start()
+        messages.put(message(topic="/never/declared"))
+        assert failed.wait(10.0)
+        thread.join(10.0)
+    assert "/never/declared" in str(thread.error)
+
+
+def test_no_failure_at_all_goes_unheard(tmp_path):
+    class Bag(BagWriter):
+        def write(self, *_):
+            raise OverflowError("not foreseen")
+
+    messages = MessageQueue()
+    failed = threading.Event()
+    with Bag(tmp_path / "run") as bag:
+        thread = WritingThread(messages, bag, 1.0, on_end=failed.set)
+        thread.start()
+        messages.put(message())
+        assert failed.wait(10.0)
+        thread.join(10.0)
+    assert "not foreseen" in str(thread.error)
+
+
+def test_what_was_written_is_flushed_within_the_bound_without_more(tmp_path):
+    messages = MessageQueue()
+    flushed = threading.Event()
+
+    class Bag(BagWriter):
+        def flush(self):
+            super().flush()
+            flushed.set()
+
+    with Bag(tmp_path / "run") as bag:
+        flushed.clear()
+        thread = WritingThread(messages, bag, 0.02, on_end=pytest.fail)
+        thread.start()
+        messages.declare(Declaration(TALK, STRING_DEFINITION))
+        messages.keep(NamedRecord("notes", {"weather": "fine"}))
+        messages.put(message(b"safe", log_time=time.time_ns()))
+        size = bag.size
+        assert flushed.wait(10.0)
+        while bag.size == size:  # it may have been the flush before that message
+            flushed.clear()
+            assert flushed.wait(10.0)
+        messages.close()
+        thread.join(10.0)
+    with rpud_sim.bag.open(tmp_path / "run") as whole:
+        assert whole.records("notes") == [{"weather": "fine"}]
+        assert whole.message_count == 1
+
+
+def test_a_disk_too_slow_for_the_bound_is_known(tmp_path):
+    messages = MessageQueue()
+    slow = threading.Event()
+
+    class SlowBag(BagWriter):
+        def flush(self):
+            super().flush()
+            if self.message_count:
+                slow.wait(0.3)
+
+    with SlowBag(tmp_path / "run") as bag:
+        thread = WritingThread(messages, bag, 0.1, on_end=pytest.fail)
+        thread.start()
+        messages.declare(Declaration(TALK, STRING_DEFINITION))
+        messages.put(message(log_time=time.time_ns()))
+        while not thread.exposure:
+            assert thread.is_alive()
+            time.sleep(0.01)
+        messages.close()
+        thread.join(10.0)
+    assert thread.exposure >= 0.3

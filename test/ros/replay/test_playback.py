@@ -1,0 +1,312 @@
+"""Messages are published when they are due, whatever the replay is told meanwhile.
+
+Time is a number here: a playback is asked again when it said that it wants to be.
+"""
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.bag import BagFormatError, Message
+from rpud_sim.ros.replay.playback import FASTEST_RATE, Plan, Playback, RefusedError
+
+SECOND = 1_000_000_000
+START = 1_700_000_000 * SECOND
+NOW = 5_000 * SECOND
+
+
+class Stage:
+    """A playback with a clock of its own, and a log of what was published when."""
+
+    def __init__(self, offsets, **plan):
+        self.now = NOW
+        self.sent = []
+        self.hurried = []
+        self.ticks = []
+        self.bag = [Message("/a", START + offset, START, b"") for offset in sorted(offsets)]
+        self.opened = []
+        end = self.bag[-1].log_time if self.bag else START
+        self.playback = Playback(
+            self.read, Plan(**{"first": START, "last": end, **plan}), self, lambda: self.now
+        )
+        self.playback.begin()
+
+    def read(self, position):
+        self.opened.append(Reading(m for m in self.bag if m.log_time >= position))
+        return self.opened[-1]
+
+    def publish(self, message, *, hurried):
+        self.hurried.append(hurried)
+        self.sent.append((message.log_time - START, self.now - NOW))
+
+    def publish_clock(self, bag_time):
+        self.ticks.append((bag_time - START, self.now - NOW))
+
+    def run(self, seconds=math.inf):
+        """Let time pass; stop where nothing more is to come."""
+        until = self.now + seconds * SECOND
+        while (delay := self.playback.advance()) is not None:
+            if self.now + delay * SECOND > until:
+                self.now = int(until) if until < math.inf else self.now
+                return True
+            self.now += math.ceil(delay * SECOND)
+        return False
+
+
+class Reading:
+    def __init__(self, messages):
+        self._messages = iter(messages)
+        self.closed = False
+
+    def __iter__(self):
+        return self
+
+    def __next__(self):
+        assert not self.closed
+        return next(self._messages)
+
+    def close(self):
+        self.closed = True
+
+
+def close_to(pairs):
+    """Ignore what rounding of the times may do [ns]."""
+    return [pytest.approx(pair, abs=1000) for pair in pairs]
+
+
+@given(st.lists(st.integers(0, 100 * SECOND)), st.floats(1e-2, 1e3))
+def test_every_message_comes_when_it_is_due(offsets, rate):
+    stage = Stage(offsets, rate=rate)
+    stage.run()
+    assert stage.sent == close_to([(offset, offset / rate) for offset in sorted(offsets)])
+    assert stage.playback.lateness.greatest < 1e-6
+    assert stage.playback.published == len(offsets)
+
+
+def test_only_the_planned_part_comes():
+    stage = Stage(range(0, 10 * SECOND, SECOND), first=START + 3 * SECOND, last=START + 5 * SECOND)
+    stage.run()
+    assert stage.sent == [(3 * SECOND, 0), (4 * SECOND, SECOND), (5 * SECOND, 2 * SECOND)]
+
+
+def test_a_pause_puts_off_all_that_follows():
+    stage = Stage([0, SECOND, 2 * SECOND])
+    stage.run(0.5)
+    stage.playback.pause()
+    assert stage.run(100.0)
+    assert stage.playback.position == START + SECOND // 2
+    stage.playback.resume()
+    stage.run()
+    assert stage.sent == [(0, 0), (SECOND, 101 * SECOND), (2 * SECOND, 102 * SECOND)]
+
+
+def test_toggling_pauses_and_resumes():
+    stage = Stage([0, SECOND])
+    stage.playback.toggle_paused()
+    assert stage.playback.paused
+    stage.playback.toggle_paused()
+    assert not stage.playback.paused
+
+
+def test_another_rate_holds_from_then_on():
+    stage = Stage([0, SECOND, 2 * SECOND])
+    stage.run(0.5)
+    stage.playback.set_rate(0.1)
+    stage.run()
+    assert stage.sent == [(0, 0), (SECOND, 5.5 * SECOND), (2 * SECOND, 15.5 * SECOND)]
+    assert stage.playback.rate == 0.1
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * FASTEST_RATE])
+def test_an_impossible_rate_is_refused_and_changes_nothing(rate):
+    stage = Stage([0, SECOND])
+    with pytest.raises(RefusedError, match=r"rate = .* is outside its range \(0, 1e\+06\]"):
+        stage.playback.set_rate(rate)
+    assert stage.playback.rate == 1.0
+
+
+@pytest.mark.parametrize("paused", [False, True])
+@pytest.mark.parametrize("to", [0, 1, 5])
+def test_a_seek_goes_anywhere_and_on_from_there(to, paused):
+    stage = Stage(range(0, 6 * SECOND, SECOND))
+    stage.run(2.5)
+    if paused:
+        stage.playback.pause()
+    stage.playback.seek(START + to * SECOND)
+    assert stage.playback.position == START + to * SECOND
+    assert stage.playback.paused == paused
+    assert stage.opened[0].closed
+    stage.run(10.0)
+    expected = [] if paused else [(at * SECOND, (2.5 + at - to) * SECOND) for at in range(to, 6)]
+    assert stage.sent[3:] == close_to(expected)
+
+
+def test_a_seek_before_the_beginning_goes_there_and_one_after_the_end_is_refused():
+    stage = Stage([0, SECOND, 9 * SECOND], first=START + SECOND)
+    stage.run(0.5)
+    stage.playback.seek(0)
+    assert stage.playback.position == START + SECOND
+    with pytest.raises(RefusedError, match=r"after the last, 1700000009\.0"):
+        stage.playback.seek(START + 9 * SECOND + 1)
+    assert stage.playback.position == START + SECOND
+
+
+def test_steps_go_from_message_to_message():
+    stage = Stage([0, SECOND, SECOND, 5 * SECOND], paused=True, tick=SECOND)
+    assert stage.run(0.5)
+    for position in (0, SECOND, SECOND, 5 * SECOND):
+        stage.playback.play_next()
+        assert stage.playback.position == START + position
+    assert [offset for offset, _ in stage.sent] == [0, SECOND, SECOND, 5 * SECOND]
+    # Whoever follows /clock has the time of a message when it comes.
+    assert [offset for offset, _ in stage.ticks[1:]] == [0, SECOND, SECOND, 5 * SECOND]
+    with pytest.raises(RefusedError, match="at its end"):
+        stage.playback.play_next()
+    assert stage.run(10.0)  # it stays, to be moved back
+    stage.playback.seek(START + SECOND)
+    stage.playback.resume()
+    stage.run()
+    assert [offset for offset, _ in stage.sent[4:]] == [SECOND, SECOND, 5 * SECOND]
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 100])
+def test_a_burst_gives_as_many_as_there_are(count):
+    stage = Stage(range(0, 5 * SECOND, SECOND), paused=True)
+    given = stage.playback.burst(count)
+    assert given == len(stage.sent) == min(count or 5, 5)
+    assert stage.playback.position == START + (given - 1) * SECOND
+
+
+def test_steps_and_bursts_are_for_a_paused_replay():
+    stage = Stage([0])
+    for act in (stage.playback.play_next, lambda: stage.playback.burst(1)):
+        with pytest.raises(RefusedError, match="not paused"):
+            act()
+    assert stage.sent == []
+
+
+def test_a_loop_begins_again_a_moment_later():
+    stage = Stage([0, SECOND], loop=True)
+    stage.run(3.25)
+    assert stage.sent == close_to(
+        [
+            (number % 2 * SECOND, number // 2 * 1.1 * SECOND + number % 2 * SECOND)
+            for number in range(6)
+        ]
+    )
+    assert all(reading.closed for reading in stage.opened[:-1])
+
+
+def test_a_loop_goes_on_after_any_seek():
+    stage = Stage([0, SECOND], loop=True, first=START)
+    stage.run(0.5)
+    stage.playback.seek(START + SECOND)
+    stage.run(0.2)
+    assert [offset for offset, _ in stage.sent] == [0, SECOND, 0]
+
+
+def test_the_clock_ticks_by_the_real_time_and_stands_while_it_is_paused():
+    stage = Stage([0, SECOND], rate=2.0, tick=SECOND / 10)
+    stage.run(0.25)
+    stage.playback.pause()
+    stage.run(0.25)
+    stage.playback.resume()
+    stage.run()
+    times = [offset for offset, _ in stage.ticks]
+    moving, standing = [0.0, 0.2, 0.4], [0.5, 0.5, 0.5]
+    assert times == close_to([at * SECOND for at in [*moving, *standing, 0.7, 0.9]])
+    steps = [after - before for (_, before), (_, after) in itertools.pairwise(stage.ticks)]
+    assert set(steps) == {SECOND // 10}
+
+
+changes = st.sampled_from(["pause", "resume", "faster", "slower", "busy", "next"])
+
+
+@given(
+    st.lists(st.integers(0, 20 * SECOND), min_size=1),
+    st.lists(st.tuples(st.floats(0.0, 3.0), changes), max_size=20),
+)
+def test_without_a_seek_nothing_goes_back_and_nothing_is_lost_or_early(offsets, story):
+    stage = Stage(offsets, tick=SECOND / 20)
+    playback = stage.playback
+    act = {
+        "pause": playback.pause,
+        "resume": playback.resume,
+        "faster": lambda: playback.set_rate(min(FASTEST_RATE, playback.rate * 3)),
+        "slower": lambda: playback.set_rate(playback.rate / 3),
+        "busy": lambda: setattr(stage, "now", stage.now + 2 * SECOND),
+        "next": lambda: playback.burst(1) if playback.paused else None,
+    }
+    last = START
+    for wait, change in story:
+        if not stage.run(wait):
+            break
+        before = playback.position
+        assert before >= last
+        act[change]()
+        if change not in ("busy", "next"):
+            assert playback.position == before
+        last = playback.position
+    playback.set_rate(FASTEST_RATE)
+    playback.resume()
+    stage.run()
+    assert [offset for offset, _ in stage.sent] == sorted(offsets)
+    clocks = [offset for offset, _ in stage.ticks]
+    assert clocks == sorted(clocks)
+
+
+def test_one_that_is_behind_can_be_slowed_down_at_once():
+    stage = Stage(range(0, 10 * SECOND, SECOND), rate=1000.0)
+    stage.playback.advance()
+    stage.now += SECOND  # it was held up for a thousand seconds of the bag
+    stage.playback.set_rate(1.0)
+    assert stage.playback.position == START + SECOND
+    stage.run()
+    assert stage.sent[2:] == [(at * SECOND, at * SECOND) for at in range(2, 10)]
+    assert stage.playback.lateness.greatest < 1e-6
+
+
+def test_lateness_is_measured():
+    stage = Stage([0, SECOND])
+    stage.run(0.5)
+    stage.now += SECOND
+    stage.run()
+    assert stage.playback.lateness.greatest == pytest.approx(0.5)
+
+
+def test_what_nothing_paces_is_hurried():
+    stage = Stage([0, SECOND, 2 * SECOND])
+    stage.run(0.5)
+    stage.now += SECOND
+    stage.run()
+    assert stage.hurried == [False, True, False]
+    stage = Stage([0, SECOND, 2 * SECOND], paused=True)
+    stage.playback.burst(0)
+    assert stage.hurried == [True, True, True]
+
+
+def test_a_stop_ends_it():
+    stage = Stage([0, SECOND], paused=True)
+    stage.playback.stop()
+    assert stage.playback.advance() is None
+    assert stage.playback.burst(0) == 0
+
+
+def test_a_bag_that_is_damaged_ends_it_with_the_error():
+    def damaged(position):
+        yield Message("/a", START, START, b"")
+        raise BagFormatError("it is damaged")
+
+    stage = Stage([0, SECOND], paused=True)
+    stage.playback._read = damaged
+    stage.playback.seek(START)
+    stage.playback.burst(1)
+    with pytest.raises(BagFormatError, match="it is damaged"):
+        stage.playback.advance()
+
+
+def test_an_empty_part_ends_at_once():
+    assert not Stage([]).run()

@@ -1,0 +1,78 @@
+"""The node of the replayer publishes what it can, and names what it cannot. Over real DDS."""
+
+import dataclasses
+
+import pytest
+import rclpy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from sample_bags import CHAT, TALK, write_bag
+
+import rpud_sim.bag
+from rpud_sim.ros.replay.replayer_node import Replayer
+
+
+@pytest.fixture
+def summaries(tmp_path):
+    with rpud_sim.bag.open(write_bag(tmp_path / "run")) as bag:
+        return {summary.topic.name: summary for summary in bag.topics}
+
+
+@pytest.fixture
+def replay():
+    rclpy.init()
+    nodes = []
+
+    def start(*topics, with_clock=False):
+        nodes.append(Replayer(topics, with_clock=with_clock))
+        return nodes[-1]
+
+    yield start
+    for node in nodes:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def changed(summary, **changes):
+    return dataclasses.replace(summary, topic=dataclasses.replace(summary.topic, **changes))
+
+
+def test_it_offers_what_was_offered(replay, summaries):
+    node = replay(*summaries.values())
+    assert sorted(node.topic_names) == sorted([TALK.name, CHAT.name])
+    assert sorted(node.unheard) == sorted(node.topic_names)
+    [talk] = node.get_publishers_info_by_topic(TALK.name)
+    assert talk.topic_type == TALK.type
+    assert str(talk.topic_type_hash) == TALK.type_hash
+    assert talk.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert talk.qos_profile.durability == DurabilityPolicy.VOLATILE
+    [chat] = node.get_publishers_info_by_topic(CHAT.name)
+    assert chat.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"type": "nowhere_msgs/msg/Thing"},
+        {"type": ""},
+        {"serialization_format": "json"},
+        *({"name": name} for name in ("", "/a b", "1a", "/x//y")),
+    ],
+)
+def test_what_cannot_be_published_is_left_out_and_named(replay, summaries, capfd, changes):
+    node = replay(changed(summaries[TALK.name], **changes), summaries[CHAT.name])
+    assert node.topic_names == [CHAT.name]
+    assert f"not replayed: {changes.get('name', TALK.name)}: " in capfd.readouterr().err
+
+
+def test_a_topic_of_several_definitions_is_left_out_and_named(replay, summaries, capfd):
+    kinds = frozenset({("cdr", TALK.type, "string data"), ("cdr", TALK.type, "int32 data")})
+    node = replay(dataclasses.replace(summaries[TALK.name], kinds=kinds), summaries[CHAT.name])
+    assert node.topic_names == [CHAT.name]
+    assert f"not replayed: {TALK.name}: it has several types" in capfd.readouterr().err
+
+
+def test_there_is_one_clock(replay, summaries, capfd):
+    node = replay(changed(summaries[TALK.name], name="/clock"), with_clock=True)
+    assert node.topic_names == []
+    assert len(node.get_publishers_info_by_topic("/clock")) == 1
+    assert "the bag's own /clock is left out" in capfd.readouterr().err
