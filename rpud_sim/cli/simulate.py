@@ -210,10 +210,12 @@ def _table(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _tell(line: object) -> None:
-    print(f"rpud simulate: {line}", file=sys.stderr)
+def _tell(line: str) -> None:
+    """Show what is going on, where somebody looks."""
+    if sys.stderr.isatty():
+        print(f"rpud simulate: {line}", file=sys.stderr)
 
 
 def _fail(error: Exception, code: int) -> int:
-    _tell(error)
+    print(f"rpud simulate: {error}", file=sys.stderr)
     return code

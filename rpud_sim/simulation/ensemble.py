@@ -21,7 +21,7 @@ from rpud_sim.simulation.statistics import Statistics
 # Simulated time between two reports of progress [ns].
 _STRIDE = 10 * NANOSECONDS
 
-COMPILING = "compiling the model, as it has changed or never ran here: this takes up to a minute"
+COMPILING = "a model that has changed or never ran here is compiled, which takes up to a minute"
 _LONG = 3.0  # that this takes before it is told [s]
 
 Figures = dict[str, float | int | None]

@@ -2,12 +2,13 @@
 
 import json
 import math
+import sys
 
 import pytest
 from ament_index_python.packages import get_package_share_directory
 
 from rpud_sim.cli.main import main
-from rpud_sim.simulation import NAMES, preset
+from rpud_sim.simulation import NAMES, ensemble, preset
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
@@ -282,3 +283,14 @@ def test_an_unknown_parameter_is_told_which_there_are(simulate):
     assert errors.startswith("rpud simulate: wieght_on_bit is not a parameter; known are ")
     assert all(name in errors for name in NAMES)
     assert errors.count("\n") == 1
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_somebody_who_looks_is_told_of_a_long_compilation(simulate, monkeypatch, terminal):
+    def compiling(configuration, tell=lambda text: None):
+        tell("it is compiled")
+
+    monkeypatch.setattr(ensemble, "compile_kernels", compiling)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    code, _, errors = simulate("--duration", 0.1)
+    assert (code, errors) == (0, "rpud simulate: it is compiled\n" * terminal)
