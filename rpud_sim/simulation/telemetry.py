@@ -92,19 +92,26 @@ class Telemetry:
             block: at most one telemetry period long.
             faults: that lasted in it, or in a part of it.
         """
+        yield from self.take_prompt(block, faults)
+        yield from self.take_streams(block)
+
+    def take_prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
+        """Yield what of a block is wanted at once: its impacts and the sample at its end."""
         faults = [record for record in faults if record.fault.channel]
         for impact in block.impacts:
             values = fields.contact_force_fields(impact, self._origin)
             began = max(block.start, fields.stamp_of(values) - self._origin)
             yield from self._said("contact_force", began, values, faults)
-        number = boundaries_until(block.end, self._rate)
-        at_boundary = boundary(number, self._rate) == block.end
-        if at_boundary:
+        if self._boundary(block) is not None:
             yield from self._samples(block, faults)
         for channel, values in self._signals.release(block.end, faults):
             yield block.end, channel, values
+
+    def take_streams(self, block: Block) -> Iterator[Entry]:
+        """Yield the waveform and the trajectory where one of their blocks ends with this one."""
         self._pending.append(block)
-        if at_boundary and number % self._stream_period == 0:
+        number = self._boundary(block)
+        if number is not None and number % self._stream_period == 0:
             yield from self.flush()
 
     def flush(self) -> Iterator[Entry]:
@@ -119,6 +126,11 @@ class Telemetry:
         if self._wanted("trajectory"):
             for values in fields.trajectory_fields(block, first, self._origin):
                 yield block.end, "trajectory", values
+
+    def _boundary(self, block: Block) -> int | None:
+        """Number of the telemetry period that ends with a block, if one does."""
+        number = boundaries_until(block.end, self._rate)
+        return number if boundary(number, self._rate) == block.end else None
 
     def _said(
         self, channel: str, time: int, values: fields.Fields, faults: Sequence[FaultRecord]

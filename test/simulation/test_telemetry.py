@@ -189,3 +189,16 @@ def test_a_move_changes_stamps_and_nothing_else():
     assert stamps(found["waveform"])[0] == ORIGIN + END // 2
     assert found["waveform"][0][1]["sequence"] == 5000
     assert found["trajectory"][0][1]["sequence"] > 0
+
+
+def test_what_is_wanted_at_once_comes_before_the_streams():
+    telemetry, whole = Telemetry(), Telemetry()
+    simulation = Simulation(Parameters())
+    for time in periods(100):
+        block = simulation.advance_to(time)
+        prompt = list(telemetry.take_prompt(block, ()))
+        streams = list(telemetry.take_streams(block))
+        assert {topic for _, topic, _ in prompt} <= {*SENSORS, "joint_states", "contact_force"}
+        due = time % (50 * MILLISECOND) == 0
+        assert [topic for _, topic, _ in streams] == ["waveform", "trajectory"] * due
+        assert repr([*prompt, *streams]) == repr(list(whole.take(block, ())))

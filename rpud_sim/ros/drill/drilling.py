@@ -358,6 +358,7 @@ class Drilling:
         commanded = self._take_commands()
         self._pacer.finish(until)
         # What nobody waits for takes its time behind the block.
+        self._outputs.publish_streams(block)
         self._account.add(block)
         for refusal in self._simulation.take_refusals():
             self._logger.warning(refusal)

@@ -144,7 +144,7 @@ class DrillPublishers:
         self._telemetry.reseed(seed)
 
     def publish_block(self, block: Block, faults: Sequence[FaultRecord]) -> None:
-        """Publish what a block brings: its impacts, the sample at its end, its share of streams.
+        """Publish what of a block is wanted at once: its impacts and the sample at its end.
 
         Args:
             block: at most one telemetry period long.
@@ -153,7 +153,12 @@ class DrillPublishers:
         if "/clock" in self._topics:
             stamp = fields.time_fields(self.origin + block.end)
             self._send([("/clock", {"clock": stamp})])
-        self._send((name, values) for _, name, values in self._telemetry.take(block, faults))
+        prompt = self._telemetry.take_prompt(block, faults)
+        self._send((name, values) for _, name, values in prompt)
+
+    def publish_streams(self, block: Block) -> None:
+        """Publish the waveform and the trajectory where one of their blocks ends with this one."""
+        self._send((name, values) for _, name, values in self._telemetry.take_streams(block))
 
     def flush(self) -> None:
         """Publish the waveform and the trajectory up to the end of the last block."""

@@ -56,6 +56,7 @@ class Listener:
         for number in itertools.islice(self.numbers, blocks):
             block = self.simulation.advance_to(number * 10 * MILLISECOND)
             self.outputs.publish_block(block, self.simulation.faults.since(block.start))
+            self.outputs.publish_streams(block)
 
     def close(self):
         self.executor.shutdown()
