@@ -1,7 +1,7 @@
 """Parameters of a drill at work: those that may change do so all or none."""
 
 import pytest
-from drill_client import COMPILED, Client, start_drill
+from drill_client import COMPILED, Client, stamps, start_drill
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
@@ -122,10 +122,8 @@ def test_a_change_is_seen_in_the_motion_from_then_on(client):
 
     def resting_place():
         """Where the drill comes to rest on its spring without the drive."""
-        client.step(2.0)
-        count = len(planes)
-        client.step(0.01)
-        client.until(lambda: len(planes) > count)
+        reached = client.step(2.0)
+        client.until(lambda: stamps(planes)[-1] == reached)
         return planes[-1].position
 
     before = resting_place()
