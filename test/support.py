@@ -10,6 +10,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO
 
@@ -33,6 +34,16 @@ def claim_ros_domain() -> tuple[int, IO[str]]:
         else:
             return domain, lock
     raise RuntimeError(f"all ROS domains are in use: see {folder}")
+
+
+def real_time_permitted() -> bool:
+    """Whether a thread of this process may have a real-time priority."""
+
+    def attempt() -> None:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+
+    with ThreadPoolExecutor(1) as pool:
+        return not isinstance(pool.submit(attempt).exception(), PermissionError)
 
 
 def until(condition: Callable[[], object], *, seconds: float = 20.0) -> None:

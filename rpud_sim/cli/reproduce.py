@@ -6,9 +6,11 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
+
+from rpud_sim.cli.progress import progress_bar
 
 HELP = "reproduce the paper's figures and numbers as a report"
 EXAMPLE = "rpud reproduce --out reproduction"
@@ -53,8 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _track(items: Iterable[Any], total: int, title: str) -> Iterable[Any]:
-    from tqdm import tqdm
-
-    # A bar appears only on a terminal, and only for what takes longer than two seconds.
-    return tqdm(items, title, total, delay=2.0, disable=None, leave=False, file=sys.stderr)
+def _track(items: Iterable[Any], total: int, title: str) -> Iterator[Any]:
+    with progress_bar("it", total, title=title) as bar:
+        for item in items:
+            yield item
+            bar.update()

@@ -24,8 +24,10 @@ class Screen(io.StringIO):
 def test_a_bar_appears_on_a_terminal_for_what_takes_long(monkeypatch, terminal, waited, shown):
     screen = Screen(terminal)
     monkeypatch.setattr(sys, "stderr", screen)
-    with progress_bar(" messages", 4000, scaled=True) as bar:
+    with progress_bar(" messages", 4000, scaled=True, title="reading") as bar:
         later = time.time() + waited
         monkeypatch.setattr(bar, "_time", lambda: later, raising=False)
         bar.update(2000)
-    assert ("2.00k/4.00k" in screen.getvalue()) == shown
+    shows = screen.getvalue()
+    assert ("reading: " in shows and "2.00k/4.00k" in shows) == shown
+    assert bool(shows) == shown

@@ -1,7 +1,6 @@
 """Simulated time over elapsed time: as the parameter says, and it may change meanwhile."""
 
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -9,8 +8,7 @@ from drill_client import COMPILED, SECOND, Client, nanoseconds, start_drill
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
-
-from rpud_sim.ros.drill.scheduling import schedule_thread
+from support import real_time_permitted
 
 RATE = 50
 PRIORITY = 10  # the default
@@ -95,15 +93,13 @@ def priorities(process):
 
 @pytest.mark.parametrize(("factor", "punctual"), [(1.0, True), (0.0, False), (0.5, True)])
 def test_the_drill_goes_before_others_while_it_keeps_a_time(client, drill, factor, punctual):
-    with ThreadPoolExecutor(1) as pool:
-        permitted = pool.submit(schedule_thread, PRIORITY).result().startswith("real-time")
     timings = client.listen("/diagnostics")
 
     def said():
         return {pair.key: pair.value for pair in timings[-1].status[0].values}["scheduling"]
 
     set_factor(client, factor)
-    if punctual and permitted:
+    if punctual and real_time_permitted():
         client.until(lambda: timings and said() == f"real-time priority {PRIORITY}")
         assert priorities(drill) == [PRIORITY]
     else:
