@@ -10,7 +10,11 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from rpud_sim.analysis import offline_bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
+from rpud_sim.simulation import Parameters
+from rpud_sim.simulation.configuration import Configuration, Settings
+from rpud_sim.simulation.run import Beginning
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -116,3 +120,11 @@ def write_everything(path: Path, count: int = 3) -> Path:
             data = serialized("pkg/msg/Everything", EVERYTHING, fields)
             bag.write("/all", data, START + number * SECOND, START)
     return path
+
+
+def write_offline_bag(
+    path: Path, parameters: Parameters, duration: float, phase=0.0, scenario=None, seed=0
+) -> None:
+    """Write the bag of a run without ROS at the default rates."""
+    settings = Settings(Configuration(parameters))
+    offline_bag.write_offline_bag(path, Beginning(settings, phase, seed, scenario), duration)

@@ -10,17 +10,17 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.drill.parameters import (
-    ALL_NAMES,
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import (
     ALL_QUANTITIES,
     CHANGEABLE,
     CHOICES,
     FLAGS,
+    PARAMETERS,
     TEXTS,
+    Configuration,
     Settings,
 )
-from rpud_sim.simulation import preset
-from rpud_sim.simulation.configuration import Configuration
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text()
@@ -97,7 +97,7 @@ def test_the_tables_of_parameters_are_those_of_the_code():
     drilling = Settings()
     free = Settings(Configuration(preset("free")))
     expected = []
-    for name in ALL_NAMES:
+    for name in PARAMETERS:
         default = shown(name, drilling)
         if name != "regime" and shown(name, free) != default:
             default += f" (free: {shown(name, free)})"

@@ -19,9 +19,9 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.simulation.rebuilding import Rebuilder, end_sample, first_sample, to_segments
 from rpud_sim.simulation.sampling import CHANNELS, NANOSECONDS, Samples
-from rpud_sim.simulation.telemetry import TYPES
+from rpud_sim.simulation.topics import TOPICS
 
-_TYPE = TYPES["trajectory"]
+_TYPE = TOPICS["trajectory"].type
 _MOST_SKIPPED = 100_000  # samples at once
 # Segments follow each other but for this [s]; the times of a run that begins anew go back further.
 _ROUNDING = 1e-6

@@ -49,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Export and print the account; give the exit code."""
     from rpud_sim.analysis.export.export import ExportError, export
     from rpud_sim.bag import BagError
-    from rpud_sim.simulation import ParameterError
+    from rpud_sim.foundation.quantities import ParameterError
 
     try:
         _check(arguments)
@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    from rpud_sim.simulation import Quantity
+    from rpud_sim.foundation.quantities import Quantity
 
     Quantity("s", "", 0.0, _LONGEST).check("--start", arguments.start)
     if arguments.duration is not None:

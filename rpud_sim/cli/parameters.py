@@ -32,7 +32,7 @@ def chosen_values(arguments: argparse.Namespace) -> dict[str, Any]:
     Raises:
         ParameterError: if the file or an assignment cannot be read.
     """
-    from rpud_sim.simulation.configuration import parse_assignment, read_parameter_file
+    from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 
     values = read_parameter_file(arguments.config) if arguments.config else {}
     if arguments.regime:

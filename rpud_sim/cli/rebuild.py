@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Rebuild and print the account; give the exit code."""
     from rpud_sim.analysis.rebuild import RebuildError, rebuild
     from rpud_sim.bag import BagError
-    from rpud_sim.simulation import ParameterError
+    from rpud_sim.foundation.quantities import ParameterError
 
     try:
         _check(arguments)
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    from rpud_sim.simulation import ParameterError, Quantity
+    from rpud_sim.foundation.quantities import ParameterError, Quantity
 
     Quantity("Hz", "", 1.0, _GREATEST_RATE).check("--rate", arguments.rate)
     if arguments.rate % 1.0:

@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Drill until the duration is over or a signal asks to stop; give the exit code."""
     import sys
 
-    from rpud_sim.simulation import ParameterError
+    from rpud_sim.foundation.quantities import ParameterError
 
     try:
         values = chosen_values(arguments)

@@ -22,8 +22,6 @@ HELP = "run the drill offline, faster than real time, and print its figures"
 EXAMPLE = "rpud simulate --regime drilling --duration 20 --set weight_on_bit=20 --json"
 
 _SHORTEST, _LONGEST = 1e-9, 1e6  # s; time is whole nanoseconds
-# Parameters of the node that act here as well.
-_NODE_NAMES = ("drive_enabled", "scenario")
 
 
 def _number_or_text(kind: type) -> Callable[[str], Any]:
@@ -70,8 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and print the figures; give the exit code."""
     _load_numba()
+    from rpud_sim.foundation.quantities import ParameterError
     from rpud_sim.model.engine import EngineError
-    from rpud_sim.simulation import ParameterError
 
     failures: tuple[type[Exception], ...] = (EngineError,)
     if arguments.bag:  # only then, for it takes long to load
@@ -104,7 +102,7 @@ def _load_numba() -> None:
 
 
 def _check(arguments: argparse.Namespace) -> None:
-    from rpud_sim.simulation import ParameterError, Quantity
+    from rpud_sim.foundation.quantities import ParameterError, Quantity
 
     Quantity("s", "", _SHORTEST, _LONGEST).check("--duration", arguments.duration)
     Quantity("", "", 1, 1e6).check("--repeat", arguments.repeat)
@@ -116,45 +114,42 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
     """Refuse what would do nothing here; a file may hold it, for it is the node's as well."""
-    from rpud_sim.simulation import ParameterError
-    from rpud_sim.simulation.configuration import NODE_NAMES, parse_assignment
+    from rpud_sim.foundation.quantities import ParameterError
+    from rpud_sim.simulation.configuration import NODE_NAMES
+    from rpud_sim.simulation.parameter_files import parse_assignment
 
     for text in arguments.assignments:
         name, _ = parse_assignment(text)
-        if name in NODE_NAMES and name not in _NODE_NAMES:
+        if name in NODE_NAMES and name != "scenario":
             raise ParameterError(f"{name} is a parameter of the drill node alone: see rpud run")
 
 
 def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write the bag, if one is asked for, and return the figures."""
-    from rpud_sim.simulation.configuration import to_configuration
+    from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, initial_phases
 
     values = chosen_values(arguments)
-    configuration = to_configuration(values)
+    configuration = to_settings(values).configuration
     file = values.get("scenario", "")
     scenario = _scenario(file, arguments.seed)
     compile_kernels(configuration, _tell)
     phases = initial_phases(arguments.repeat, arguments.seed)
     if arguments.bag:
-        from rpud_sim.cli.offline_bag import write_offline_bag
+        from rpud_sim.analysis.offline_bag import write_offline_bag
+        from rpud_sim.simulation.run import Beginning
 
-        write_offline_bag(
-            arguments.bag,
-            configuration,
-            arguments.duration,
-            phases[0],
-            scenario,
-            arguments.seed or 0,
-            Path(file).read_text(encoding="utf-8") if scenario else None,
-        )
+        beginning = Beginning(to_settings(values), phases[0], arguments.seed or 0, scenario)
+        text = Path(file).read_text(encoding="utf-8") if scenario else ""
+        with progress_bar(" s", arguments.duration) as bar:
+            write_offline_bag(arguments.bag, beginning, arguments.duration, text, bar.update)
     figures = _figures(arguments, configuration, phases, scenario)
     figures["scenario"] = values.get("scenario") or None
     return figures
 
 
 def _scenario(path: Any, seed: int | None) -> Scenario | None:
-    from rpud_sim.simulation import ParameterError, shown
+    from rpud_sim.foundation.quantities import ParameterError, shown
     from rpud_sim.simulation.scenario import read_scenario
 
     if not isinstance(path, str):

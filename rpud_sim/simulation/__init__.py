@@ -1,33 +1,7 @@
-"""The model under commands: configuration, trajectory sampling, statistics and ensembles."""
+"""The drill under commands and faults: the public face for scripts that simulate without ROS."""
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
-from rpud_sim.model.parameters import (
-    CONTACT_MODELS,
-    NAMES,
-    QUANTITIES,
-    REGIMES,
-    ParameterError,
-    Parameters,
-    Quantity,
-    check_choice,
-    preset,
-    shown,
-)
-from rpud_sim.model.segment import CONSTANTS, EVENT_ACTUATOR_IMPACT, SEGMENT
+from rpud_sim.model.parameters import Parameters, preset
 
-__all__ = [
-    "CONSTANTS",
-    "CONTACT_MODELS",
-    "EVENT_ACTUATOR_IMPACT",
-    "NAMES",
-    "QUANTITIES",
-    "REGIMES",
-    "SEGMENT",
-    "EngineError",
-    "ParameterError",
-    "Parameters",
-    "Quantity",
-    "check_choice",
-    "preset",
-    "shown",
-]
+__all__ = ["EngineError", "ParameterError", "Parameters", "preset"]

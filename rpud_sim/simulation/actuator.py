@@ -6,13 +6,12 @@ import cmath
 import dataclasses
 import math
 import sys
-from collections.abc import Mapping
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, check_choice, shown
-from rpud_sim.simulation.commands import NOMINAL_VOLTAGE, Drive
+from rpud_sim.foundation.parameters import ParameterGroup, choice, flag, number, quantities
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.parameters import QUANTITIES
+from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.sampling import NANOSECONDS
-
-ACTUATOR_MODELS = ("gain", "resonance")
 
 # Time of a step that never comes [ns].
 NEVER = sys.maxsize
@@ -31,60 +30,61 @@ SHORTEST_STEP = 0.002
 STEADY = 0.001
 SMALLEST_VOLTAGE = 1e-9
 
-ACTUATOR_QUANTITIES: Mapping[str, Quantity] = {
-    "nominal_voltage": NOMINAL_VOLTAGE,
-    "resonance_frequency": dataclasses.replace(
-        QUANTITIES["vibration_frequency"],
-        description="resonance frequency of the actuator at ambient temperature",
-    ),
-    "quality_factor": Quantity("", "quality factor of the actuator's resonance", 10.0, 1e5),
-    "motional_resistance": Quantity(
-        "ohm", "electrical resistance of the actuator on resonance", 1e-3, 1e6
-    ),
-    "thermal_resistance": Quantity(
-        "K/W", "thermal resistance from the actuator to its surroundings", 1e-3, 1e3
-    ),
-    "heat_capacity": Quantity("J/K", "heat capacity of the actuator", 1e-3, 1e6),
-    "ambient_temperature": Quantity(
-        "K", "temperature of the surroundings", 0.0, 1e3, exclusive=True
-    ),
-    "resonance_temperature_coefficient": Quantity(
-        "1/K", "relative change of the resonance frequency with temperature", -1e-2, 1e-2
-    ),
-}
-
 
 @dataclasses.dataclass(frozen=True)
-class ActuatorParameters:
+class ActuatorParameters(ParameterGroup):
     """All parameters of the actuator, in SI units.
 
     The paper gives none of them: the resonance frequency is that of its drive, the others are
     assumed; docs/actuator.md says why.
 
     Raises:
-        ParameterError: if a value is outside the range in ``ACTUATOR_QUANTITIES``, or if the
-            actuator is to heat without the power that its resonance model gives.
+        ParameterError: if a value is outside its range, or if the actuator is to heat without the
+            power that its resonance model gives.
     """
 
-    actuator_model: str = "gain"
-    nominal_voltage: float = 100.0
-    resonance_frequency: float = 16000.0
-    quality_factor: float = 500.0
-    motional_resistance: float = 100.0
-    heating: bool = False
-    thermal_resistance: float = 1.0
-    heat_capacity: float = 200.0
-    ambient_temperature: float = 293.15
-    resonance_temperature_coefficient: float = -2e-4
+    actuator_model: str = choice(
+        "gain",
+        ("gain", "resonance"),
+        "gain: the amplitude is proportional to the voltage at once; "
+        "resonance: by resonance, with ring-up and power",
+    )
+    nominal_voltage: float = number(
+        100.0,
+        "V",
+        "voltage at which the vibration has its nominal amplitude",
+        0.0,
+        1e3,
+        exclusive=True,
+    )
+    resonance_frequency: float = number(
+        16000.0, "Hz", "resonance frequency of the actuator at ambient temperature", 100.0, 2e5
+    )
+    quality_factor: float = number(
+        500.0, "", "quality factor of the actuator's resonance", 10.0, 1e5
+    )
+    motional_resistance: float = number(
+        100.0, "ohm", "electrical resistance of the actuator on resonance", 1e-3, 1e6
+    )
+    heating: bool = flag(False, "whether the actuator warms up and its resonance drifts")
+    thermal_resistance: float = number(
+        1.0, "K/W", "thermal resistance from the actuator to its surroundings", 1e-3, 1e3
+    )
+    heat_capacity: float = number(200.0, "J/K", "heat capacity of the actuator", 1e-3, 1e6)
+    ambient_temperature: float = number(
+        293.15, "K", "temperature of the surroundings", 0.0, 1e3, exclusive=True
+    )
+    resonance_temperature_coefficient: float = number(
+        -2e-4, "1/K", "relative change of the resonance frequency with temperature", -1e-2, 1e-2
+    )
 
     def __post_init__(self) -> None:
-        for name, quantity in ACTUATOR_QUANTITIES.items():
-            object.__setattr__(self, name, quantity.check(name, getattr(self, name)))
-        check_choice("actuator_model", self.actuator_model, ACTUATOR_MODELS)
-        if not isinstance(self.heating, bool):
-            raise ParameterError(f"heating = {shown(self.heating)} is not true or false")
+        super().__post_init__()
         if self.heating and self.actuator_model != "resonance":
             raise ParameterError("heating = True needs actuator_model = resonance")
+
+
+RESONANCE_FREQUENCY = quantities(ActuatorParameters)["resonance_frequency"]
 
 
 def check_drive(drive: Drive, vibration_amplitude: float, nominal_voltage: float) -> float:
@@ -176,7 +176,7 @@ class Actuator:
         rise = self._temperature - self._parameters.ambient_temperature
         frequency = self._parameters.resonance_frequency * (1.0 + coefficient * rise)
         # The linear law holds for small changes; far beyond them the frequency stays positive.
-        allowed = ACTUATOR_QUANTITIES["resonance_frequency"]
+        allowed = RESONANCE_FREQUENCY
         return min(max(frequency + self._offset, allowed.minimum), allowed.maximum)
 
     @property
@@ -245,7 +245,7 @@ class Actuator:
         """
         if not self._resonant:
             raise ParameterError("resonance drift needs actuator_model = resonance")
-        ACTUATOR_QUANTITIES["resonance_frequency"].check(
+        RESONANCE_FREQUENCY.check(
             f"resonance_frequency with a drift of {offset:g} Hz",
             self._parameters.resonance_frequency + offset,
         )

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.model.parameters import QUANTITIES
 
 VOLTAGE = Quantity("V", "amplitude of the voltage on the piezoelectric stack", 0.0, 1e3)
-NOMINAL_VOLTAGE = Quantity(
-    "V", "voltage at which the vibration has its nominal amplitude", 0.0, 1e3, exclusive=True
-)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,6 +57,11 @@ class Drive:
             return
         frequency = QUANTITIES["vibration_frequency"].check("drive frequency", self.frequency)
         object.__setattr__(self, "frequency", frequency)
+
+    def after(self, before: Drive) -> Drive:
+        """Return this drive, with the voltage and frequency of the one before where it has none."""
+        voltage = self.voltage if self.enabled or self.voltage else before.voltage
+        return Drive(self.enabled, voltage, self.frequency or before.frequency)
 
 
 @dataclasses.dataclass(frozen=True)

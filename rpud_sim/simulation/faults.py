@@ -12,7 +12,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
 
 

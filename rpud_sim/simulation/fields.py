@@ -7,6 +7,7 @@ ROS messages from it, and a bag is written from it without ROS. Messages are dic
 
 from __future__ import annotations
 
+import dataclasses
 from array import array
 from collections.abc import Iterator
 from itertools import pairwise
@@ -16,17 +17,14 @@ import numpy as np
 
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.commands import Applied
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.ledger import FaultRecord, Faults
 from rpud_sim.simulation.sampling import NANOSECONDS, Samples
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.topics import MOUNT_FRAME, NODAL_PLANE_FRAME, TOOL_TIP_FRAME
 
 Fields = dict[str, Any]
 
-MOUNT_FRAME = "rpud_mount"
-NODAL_PLANE_FRAME = "rpud_nodal_plane"
-TOOL_TIP_FRAME = "rpud_tool_tip"
 # Of urdf/rpud.urdf: each moves one body along the drill axis.
 JOINTS = ("rpud_nodal_plane_joint", "rpud_free_mass_joint", "rpud_tool_tip_joint")
 
@@ -184,37 +182,47 @@ def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fiel
         }
 
 
+@dataclasses.dataclass(frozen=True)
+class Bookkeeping:
+    """Those fields of ``rpud_msgs/Status`` that say how the run is moved and commanded.
+
+    The defaults are those of a run without ROS: nothing is late, and there are no commanders.
+    """
+
+    commands_accepted: int = 0
+    commands_rejected: int = 0
+    commands_lost: bool = False
+    commanders: int = 0
+    deadlines_missed: int = 0
+    messages_dropped: int = 0
+    real_time_factor: float = 1.0
+    lateness_max: float = 0.0
+    lag: float = 0.0
+
+
 def status_fields(
-    stamp: int, state: str, regime: str, applied: Applied, origin: int, **counts: float
+    simulation: Simulation, origin: int, state: str, bookkeeping: Bookkeeping
 ) -> Fields:
-    """Fields of ``rpud_msgs/Status``.
+    """Fields of ``rpud_msgs/Status`` at the present time of a simulation.
 
     Args:
-        stamp: simulation time of the report.
-        state: one of the STATE constants of ``rpud_msgs/Status``.
-        regime: ``free`` or ``drilling``.
-        applied: the commands in force.
+        simulation: to report of.
         origin: stamp of simulation time zero.
-        counts: every other field, by its name.
+        state: one of the STATE constants of ``rpud_msgs/Status``.
+        bookkeeping: every other field, by its name.
     """
+    applied = simulation.applied
+    actuator = simulation.actuator
     return {
-        "header": header_fields(stamp, MOUNT_FRAME),
+        "header": header_fields(origin + simulation.time, MOUNT_FRAME),
         "state": state,
-        "regime": regime,
+        "regime": simulation.parameters.regime,
         "weight_on_bit": applied.weight_on_bit.force,
         "weight_on_bit_applied": time_fields(origin + applied.weight_on_bit_time),
         "drive_enabled": applied.drive.enabled,
         "drive_voltage": applied.drive.voltage,
         "drive_frequency": applied.drive.frequency,
         "drive_applied": time_fields(origin + applied.drive_time),
-        **counts,
-    }
-
-
-def drill_fields(simulation: Simulation) -> Fields:
-    """Those fields of ``rpud_msgs/Status`` that tell how the drill itself is."""
-    actuator = simulation.actuator
-    return {
         "impacts": simulation.impact_count,
         "vibration_amplitude": actuator.amplitude,
         "resonance_frequency": actuator.resonance_frequency,
@@ -223,6 +231,7 @@ def drill_fields(simulation: Simulation) -> Fields:
         "depth": simulation.depth,
         "penetration_rate": simulation.penetration_rate,
         "active_faults": len(simulation.faults.active),
+        **dataclasses.asdict(bookkeeping),
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import deque
 
-from rpud_sim.model.parameters import shown
+from rpud_sim.foundation.quantities import shown
 from rpud_sim.simulation.faults import Fault, FaultError
 
 # Cleared faults that are remembered; the older ones are only counted.

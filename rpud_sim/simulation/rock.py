@@ -4,31 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
-from rpud_sim.model.parameters import Quantity, check_choice
+from rpud_sim.foundation.parameters import ParameterGroup, choice, number
 from rpud_sim.simulation.sampling import NANOSECONDS
-
-ROCK_MODELS = ("none", "specific_energy")
 
 # The penetration rate is the mean over this time [ns].
 RATE_WINDOW = NANOSECONDS
 
-ROCK_QUANTITIES: Mapping[str, Quantity] = {
-    "rock_specific_energy": Quantity(
-        "J/m^3", "energy that breaks one unit of volume of the rock", 1e3, 1e12
-    ),
-    "rock_energy_transfer": Quantity(
-        "", "share of an impact's kinetic energy that breaks the rock", 0.0, 1.0
-    ),
-    "hole_area": Quantity("m^2", "cross-sectional area of the hole", 1e-8, 1.0),
-}
-
 
 @dataclasses.dataclass(frozen=True)
-class RockParameters:
+class RockParameters(ParameterGroup):
     """All parameters of the rock, in SI units; the defaults are the sandstone of Section V.
 
     The specific energy is the sandstone's compressive strength, 75 MPa: the least that drilling
@@ -37,21 +24,26 @@ class RockParameters:
     share of the energy is assumed; docs/rock.md says what it stands for.
 
     Raises:
-        ParameterError: if a value is outside the range in ``ROCK_QUANTITIES``.
+        ParameterError: if a value is outside its range.
     """
 
-    rock_model: str = "none"
-    rock_specific_energy: float = 75e6
-    rock_energy_transfer: float = 0.01
-    hole_area: float = 2.0e-5
-
-    def __post_init__(self) -> None:
-        check_choice("rock_model", self.rock_model, ROCK_MODELS)
-        for name, quantity in ROCK_QUANTITIES.items():
-            object.__setattr__(self, name, quantity.check(name, getattr(self, name)))
-
-
-SANDSTONE = RockParameters(rock_model="specific_energy")
+    rock_model: str = choice(
+        "none",
+        ("none", "specific_energy"),
+        "whether the hole gets deeper by the impacts' energy",
+    )
+    rock_specific_energy: float = number(
+        75e6,
+        "J/m^3",
+        "energy that breaks one unit of volume of the rock",
+        1e3,
+        1e12,
+        changeable=True,
+    )
+    rock_energy_transfer: float = number(
+        0.01, "", "share of an impact's kinetic energy that breaks the rock", 0.0, 1.0
+    )
+    hole_area: float = number(2.0e-5, "m^2", "cross-sectional area of the hole", 1e-8, 1.0)
 
 
 class Progress:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.model.parameters import ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.yaml_files import read_yaml
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError, number_of
 from rpud_sim.simulation.sampling import NANOSECONDS
-from rpud_sim.simulation.yaml_files import read_yaml
 
 GREATEST_SEED = 2**63 - 1  # what a ROS parameter holds
 

@@ -180,11 +180,7 @@ class Simulation:
             )
             kind = "weight_on_bit"
         else:
-            drive = Drive(
-                command.enabled,
-                command.voltage if command.enabled or command.voltage else before.drive.voltage,
-                command.frequency or before.drive.frequency,
-            )
+            drive = command.after(before.drive)
             self._actuator.drive(self._time, drive)
             self._applied = dataclasses.replace(before, drive=drive, drive_time=self._time)
             kind = "drive"

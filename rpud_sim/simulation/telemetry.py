@@ -10,31 +10,12 @@ from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
 from rpud_sim.simulation.signals import SignalFaults
 
-TELEMETRY_RATE = 100  # Hz
-SAMPLE_RATE = 50_000  # of the waveform [Hz]
-BLOCK_DURATION = 0.05  # of waveform and trajectory [s]
-
 _SENSORS = (
     ("nodal_plane", fields.nodal_plane_fields),
     ("drill_tool", fields.drill_tool_fields),
     ("reacting_force", fields.reacting_force_fields),
     ("wrench", fields.wrench_fields),
 )
-
-# What the drill gives, and whoever runs it adds status and journal.
-TYPES = {
-    "contact_force": "rpud_msgs/msg/ContactForce",
-    "drill_tool": "rpud_msgs/msg/DrillTool",
-    "faults": "rpud_msgs/msg/Faults",
-    "joint_states": "sensor_msgs/msg/JointState",
-    "journal": "rpud_msgs/msg/JournalEntry",
-    "nodal_plane": "rpud_msgs/msg/NodalPlane",
-    "reacting_force": "rpud_msgs/msg/ReactingForce",
-    "status": "rpud_msgs/msg/Status",
-    "trajectory": "rpud_msgs/msg/Trajectory",
-    "waveform": "rpud_msgs/msg/Waveform",
-    "wrench": "geometry_msgs/msg/WrenchStamped",
-}
 
 # Simulation time at which it goes out [ns], topic, what the message says.
 Entry = tuple[int, str, fields.Fields]
@@ -47,21 +28,24 @@ class Telemetry:
         telemetry_rate: of the samples [Hz].
         sample_rate: of the waveform [Hz].
         block_duration: of waveform and trajectory [s], at least one telemetry period.
-        wanted: whether anybody wants a topic that no fault can touch; it is left out otherwise.
+        wanted: whether a topic that no fault can touch has a subscriber; without one it is left
+            out.
+        seed: of faulty signals.
     """
 
     def __init__(
         self,
-        telemetry_rate: int = TELEMETRY_RATE,
-        sample_rate: int = SAMPLE_RATE,
-        block_duration: float = BLOCK_DURATION,
+        telemetry_rate: int,
+        sample_rate: int,
+        block_duration: float,
         wanted: Callable[[str], bool] = lambda topic: True,
+        seed: int = 0,
     ) -> None:
         self._rate = telemetry_rate
         self._sample_rate = sample_rate
         self._stream_period = round(block_duration * telemetry_rate)
         self._wanted = wanted
-        self._signals = SignalFaults()
+        self._signals = SignalFaults(seed)
         self._pending: list[Block] = []
         self._origin = 0
         self._segments = 0
@@ -71,32 +55,17 @@ class Telemetry:
         """Stamp of simulation time zero [ns]."""
         return self._origin
 
-    def begin(self, origin: int) -> None:
-        """Begin with simulation time zero, whose stamp this is [ns]."""
-        self._origin = origin
-        self._segments = 0
-        self._pending.clear()
-
     def move(self, origin: int) -> None:
         """Give simulation time zero another stamp [ns]."""
         self._origin = origin
 
-    def reseed(self, seed: int) -> None:
-        """Forget the state of faulty signals, and draw with this seed from now on."""
-        self._signals = SignalFaults(seed)
-
-    def take(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        """Yield what a block brings: its impacts, the sample at its end, its share of streams.
+    def take_prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
+        """Yield what of a block is wanted at once: its impacts and the sample at its end.
 
         Args:
-            block: at most one telemetry period long.
+            block: at most one telemetry period long, after that of the last call.
             faults: that lasted in it, or in a part of it.
         """
-        yield from self.take_prompt(block, faults)
-        yield from self.take_streams(block)
-
-    def take_prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        """Yield what of a block is wanted at once: its impacts and the sample at its end."""
         faults = [record for record in faults if record.fault.channel]
         for impact in block.impacts:
             values = fields.contact_force_fields(impact, self._origin)

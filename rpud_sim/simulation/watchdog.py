@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-from rpud_sim.model.parameters import Quantity
 from rpud_sim.simulation.sampling import NANOSECONDS
-
-COMMAND_TIMEOUT = Quantity(
-    "s", "time without a command after which the drill is made safe, 0 for never", 0.0, 3600.0
-)
-COMMAND_LOSS_RAMP = Quantity(
-    "s", "time in which drive and weight on bit go to zero when commands are lost", 0.0, 60.0
-)
 
 
 class CommandWatchdog:

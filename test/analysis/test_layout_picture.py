@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
+from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.analysis.layout_picture import draw, main, read_plots
 from rpud_sim.bag import BagError
-from rpud_sim.cli.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 
 LAYOUT = Path(__file__).resolve().parents[2] / "config" / "foxglove.json"

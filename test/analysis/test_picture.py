@@ -6,11 +6,11 @@ import sys
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.analysis.picture import draw, read_run
 from rpud_sim.bag import BagError
-from rpud_sim.cli.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
 from rpud_sim.simulation.simulation import Simulation

@@ -8,12 +8,12 @@ import os
 import numpy as np
 import pytest
 from altered_bags import altered
+from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.analysis.rebuild import RebuildError, rebuild
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.cli.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import CHANNELS, Times
 from rpud_sim.simulation.simulation import Simulation

@@ -17,7 +17,8 @@ from rpud_sim.analysis.reproduction.reproduction import figure_12_implies
 from rpud_sim.analysis.reproduction.studies import OUTPUTS, Study, find_trends, holm
 from rpud_sim.analysis.reproduction.windows import run_windows
 from rpud_sim.analysis.reproduction.work import gather, silent
-from rpud_sim.simulation import CONTACT_MODELS, preset
+from rpud_sim.model.parameters import CONTACT_MODELS
+from rpud_sim.simulation import preset
 from rpud_sim.simulation.contact import contact_history, single_contact
 from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.simulation import Simulation

@@ -8,7 +8,8 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 
 from rpud_sim.cli.main import main
-from rpud_sim.simulation import NAMES, ensemble, preset
+from rpud_sim.model.parameters import NAMES
+from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 

@@ -16,8 +16,8 @@ from rclpy.parameter import Parameter
 from rpud_msgs.srv import SetSimulationState
 
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.drill.parameters import CHANGEABLE
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import CHANGEABLE
 
 PLAYING = SetSimulationState.Request().state.STATE_PLAYING
 OPTIONS = {

@@ -16,16 +16,18 @@ from rpud_msgs.msg import Drive, Fault, Result, SimulationState, WeightOnBit
 
 from fuzz import hostile
 from fuzz.drill import Drill
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.declaration import declare_settings
-from rpud_sim.ros.drill.parameters import ALL_NAMES, ALL_QUANTITIES, CHANGEABLE, check_settings
-from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import (
-    parse_assignment,
-    read_parameter_file,
+    ALL_QUANTITIES,
+    CHANGEABLE,
+    PARAMETERS,
     to_configuration,
+    to_settings,
 )
 from rpud_sim.simulation.faults import KINDS
+from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 from rpud_sim.simulation.scenario import read_scenario
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -106,7 +108,7 @@ def _set_parameter(random: random.Random) -> ParameterMessage:
         double_array_value=[hostile.number(random)] * random.randrange(3),
         string_array_value=[hostile.text(random, surrogates=False)] * random.randrange(3),
     )
-    known = random.choice((CHANGEABLE, (*ALL_NAMES, *ROS_NAMES)))
+    known = random.choice((CHANGEABLE, (*PARAMETERS, *ROS_NAMES)))
     name = hostile.name(random, known)
     if name in ALL_QUANTITIES and random.random() < 0.3:  # at the very end of its range
         quantity = ALL_QUANTITIES[name]
@@ -123,7 +125,7 @@ def _set_parameters(random: random.Random) -> list[ParameterMessage]:
 
 
 def _names(random: random.Random) -> list[str]:
-    return [hostile.name(random, ALL_NAMES) for _ in range(random.randrange(4))]
+    return [hostile.name(random, PARAMETERS) for _ in range(random.randrange(4))]
 
 
 def _fault(random: random.Random) -> Any:
@@ -222,14 +224,14 @@ def _reason(drill: Drill, action: Callable[[], Any]) -> Reason:
 
 
 def _overrides(random: random.Random, drill: Drill) -> Reason:
-    names = [hostile.name(random, ALL_NAMES) for _ in range(random.randrange(1, 4))]
-    return _reason(drill, lambda: check_settings({name: hostile.value(random) for name in names}))
+    names = [hostile.name(random, PARAMETERS) for _ in range(random.randrange(1, 4))]
+    return _reason(drill, lambda: to_settings({name: hostile.value(random) for name in names}))
 
 
 def _node(random: random.Random, drill: Drill) -> Reason:
     """Another node, with overrides of the types that rcl knows."""
     values = {
-        random.choice(ALL_NAMES): random.choice(
+        random.choice(PARAMETERS): random.choice(
             (
                 hostile.number(random),
                 hostile.whole(random, 63),
@@ -249,7 +251,7 @@ def _node(random: random.Random, drill: Drill) -> Reason:
 
 
 def _file(name: str, read: Callable[[Path], Any], templates: tuple[str, ...]) -> Send:
-    names = (*ALL_NAMES, *KINDS, *CHANNELS, "seed", "onset", "duration", "magnitude")
+    names = (*PARAMETERS, *KINDS, *CHANNELS, "seed", "onset", "duration", "magnitude")
 
     def send(random: random.Random, drill: Drill) -> Reason:
         path = drill.folder / name
@@ -260,7 +262,7 @@ def _file(name: str, read: Callable[[Path], Any], templates: tuple[str, ...]) ->
 
 
 def _assignment(random: random.Random, drill: Drill) -> Reason:
-    text = f"{hostile.name(random, ALL_NAMES)}={hostile.scalar(random)}"
+    text = f"{hostile.name(random, PARAMETERS)}={hostile.scalar(random)}"
     if random.random() < 0.1:
         text = hostile.text(random)
     return _reason(drill, lambda: to_configuration(dict([parse_assignment(text)])))

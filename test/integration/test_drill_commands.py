@@ -11,7 +11,7 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rpud_msgs.msg import Drive, WeightOnBit
 from support import Process
 
-from rpud_sim.simulation import NAMES
+from rpud_sim.model.parameters import NAMES
 from rpud_sim.simulation.configuration import NODE_NAMES
 
 

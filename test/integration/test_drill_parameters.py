@@ -12,7 +12,7 @@ from rcl_interfaces.srv import (
 from rpud_msgs.msg import Status
 from std_srvs.srv import SetBool
 
-from rpud_sim.ros.drill.parameters import ALL_NAMES, CHANGEABLE
+from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS
 
 NODE = "/changed/drill_node"
 
@@ -75,7 +75,7 @@ def engage(client, data):
 
 
 def test_exactly_those_that_may_change_are_not_read_only(client):
-    request = DescribeParameters.Request(names=ALL_NAMES)
+    request = DescribeParameters.Request(names=PARAMETERS)
     described = client.call(DescribeParameters, f"{NODE}/describe_parameters", request).descriptors
     assert {it.name for it in described if not it.read_only} == set(CHANGEABLE)
     [result] = set_each(client, weight_on_bit=20.0)

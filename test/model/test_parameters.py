@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.model.parameters import NAMES, QUANTITIES, ParameterError, Parameters, preset
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.parameters import NAMES, QUANTITIES, Parameters, preset
 
 NUMBERS = st.sampled_from(sorted(QUANTITIES))
 

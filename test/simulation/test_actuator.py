@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.simulation import QUANTITIES, ParameterError
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation.actuator import (
     ACTUATOR_QUANTITIES,
     HEATING_INTERVAL,

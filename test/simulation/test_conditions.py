@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.simulation import QUANTITIES, Parameters, preset
+from rpud_sim.model.parameters import QUANTITIES
+from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.conditions import MOST_DAMPING_RATIO, Conditions, conditions
 from rpud_sim.simulation.faults import KINDS, Fault
 from rpud_sim.simulation.simulation import Simulation

@@ -9,7 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.simulation import NAMES, ParameterError, Parameters, preset
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.yaml_files import MOST_BYTES
+from rpud_sim.model.parameters import NAMES
+from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.configuration import (
     ACTUATOR_NAMES,
@@ -17,13 +20,11 @@ from rpud_sim.simulation.configuration import (
     ROCK_NAMES,
     Configuration,
     check_flag,
-    parse_assignment,
-    read_parameter_file,
     to_configuration,
     to_parameters,
 )
+from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 from rpud_sim.simulation.rock import RockParameters
-from rpud_sim.simulation.yaml_files import MOST_BYTES
 
 CONFIG = Path(__file__).parents[2] / "config"
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.simulation import ParameterError
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError, check_honoured, honoured_kinds
 

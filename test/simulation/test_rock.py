@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.segment import IMPACT
-from rpud_sim.simulation import ParameterError, preset
+from rpud_sim.simulation import preset
 from rpud_sim.simulation.rock import (
     ROCK_QUANTITIES,
     SANDSTONE,

@@ -17,12 +17,10 @@ from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.sampling import NANOSECONDS
-from rpud_sim.simulation.telemetry import TYPES
+from rpud_sim.simulation.topics import PROVED, TOPICS
 from rpud_sim.simulation.versions import engine_and_processor
 
-# All that the simulation gives; a status tells of the machine's timing as well.
-PROVED = tuple(name for name in TYPES if name not in ("journal", "status"))
-
+_JOURNAL = TOPICS["journal"].type
 _BEGINNINGS = ("begin", "origin")
 # The simulation goes on this long after the last stamp: a block may end later [ns].
 _TAIL = 2 * NANOSECONDS
@@ -70,7 +68,7 @@ def verify(
         UnverifiableError: if it holds no whole journal, or nothing that it could prove.
     """
     with rpud_sim.bag.open(path) as bag:
-        journals = [summary for summary in bag.topics if summary.topic.type == TYPES["journal"]]
+        journals = [summary for summary in bag.topics if summary.topic.type == _JOURNAL]
         held = [summary for summary in journals if summary.message_count]
         if not held:
             raise UnverifiableError(
@@ -168,7 +166,7 @@ class _Proof:
         last = self._last_stamp() + _TAIL - rerun.origin
         while rerun.time < last:
             before = rerun.time
-            for item in rerun.go_on_to(min(before + NANOSECONDS, last)):
+            for item in rerun.advance_to(min(before + NANOSECONDS, last)):
                 yield item[1], item[2], stretch
             self._count(rerun.time - before, report)
 
@@ -212,9 +210,7 @@ class _Proof:
 def _codec(summary: TopicSummary) -> Codec:
     """The codec of a topic whose type is the one that is installed here."""
     topic = summary.topic
-    expected = (
-        TYPES[topic.name.rpartition("/")[2]] if topic.type != TYPES["journal"] else topic.type
-    )
+    expected = TOPICS[topic.name.rpartition("/")[2]].type if topic.type != _JOURNAL else topic.type
     if topic.type != expected:
         raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
     if topic.type_hash not in ("", find_type_hash(expected)):

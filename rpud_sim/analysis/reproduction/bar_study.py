@@ -7,7 +7,8 @@ import dataclasses
 from rpud_sim.analysis.elastic_bar import BarImpact, strike
 from rpud_sim.analysis.reproduction.headline import CONTACT_SPEED
 from rpud_sim.analysis.reproduction.work import Track, gather
-from rpud_sim.simulation import CONTACT_MODELS, Parameters, preset
+from rpud_sim.model.parameters import CONTACT_MODELS
+from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.contact import Contact, single_contact
 
 FREE_MASSES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)  # [kg]

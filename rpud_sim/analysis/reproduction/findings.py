@@ -16,7 +16,7 @@ from rpud_sim.analysis.reproduction.reproduction import (
     figure_12_implies,
 )
 from rpud_sim.analysis.reproduction.studies import CLAIMS, OUTPUTS
-from rpud_sim.simulation import CONTACT_MODELS
+from rpud_sim.model.parameters import CONTACT_MODELS
 
 SOURCES = ("section", "abstract", "conclusion")
 _SAID = ("Section IV", "abstract", "conclusion")

@@ -12,7 +12,8 @@ from rpud_sim.analysis.reproduction.headline import NUMBERS
 from rpud_sim.analysis.reproduction.plots import new_figure
 from rpud_sim.analysis.reproduction.readings import Fit
 from rpud_sim.analysis.reproduction.studies import OUTPUTS, Study
-from rpud_sim.simulation import QUANTITIES, preset
+from rpud_sim.model.parameters import QUANTITIES
+from rpud_sim.simulation import preset
 from rpud_sim.simulation.contact import contact_history, single_contact
 from rpud_sim.simulation.statistics import FIGURES
 

@@ -10,11 +10,8 @@ import dataclasses
 
 import numpy as np
 
-from rpud_sim.simulation import (
-    EVENT_ACTUATOR_IMPACT,
-    EngineError,
-    Parameters,
-)
+from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT
+from rpud_sim.simulation import EngineError, Parameters
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.sampling import NANOSECONDS, Times
 from rpud_sim.simulation.simulation import Simulation

@@ -13,7 +13,8 @@ import numpy as np
 
 from rpud_sim.analysis.sweep.errors import WorkerError
 from rpud_sim.analysis.sweep.specification import Specification
-from rpud_sim.simulation import EngineError, ParameterError, Parameters
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.simulation import EngineError, Parameters
 from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.versions import engine_versions

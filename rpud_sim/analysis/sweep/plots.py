@@ -18,7 +18,7 @@ from scipy import stats
 
 from rpud_sim.analysis.sweep.specification import Range, Specification, Values
 from rpud_sim.analysis.sweep.tables import error_name
-from rpud_sim.simulation import QUANTITIES
+from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation.statistics import FIGURES
 
 _MOST_CLASSES = 12

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.analysis.sweep.errors import SweepError
-from rpud_sim.simulation import NAMES, QUANTITIES, ParameterError, Parameters, Quantity, preset
-from rpud_sim.simulation.yaml_files import read_yaml
+from rpud_sim.foundation.quantities import ParameterError, Quantity
+from rpud_sim.foundation.yaml_files import read_yaml
+from rpud_sim.model.parameters import NAMES, QUANTITIES
+from rpud_sim.simulation import Parameters, preset
 
 DESIGNS = ("grid", "latin_hypercube", "sobol")
 SCALES = ("linear", "log")

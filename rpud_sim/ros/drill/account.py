@@ -8,10 +8,10 @@ from rclpy.node import Node
 
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacing import NANOSECONDS, NO_TIMING, Pacer
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import Report, report_to_diagnostics, report_to_status
 from rpud_sim.simulation.block import Block, join_blocks
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.fields import drill_fields
 from rpud_sim.simulation.simulation import Simulation

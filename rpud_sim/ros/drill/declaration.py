@@ -8,17 +8,9 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from rpud_sim.ros.drill.parameters import (
-    ALL_NAMES,
-    ALL_QUANTITIES,
-    CHANGEABLE,
-    CHOICES,
-    FLAGS,
-    TEXTS,
-    Settings,
-    check_settings,
-)
-from rpud_sim.simulation import ParameterError
+from rpud_sim.foundation.parameters import Declaration
+from rpud_sim.foundation.quantities import ParameterError, Quantity
+from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Settings, to_settings
 
 
 def declare_settings(node: Node) -> Settings:
@@ -31,24 +23,14 @@ def declare_settings(node: Node) -> Settings:
         ParameterError: if a value cannot be used.
     """
     values: dict[str, Any] = {"regime": _declare(node, "regime", "drilling")}
-    defaults = check_settings(values)
-    for name in ALL_NAMES:
+    defaults = to_settings(values).values()
+    for name in PARAMETERS:
         if name not in values:
-            values[name] = _declare(node, name, defaults.value(name))
-    settings = check_settings(values)
-    for name, quantity in ALL_QUANTITIES.items():
-        _describe(
-            node,
-            name,
-            float(values[name]),
-            f"{quantity.description} [{quantity.unit or '1'}]",
-            f"in {quantity.range}",
-            FloatingPointRange(from_value=quantity.minimum, to_value=quantity.maximum),
-        )
-    for name, (description, choices) in CHOICES.items():
-        _describe(node, name, values[name], description, f"one of {', '.join(choices)}")
-    for name, description in {**FLAGS, **TEXTS}.items():
-        _describe(node, name, values[name], description)
+            values[name] = _declare(node, name, defaults[name])
+    settings = to_settings(values)
+    checked = settings.values()
+    for declaration in PARAMETERS.values():
+        _describe(node, declaration, checked[declaration.name])
     return settings
 
 
@@ -73,25 +55,22 @@ def _declare(node: Node, name: str, default: Any) -> Any:
     return node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
 
 
-def _describe(
-    node: Node,
-    name: str,
-    value: Any,
-    description: str,
-    constraints: str = "",
-    allowed: FloatingPointRange | None = None,
-) -> None:
+def _describe(node: Node, declaration: Declaration, value: Any) -> None:
     """Give a declared parameter its checked value and its final descriptor."""
-    parameter = Parameter(name, value=value)
-    node.set_parameters([parameter])
-    node.set_descriptor(
-        name,
-        ParameterDescriptor(
-            name=name,
-            type=parameter.type_.value,
-            description=description,
-            additional_constraints=constraints,
-            read_only=name not in CHANGEABLE,
-            floating_point_range=[allowed] if allowed else [],
-        ),
+    allowed = declaration.allowed
+    descriptor = ParameterDescriptor(
+        name=declaration.name,
+        description=allowed.description,
+        additional_constraints=allowed.range,
+        read_only=not declaration.changeable,
     )
+    if isinstance(allowed, Quantity):
+        value = float(value)
+        descriptor.description += f" [{allowed.unit or '1'}]"
+        descriptor.additional_constraints = f"in {allowed.range}"
+        limits = FloatingPointRange(from_value=allowed.minimum, to_value=allowed.maximum)
+        descriptor.floating_point_range = [limits]
+    parameter = Parameter(declaration.name, value=value)
+    descriptor.type = parameter.type_.value
+    node.set_parameters([parameter])
+    node.set_descriptor(declaration.name, descriptor)

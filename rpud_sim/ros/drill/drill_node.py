@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
 from rpud_sim.ros.drill.drilling import Drilling
@@ -26,14 +27,13 @@ from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.managed_node import ManagedNode, told
 from rpud_sim.ros.drill.pacing import NANOSECONDS
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.stopping import StopRequest
-from rpud_sim.simulation import ParameterError
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
 
@@ -59,7 +59,7 @@ class DrillNode(ManagedNode):
     ``simulation/reset`` (rpud_msgs), those of a managed node, and where it is installed those of
     ``simulation_interfaces``.
 
-    Parameters: those of ``rpud_sim.ros.drill.parameters.ALL_NAMES``; ``CHANGEABLE`` says which of
+    Parameters: those of ``rpud_sim.ros.drill.parameters.PARAMETERS``; ``CHANGEABLE`` says which of
     them may be set while it runs.
 
     Drive and weight on bit are zero unless it is active. Simulation time begins when it is first

@@ -13,12 +13,12 @@ from rclpy.node import Node
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacing import Pacer
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.scheduling import schedule_thread
 from rpud_sim.ros.drill.time_source import TimeSource
 from rpud_sim.ros.requests import Requests
 from rpud_sim.simulation.block import boundaries_until, boundary
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.ensemble import initial_phases
 from rpud_sim.simulation.journal import Journal

@@ -11,11 +11,11 @@ from rclpy.parameter import Parameter
 from rpud_msgs.srv import ClearFault, InjectFault, ListFaults
 from std_srvs.srv import SetBool
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.messages import message_to_fault, record_to_fault
 from rpud_sim.ros.drill.pacing import NANOSECONDS
 from rpud_sim.ros.requests import StoppedError
-from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.faults import FaultError
 from rpud_sim.simulation.simulation import Simulation

@@ -10,13 +10,13 @@ from rclpy.node import Node
 from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacing import NANOSECONDS
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import COMMAND_QOS
-from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.actuator import check_drive
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Settings
 
 
 class Gate:

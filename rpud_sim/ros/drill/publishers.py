@@ -27,10 +27,10 @@ from rpud_msgs.msg import (
 from sensor_msgs.msg import JointState
 
 from rpud_sim.bag.encoder import Encoder
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.types import members_of
 from rpud_sim.simulation import fields, journal
 from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.ledger import Faults as FaultLedger
 from rpud_sim.simulation.telemetry import Telemetry

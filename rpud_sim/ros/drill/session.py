@@ -15,12 +15,12 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.arguments import MAX_LOSS
 from rpud_sim.ros.drill.drill_node import DrillNode, spin
-from rpud_sim.ros.drill.parameters import check_settings
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.stopping import StopRequest
-from rpud_sim.simulation import ParameterError
+from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import Figures
 
 _READY = 15.0  # that the recorder may take to be ready [s]
@@ -118,7 +118,7 @@ def drill(
         max_loss: that a crash of the recorder may cost at most [s].
     """
     try:
-        check_settings(dict(values))
+        to_settings(dict(values))
         validate_namespace(f"/{namespace.removeprefix('/')}")
     except ParameterError as error:
         print(f"rpud run: {error}", file=sys.stderr)

@@ -18,6 +18,7 @@ from sample_bags import (
     serialized,
     write_bag,
     write_everything,
+    write_offline_bag,
 )
 
 import rpud_sim.bag
@@ -29,7 +30,6 @@ from rpud_sim.bag import BagError, BagWriter, Topic
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest
-from rpud_sim.cli.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import read_scenario
 from rpud_sim.simulation.simulation import Simulation

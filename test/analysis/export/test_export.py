@@ -10,7 +10,15 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from sample_bags import SECOND, START, STRING_DEFINITION, TALK, write_bag, write_everything
+from sample_bags import (
+    SECOND,
+    START,
+    STRING_DEFINITION,
+    TALK,
+    write_bag,
+    write_everything,
+    write_offline_bag,
+)
 
 import rpud_sim.bag
 from bench.long_bag import long_waveform
@@ -19,7 +27,6 @@ from rpud_sim.bag import BagError, BagWriter, Topic
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
-from rpud_sim.cli.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 
 

@@ -5,13 +5,13 @@ import struct
 
 import pytest
 from altered_bags import altered, unchanged
+from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.analysis.proof.entries import UnverifiableError
 from rpud_sim.analysis.proof.verification import PROVED, verify
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.cli.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import parse_scenario
 

@@ -16,7 +16,8 @@ from rpud_sim.analysis.sweep.specification import (
     parse_specification,
     read_specification,
 )
-from rpud_sim.simulation import CONTACT_MODELS, QUANTITIES, REGIMES, preset
+from rpud_sim.model.parameters import CONTACT_MODELS, QUANTITIES, REGIMES
+from rpud_sim.simulation import preset
 
 GRID = {
     "design": "grid",

@@ -7,10 +7,10 @@ from rclpy.parameter import Parameter
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacing import Pacer
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics

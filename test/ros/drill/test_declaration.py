@@ -7,11 +7,18 @@ import rclpy
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
-from rpud_sim.ros.drill.parameters import ALL_NAMES, ALL_QUANTITIES, CHANGEABLE, CHOICES, Settings
-from rpud_sim.simulation import ParameterError, preset
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import (
+    ALL_QUANTITIES,
+    CHANGEABLE,
+    CHOICES,
+    PARAMETERS,
+    Settings,
+)
 
-READ_ONLY = sorted(set(ALL_NAMES) - set(CHANGEABLE))
+READ_ONLY = sorted(set(PARAMETERS) - set(CHANGEABLE))
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +47,7 @@ def described(context):
     """Give the descriptors of all parameters, by name."""
     drill = rclpy.create_node("described_node")
     declare_settings(drill)
-    yield dict(zip(ALL_NAMES, drill.describe_parameters(list(ALL_NAMES)), strict=True))
+    yield dict(zip(PARAMETERS, drill.describe_parameters(list(PARAMETERS)), strict=True))
     drill.destroy_node()
 
 
@@ -60,7 +67,7 @@ def test_every_parameter_is_declared_with_its_value(node):
     drill = node()
     settings = declare_settings(drill)
     assert settings == Settings()
-    for name in ALL_NAMES:
+    for name in PARAMETERS:
         assert drill.get_parameter(name).value == settings.value(name), name
 
 

@@ -13,8 +13,8 @@ from std_msgs.msg import Header
 
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Settings
 
 SECOND = 1_000_000_000
 NOW = 1000 * SECOND

@@ -25,10 +25,11 @@ from sensor_msgs.msg import JointState
 from trajectories import arrays_of, rebuild
 
 from rpud_sim.bag.encoder import Encoder
+from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.ros.drill import messages
 from rpud_sim.ros.drill.messages import filled
 from rpud_sim.ros.types import members_of
-from rpud_sim.simulation import CONSTANTS, SEGMENT, fields, preset
+from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration

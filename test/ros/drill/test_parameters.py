@@ -7,19 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.ros.drill.parameters import (
-    ALL_NAMES,
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.simulation import Parameters, preset
+from rpud_sim.simulation.actuator import ActuatorParameters
+from rpud_sim.simulation.configuration import (
     ALL_QUANTITIES,
     CHANGEABLE,
     CHOICES,
     FLAGS,
+    PARAMETERS,
     TEXTS,
+    Configuration,
     Settings,
-    check_settings,
+    to_settings,
 )
-from rpud_sim.simulation import ParameterError, Parameters, preset
-from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.rock import RockParameters
 
 
@@ -31,9 +32,9 @@ def scenario(tmp_path):
 
 
 def test_without_values_it_drills_with_the_paper_s():
-    assert check_settings({}) == Settings()
+    assert to_settings({}) == Settings()
     assert Settings().configuration == Configuration()
-    assert check_settings({"regime": "free"}).configuration.parameters == preset("free")
+    assert to_settings({"regime": "free"}).configuration.parameters == preset("free")
 
 
 def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
@@ -56,7 +57,7 @@ def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
         "scenario": str(scenario),
         "seed": 5.0,
     }
-    settings = check_settings(given_values)
+    settings = to_settings(given_values)
     assert settings == Settings(
         Configuration(
             Parameters(weight_on_bit=20.0),
@@ -122,37 +123,37 @@ def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
 )
 def test_what_cannot_be_used_is_named(values, complaint):
     with pytest.raises(ParameterError) as caught:
-        check_settings(values)
+        to_settings(values)
     assert str(caught.value).startswith(complaint)
     assert "\n" not in str(caught.value)
 
 
 def test_a_block_may_be_one_period_long():
-    settings = check_settings({"block_duration": 0.01, "telemetry_rate": 100})
+    settings = to_settings({"block_duration": 0.01, "telemetry_rate": 100})
     assert settings.block_duration == 0.01
-    assert check_settings({"block_duration": 0.001, "telemetry_rate": 1000}).telemetry_rate == 1000
+    assert to_settings({"block_duration": 0.001, "telemetry_rate": 1000}).telemetry_rate == 1000
 
 
 def test_time_may_go_as_fast_as_possible_or_slowly():
-    assert check_settings({"real_time_factor": 0}).real_time_factor == 0.0
-    assert check_settings({"real_time_factor": 0.01}).real_time_factor == 0.01
+    assert to_settings({"real_time_factor": 0}).real_time_factor == 0.0
+    assert to_settings({"real_time_factor": 0.01}).real_time_factor == 0.01
 
 
 def test_settings_do_not_change():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        check_settings({}).telemetry_rate = 5
+        to_settings({}).telemetry_rate = 5
 
 
 def test_every_parameter_is_described_once():
     described = [*ALL_QUANTITIES, *CHOICES, *FLAGS, *TEXTS]
-    assert sorted(described) == sorted(ALL_NAMES)
-    assert set(CHANGEABLE) < set(ALL_NAMES)
+    assert sorted(described) == sorted(PARAMETERS)
+    assert set(CHANGEABLE) < set(PARAMETERS)
 
 
 def test_a_change_keeps_everything_else():
-    settings = check_settings({"regime": "free", "weight_on_bit": 7.0, "seed": 3})
+    settings = to_settings({"regime": "free", "weight_on_bit": 7.0, "seed": 3})
     changed = settings.replace({"regime": "drilling", "gravity": 1.62})
-    for name in ALL_NAMES:
+    for name in PARAMETERS:
         expected = {"regime": "drilling", "gravity": 1.62}.get(name, settings.value(name))
         assert changed.value(name) == expected, name
 
@@ -184,11 +185,11 @@ def test_any_change_gives_settings_or_is_refused_in_one_line(changes):
 
 
 def test_a_scenario_is_drawn_with_the_seed_that_is_given_and_otherwise_with_its_own(scenario):
-    own = check_settings({"scenario": str(scenario)})
+    own = to_settings({"scenario": str(scenario)})
     assert own.read_scenario().seed == 7
     assert own.read_scenario(0) == own.read_scenario()
     assert own.read_scenario(9).seed == 9
-    seeded = check_settings({"scenario": str(scenario), "seed": 4})
+    seeded = to_settings({"scenario": str(scenario), "seed": 4})
     assert seeded.read_scenario().seed == 4
     assert seeded.read_scenario(9) == own.read_scenario(9) != own.read_scenario()
     assert Settings().read_scenario() is None

@@ -9,9 +9,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_msgs.msg import ContactForce, Faults, NodalPlane, ReactingForce, Trajectory
 
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import CONTACT_FORCE_QOS, TELEMETRY_QOS, TOPICS, DrillPublishers
 from rpud_sim.simulation import Parameters
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.simulation import Simulation
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from rpud_sim.model.parameters import ParameterError
+from rpud_sim.foundation.quantities import ParameterError
 
 # Written by hand; whatever is longer is something else, and would take seconds to read.
 MOST_BYTES = 100_000

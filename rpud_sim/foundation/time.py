@@ -1,0 +1,15 @@
+"""Time as integer nanoseconds, and its conversions."""
+
+from __future__ import annotations
+
+SECOND = 1_000_000_000  # ns
+
+
+def split_seconds(nanoseconds: int) -> tuple[int, int]:
+    """Return whole seconds and the nanoseconds that remain, 0 to 999,999,999."""
+    return divmod(nanoseconds, SECOND)
+
+
+def join_seconds(seconds: int, nanoseconds: int) -> int:
+    """Return whole seconds and nanoseconds as nanoseconds; the inverse of ``split_seconds``."""
+    return seconds * SECOND + nanoseconds
