@@ -7,19 +7,17 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from typing import Any, TypeVar
+from typing import Any
 
-Result = TypeVar("Result")
-
-_LOOK = 0.5  # how often one who waits looks whether there is anything to wait for [s]
+_POLL_PERIOD = 0.5  # between checks that the thread is still alive [s]
 
 
 class StoppedError(RuntimeError):
-    """What was asked for cannot be done any more: the drilling has ended."""
+    """A request that comes too late: the drilling has ended."""
 
 
 class Requests:
-    """Actions that wait for the thread that does them.
+    """Queue of actions for the thread that does them.
 
     Args:
         notify: called when one more waits.
@@ -30,31 +28,19 @@ class Requests:
         self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._closed = threading.Event()
 
-    def do(self, action: Callable[[], Result]) -> Result:
+    def do(self, action: Callable[[], Any]) -> Any:
         """Have an action done; return what it returns, raise what it raises.
 
+        Of an action that returns a Future it is the Future's result.
+
         Raises:
             StoppedError: if the thread has ended.
         """
-        future: Future[Result] = Future()
-        self._waiting.append((action, future))
+        done: Future[Any] = Future()
+        self._waiting.append((action, done))
         self._notify()
-        return self.wait(future)
-
-    def wait(self, future: Future[Result]) -> Result:
-        """Wait for what the thread will do.
-
-        Raises:
-            StoppedError: if the thread has ended.
-        """
-        while True:
-            try:
-                return future.result(_LOOK)
-            except FutureTimeoutError:
-                if future.done():  # just now, or with a timeout of its own
-                    return future.result()
-                if self._closed.is_set():
-                    raise StoppedError("the drill has stopped") from None
+        result = self._wait(done)
+        return self._wait(result) if isinstance(result, Future) else result
 
     def serve(self) -> None:
         """Do what waits, in the thread that does it."""
@@ -62,7 +48,7 @@ class Requests:
             action, future = self._waiting.popleft()
             try:
                 future.set_result(action())
-            except Exception as error:  # it belongs to whoever asked
+            except Exception as error:  # it belongs to the thread that asked
                 future.set_exception(error)
 
     def close(self) -> None:
@@ -70,3 +56,13 @@ class Requests:
         self._closed.set()
         while self._waiting:
             self._waiting.popleft()[1].set_exception(StoppedError("the drill has stopped"))
+
+    def _wait(self, future: Future[Any]) -> Any:
+        while True:
+            try:
+                return future.result(_POLL_PERIOD)
+            except FutureTimeoutError:
+                if future.done():  # just now, or with a timeout of its own
+                    return future.result()
+                if self._closed.is_set():
+                    raise StoppedError("the drill has stopped") from None

@@ -1,4 +1,4 @@
-"""The account of a drilling: statistics of intervals and of all, and the reports of them."""
+"""Account of a drilling: statistics of intervals and of all, and the reports of them."""
 
 from __future__ import annotations
 
@@ -6,19 +6,18 @@ import time
 
 from rclpy.node import Node
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.pacing import NANOSECONDS, NO_TIMING, Pacer
+from rpud_sim.ros.drill.pacer import NO_TIMING, Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
-from rpud_sim.ros.drill.report import Report, report_to_diagnostics, report_to_status
+from rpud_sim.ros.drill.report import Report, report_to_diagnostics
 from rpud_sim.simulation.block import Block, join_blocks
-from rpud_sim.simulation.configuration import Settings
-from rpud_sim.simulation.control import Control
-from rpud_sim.simulation.fields import drill_fields
-from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Statistics
 
 REPORT_PERIOD = 1.0  # of status and diagnostics [s]
-_TOGETHER = 20  # blocks that are counted at once: one by one would take most of the time anew
+_BATCH_SIZE = 20  # blocks that are counted at once: one by one would take most of the time
 _COMMAND_TOPICS = ("command/weight_on_bit", "command/drive")
 
 
@@ -30,18 +29,18 @@ class Account:
 
     Args:
         node: for its name, its clock and the graph.
-        settings: of the node.
-        outputs: to publish with.
+        telemetry_rate: of the node [Hz].
+        publishers: to publish with.
         inbox: of commands.
     """
 
     def __init__(
-        self, node: Node, settings: Settings, outputs: DrillPublishers, inbox: Inbox
+        self, node: Node, telemetry_rate: int, publishers: DrillPublishers, inbox: Inbox
     ) -> None:
         self.scheduling = "time-sharing"
         self._node = node
-        self._telemetry_rate = settings.telemetry_rate
-        self._outputs = outputs
+        self._telemetry_rate = telemetry_rate
+        self._publishers = publishers
         self._inbox = inbox
         self._command_topics = [node.resolve_topic_name(topic) for topic in _COMMAND_TOPICS]
         self._last: Report | None = None
@@ -63,7 +62,7 @@ class Account:
         return totals
 
     def begin(self) -> None:
-        """Begin anew."""
+        """Count from zero."""
         self._blocks.clear()
         self._totals = Statistics()
         self._interval = Statistics()
@@ -73,7 +72,7 @@ class Account:
     def add(self, block: Block) -> None:
         """Add a block."""
         self._blocks.append(block)
-        if len(self._blocks) >= _TOGETHER:
+        if len(self._blocks) >= _BATCH_SIZE:
             self._count()
 
     def due(self) -> bool:
@@ -82,21 +81,20 @@ class Account:
 
     def refused_more(self) -> bool:
         """Whether commands were refused since the last report."""
-        return self._last is not None and self._inbox.rejected != self._last.commands_rejected
+        return self._last is not None and (
+            self._inbox.rejected != self._last.bookkeeping.commands_rejected
+        )
 
     def finish(self) -> None:
         """Make the next report a full one."""
         self._due = 0
 
-    def report(
-        self, state: str, simulation: Simulation, control: Control, pacer: Pacer | None = None
-    ) -> None:
+    def report(self, state: str, run: Run, pacer: Pacer | None = None) -> None:
         """Publish status and diagnostics.
 
         Args:
             state: one of the STATE constants of ``rpud_msgs/Status``.
-            simulation: that runs.
-            control: of its commands.
+            run: to report of.
             pacer: None before the start.
         """
         now = time.monotonic_ns()
@@ -106,28 +104,33 @@ class Account:
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()
-            self._due = now + round(REPORT_PERIOD * NANOSECONDS)
+            self._due = now + round(REPORT_PERIOD * SECOND)
         else:
             timing, figures = self._last.timing, self._last.figures
-        self._last = Report(
-            state=state,
-            time=simulation.time,
-            regime=simulation.parameters.regime,
-            applied=simulation.applied,
+        bookkeeping = Bookkeeping(
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
+            commands_lost=run.control.commands_lost,
+            commanders=max(map(self._node.count_publishers, self._command_topics)),
+            deadlines_missed=timing.deadlines_missed,
+            messages_dropped=self._publishers.dropped,
+            real_time_factor=timing.real_time_factor,
+            lateness_max=timing.lateness_max,
+            lag=timing.lag,
+        )
+        status = run.status(state, bookkeeping)
+        self._last = Report(
+            time=run.time,
+            status=status[2],
+            bookkeeping=bookkeeping,
             requests_refused=self._inbox.requests_refused,
             last_refusal=self._inbox.last_refusal,
-            commands_lost=control.commands_lost,
-            commanders=max(map(self._node.count_publishers, self._command_topics)),
-            messages_dropped=self._outputs.dropped,
-            **drill_fields(simulation),
             scheduling=self.scheduling,
             timing=timing,
             figures=figures,
         )
-        self._outputs.publish_status(report_to_status(self._last, self._outputs.origin))
-        self._outputs.publish_diagnostics(
+        self._publishers.publish([status])
+        self._publishers.publish_diagnostics(
             report_to_diagnostics(
                 self._last,
                 self._node.get_fully_qualified_name(),

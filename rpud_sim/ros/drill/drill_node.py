@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
 from rpud_sim.ros.drill.drilling import Drilling
@@ -26,7 +27,7 @@ from rpud_sim.ros.drill.fault_services import FaultServices
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.managed_node import ManagedNode, told
-from rpud_sim.ros.drill.pacing import NANOSECONDS
+from rpud_sim.ros.drill.pacing_thread import PacingThread
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
@@ -59,8 +60,8 @@ class DrillNode(ManagedNode):
     ``simulation/reset`` (rpud_msgs), those of a managed node, and where it is installed those of
     ``simulation_interfaces``.
 
-    Parameters: those of ``rpud_sim.ros.drill.parameters.PARAMETERS``; ``CHANGEABLE`` says which of
-    them may be set while it runs.
+    Parameters: those of ``rpud_sim.simulation.configuration.PARAMETERS``; ``CHANGEABLE`` says which
+    of them may be set while it runs.
 
     Drive and weight on bit are zero unless it is active. Simulation time begins when it is first
     activated, and ends when it is cleaned up.
@@ -76,19 +77,17 @@ class DrillNode(ManagedNode):
     def __init__(self, duration: float | None = None, **options: Any) -> None:
         super().__init__("drill_node", **options)
         self._settings = declare_settings(self)
-        self._end = sys.maxsize if duration is None else round(duration * NANOSECONDS)
+        self._end = sys.maxsize if duration is None else round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
         self._outputs: DrillPublishers | None = None
-        self._drilling: Drilling | None = None
+        self._pacing: PacingThread | None = None
         self._started = False
         self._quit = False
         self._gate = Gate(self, self._settings, self._inbox, self._now)
-        self._simulation_services = SimulationServices(
-            self, lambda: self.drilling, self._origin, self.refuse_request, self._ask_to_quit
-        )
+        self._simulation_services = SimulationServices(self, self)
         if standard_services.INSTALLED:
             StandardServices(self, self._simulation_services, self._settings.telemetry_rate)
-        FaultServices(self, lambda: self.drilling, self._origin, self.refuse_request)
+        FaultServices(self, self)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
 
@@ -99,34 +98,47 @@ class DrillNode(ManagedNode):
 
     @property
     def drilling(self) -> Drilling | None:
-        """What it does since it was first activated, None before."""
-        return self._drilling if self._started else None
+        """What it does since it was first activated, None before; to be read."""
+        return self._pacing.drilling if self._pacing and self._started else None
 
     @property
     def report(self) -> Report | None:
         """The latest report, None before the first."""
-        return self._drilling.account.last if self._drilling else None
+        return self._pacing.drilling.account.last if self._pacing else None
 
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
-        return self._drilling.account.totals if self._drilling else Statistics()
+        return self._pacing.drilling.account.totals if self._pacing else Statistics()
 
     @property
     def finished(self) -> bool:
         """Whether there is nothing left to do."""
-        drilling = self.drilling
-        return self._quit or (drilling is not None and drilling.finished)
+        return self._quit or (self._pacing is not None and self._started and self._pacing.finished)
 
     @property
     def failure(self) -> BaseException | None:
         """What ended the drilling before it was asked to stop, if anything did."""
-        return self._drilling.failure if self._drilling else None
+        return self._pacing.failure if self._pacing else None
 
     @property
     def unheard(self) -> list[str]:
-        """Topics of its namespace that it publishes and nobody listens to."""
+        """Topics of its namespace that have no subscriber."""
         return self._outputs.unheard if self._outputs else []
+
+    def request(self, action: Callable[[Drilling], Any]) -> Any:
+        """Have something done between two blocks; return what it returns, raise what it raises.
+
+        Raises:
+            StoppedError: if the node has not been activated, or the drilling has ended.
+        """
+        if self._pacing is None or not self._started:
+            raise StoppedError("the node has not been activated")
+        return self._pacing.request(action)
+
+    def quit(self) -> None:
+        """End the node."""
+        self._quit = True
 
     def prepare(self) -> None:
         """Configure, if it shall do so by itself and has not yet: then its topics are there.
@@ -149,18 +161,17 @@ class DrillNode(ManagedNode):
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and let listeners have the last messages."""
-        if self._drilling is not None and self._outputs is not None:
-            self._drilling.stop()
-            self._outputs.wait_for_listeners(_ACKNOWLEDGEMENT)
+        if self._pacing is not None and self._outputs is not None:
+            self._pacing.stop()
+            self._outputs.wait_for_subscribers(_ACKNOWLEDGEMENT)
 
     @told
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare everything; nothing moves yet."""
         settings = self._settings
         compile_kernels(settings.configuration.parameters, self.get_logger().info)
-        self._outputs = DrillPublishers(self, settings)
-        self._drilling = Drilling(self, settings, self._outputs, self._inbox, self._end)
-        self._drilling.announce()
+        self._outputs = DrillPublishers(self, settings.publish_clock)
+        self._pacing = PacingThread(self, settings, self._outputs, self._inbox, self._end)
         # To look through all that lives by now, again and again, would make blocks late.
         gc.collect()
         gc.freeze()
@@ -169,13 +180,12 @@ class DrillNode(ManagedNode):
     @told
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let commands act; simulation time begins, if this is the first time."""
-        drilling = self._drilling
-        if drilling is None:
+        if self._pacing is None:
             return TransitionCallbackReturn.FAILURE
         if self._started:
-            drilling.request(lambda: drilling.activate(True))
+            self._pacing.request(lambda drilling: drilling.activate(True))
         else:
-            drilling.start()
+            self._pacing.start()
             self._started = True
         self._gate.open(True)
         return TransitionCallbackReturn.SUCCESS
@@ -184,9 +194,8 @@ class DrillNode(ManagedNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make drive and weight on bit zero; the drill goes on without them."""
         self._gate.open(False)
-        drilling = self._drilling
-        if drilling is not None:
-            drilling.request(lambda: drilling.activate(False))
+        if self._pacing is not None:
+            self._pacing.request(lambda drilling: drilling.activate(False))
         return TransitionCallbackReturn.SUCCESS
 
     @told
@@ -195,11 +204,11 @@ class DrillNode(ManagedNode):
         self._gate.open(False)
         self._started = False  # or the end of the drilling would be the end of the process
         self.stop()
-        if self._drilling is not None:
-            self._drilling.close()
+        if self._pacing is not None:
+            self._pacing.close()
         if self._outputs is not None:
             self._outputs.destroy()
-        self._drilling = self._outputs = None
+        self._pacing = self._outputs = None
         gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 
@@ -223,20 +232,15 @@ class DrillNode(ManagedNode):
         """Count a request that is refused, and log why."""
         self._inbox.refuse_request(reason)
 
-    def _ask_to_quit(self) -> None:
-        self._quit = True
-
-    def _origin(self) -> int:
-        return self._outputs.origin if self._outputs else 0
-
     def _now(self) -> int:
         """The stamp that a command has if it is given now [ns]."""
-        if self._settings.publish_clock and self._drilling is not None:
-            return self._origin() + self._drilling.simulation.time
+        if self._settings.publish_clock and self._pacing is not None:
+            run = self._pacing.drilling.run
+            return run.origin + run.time
         return int(self.get_clock().now().nanoseconds)
 
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
-        if self._drilling is not None and any(change.name == "use_sim_time" for change in changes):
+        if self._pacing is not None and any(change.name == "use_sim_time" for change in changes):
             reason = "use_sim_time is read-only until the drill is cleaned up"
             return SetParametersResult(successful=False, reason=reason)
         return check_changes(self._settings, changes)
@@ -246,10 +250,8 @@ class DrillNode(ManagedNode):
         if not values:
             return
         settings = self._settings = self._gate.settings = self._settings.replace(values)
-        drilling = self.drilling
-        if drilling is not None:
-            with contextlib.suppress(StoppedError):  # there is nothing left to change
-                drilling.request(lambda: drilling.configure(settings))
+        with contextlib.suppress(StoppedError):  # nothing runs: the next beginning has them
+            self.request(lambda drilling: drilling.configure(settings))
 
 
 def main() -> None:

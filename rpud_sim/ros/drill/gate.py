@@ -11,8 +11,8 @@ from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.pacing import NANOSECONDS
 from rpud_sim.ros.drill.publishers import COMMAND_QOS
 from rpud_sim.simulation.actuator import check_drive
 from rpud_sim.simulation.commands import Drive, WeightOnBit
@@ -73,11 +73,11 @@ class Gate:
         if not self._open.is_set():
             raise ParameterError(f"{name}: the drill is not active")
         timeout = self.settings.command_timeout
-        given = stamp.sec * NANOSECONDS + stamp.nanosec
+        given = join_seconds(stamp.sec, stamp.nanosec)
         # A stamp of zero is none.
         if not (timeout and given):
             return
-        age = (self._now() - given) / NANOSECONDS
+        age = (self._now() - given) / SECOND
         if not -timeout <= age <= timeout:
             what = f"{age:.3f} s old" if age > 0 else f"{-age:.3f} s ahead of the drill's time"
             raise ParameterError(f"{name} is stale: its stamp is {what}; allowed is {timeout:g} s")

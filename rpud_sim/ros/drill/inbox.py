@@ -84,7 +84,7 @@ class Inbox:
         elif self._logged == _LOGGED_PER_SECOND + 1:
             self._logger.warning("more is refused in this second, and counted")
 
-    def take(self) -> list[WeightOnBit | Drive]:
+    def drain(self) -> list[WeightOnBit | Drive]:
         """Return the commands that wait, in order; from now on they count as accepted."""
         commands = []
         while self._waiting:

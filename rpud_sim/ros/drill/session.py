@@ -222,10 +222,11 @@ def summary_text(figures: Figures, report: Report | None) -> str:
     text = f"drilled {figures['duration']:.2f} s: {_figures_text(figures)}"
     if report is None:
         return text
+    counts = report.bookkeeping
     return (
-        f"{text}\n{report.impacts} impacts, {report.timing.deadlines_missed} deadlines missed, "
-        f"{report.commands_accepted} commands accepted, {report.commands_rejected} refused, "
-        f"{report.messages_dropped} messages dropped"
+        f"{text}\n{report.status['impacts']} impacts, {counts.deadlines_missed} deadlines missed, "
+        f"{counts.commands_accepted} commands accepted, {counts.commands_rejected} refused, "
+        f"{counts.messages_dropped} messages dropped"
     )
 
 

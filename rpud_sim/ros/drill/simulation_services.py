@@ -16,9 +16,10 @@ from rpud_msgs.srv import (
     StepSimulation,
 )
 
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.drilling import Drilling, InterruptedStepError
+from rpud_sim.ros.drill.host import DrillHost
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
-from rpud_sim.ros.drill.pacing import NANOSECONDS
 from rpud_sim.ros.requests import StoppedError
 
 STOPPED = SimulationState.STATE_STOPPED
@@ -44,24 +45,11 @@ class SimulationServices:
 
     Args:
         node: that owns them.
-        drilling: gives what is controlled, None while there is none.
-        origin: gives the stamp of simulation time zero [ns].
-        refused: told the reason of each refusal.
-        quit_node: ends the node.
+        host: whose drill they control.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        drilling: Callable[[], Drilling | None],
-        origin: Callable[[], int],
-        refused: Callable[[str], None],
-        quit_node: Callable[[], None],
-    ) -> None:
-        self._drilling = drilling
-        self._origin = origin
-        self._refused = refused
-        self._quit = quit_node
+    def __init__(self, node: Node, host: DrillHost) -> None:
+        self._host = host
         # A step takes its time: meanwhile the others must be answered.
         self.stepping = MutuallyExclusiveCallbackGroup()
         for kind, name, handler, group in (
@@ -75,12 +63,12 @@ class SimulationServices:
 
     def controls_time(self) -> bool:
         """Whether the time can be paused and stepped, and is not that of another's ``/clock``."""
-        drilling = self._drilling()
+        drilling = self._host.drilling
         return drilling is None or not drilling.follows_clock
 
     def get_state(self, request: Any, response: Any) -> Any:
         """Answer which state it is in."""
-        drilling = self._drilling()
+        drilling = self._host.drilling
         response.state.state = STOPPED if drilling is None else _state_of(drilling)
         response.result.result = Result.RESULT_OK
         return response
@@ -107,12 +95,12 @@ class SimulationServices:
                 Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: reset its source"
             )
 
-        def act() -> None:
+        def act(drilling: Drilling) -> None:
             if bits & whole.SCOPE_SPAWNED and not state:
                 drilling.act_on_faults(lambda simulation: simulation.clear_all())
             drilling.reset(time=time, state=state, seed=seed)
 
-        drilling.request(act)
+        self._host.request(act)
 
     def step_until(self, until_of: Callable[[Drilling], int]) -> int:
         """Step to a simulation time [ns]; return the stamp that was reached.
@@ -130,7 +118,7 @@ class SimulationServices:
                 Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: step its source"
             )
 
-        def begin() -> Any:
+        def begin(drilling: Drilling) -> Any:
             for holds, state in (
                 (drilling.playing, "playing"),
                 (drilling.at_start, "stopped"),
@@ -139,16 +127,17 @@ class SimulationServices:
                 if holds:
                     raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
             until = until_of(drilling)
-            now = drilling.simulation.time
-            if not now < until <= now + LONGEST_STEP * NANOSECONDS:
-                ahead = (until - now) / NANOSECONDS
+            now = drilling.run.time
+            if not now < until <= now + LONGEST_STEP * SECOND:
+                ahead = (until - now) / SECOND
                 raise RefusedError(
                     Result.RESULT_OPERATION_FAILED,
                     f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s",
                 )
             return drilling.step(until)
 
-        return self._origin() + drilling.wait(drilling.request(begin))
+        reached = self._host.request(begin)
+        return drilling.run.origin + int(reached)
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
         """Fill the response with what comes of an action, and return it."""
@@ -159,29 +148,29 @@ class SimulationServices:
             response.result.result = refused.result
             response.result.error_message = str(refused)
             if refused.result != SetSimulationState.Response.ALREADY_IN_TARGET_STATE:
-                self._refused(str(refused))
+                self._host.refuse_request(str(refused))
         except InterruptedStepError as error:
             response.result.result = Result.RESULT_OPERATION_FAILED
             response.result.error_message = f"interrupted: {error}"
         except StoppedError as error:
             response.result.result = Result.RESULT_INCORRECT_STATE
             response.result.error_message = str(error)
-            self._refused(str(error))
+            self._host.refuse_request(str(error))
         except Exception as error:  # a client must hear of it, whatever it is
             response.result.result = Result.RESULT_OPERATION_FAILED
             response.result.error_message = str(error)
-            self._refused(str(error))
+            self._host.refuse_request(str(error))
         return response
 
     def _controlled(self) -> Drilling:
-        drilling = self._drilling()
+        drilling = self._host.drilling
         if drilling is None:
             raise RefusedError(Result.RESULT_INCORRECT_STATE, "the node has not been activated")
         return drilling
 
     def _set_state(self, state: int) -> None:
         if state == QUITTING:
-            self._quit()
+            self._host.quit()
             return
         if state not in (STOPPED, PLAYING, PAUSED):
             raise RefusedError(Result.RESULT_FEATURE_UNSUPPORTED, f"state {state} is unknown")
@@ -191,21 +180,21 @@ class SimulationServices:
                 Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: control its source"
             )
 
-        def act() -> None:
+        def act(drilling: Drilling) -> None:
             if _state_of(drilling) == state and not drilling.stepping:
                 already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
                 raise RefusedError(already, "it is in that state already")
             {STOPPED: drilling.halt, PLAYING: drilling.play, PAUSED: drilling.pause}[state]()
 
-        drilling.request(act)
+        self._host.request(act)
 
     def _on_step(
         self, request: StepSimulation.Request, response: StepSimulation.Response
     ) -> StepSimulation.Response:
-        length = request.duration.sec * NANOSECONDS + request.duration.nanosec
+        length = join_seconds(request.duration.sec, request.duration.nanosec)
 
         def act() -> None:
-            reached = self.step_until(lambda drilling: drilling.simulation.time + length)
+            reached = self.step_until(lambda drilling: drilling.run.time + length)
             response.time = nanoseconds_to_time(reached)
 
         return self.answer(response, act)
@@ -213,10 +202,10 @@ class SimulationServices:
     def _on_run_to(
         self, request: RunToTime.Request, response: RunToTime.Response
     ) -> RunToTime.Response:
-        stamp = request.time.sec * NANOSECONDS + request.time.nanosec
+        stamp = join_seconds(request.time.sec, request.time.nanosec)
 
         def act() -> None:
-            reached = self.step_until(lambda drilling: stamp - self._origin())
+            reached = self.step_until(lambda drilling: stamp - drilling.run.origin)
             response.time = nanoseconds_to_time(reached)
 
         return self.answer(response, act)

@@ -119,8 +119,6 @@ class StandardServices:
 
     def _step(self, steps: int) -> None:
         def until(drilling: Drilling) -> int:
-            return boundary(
-                boundaries_until(drilling.simulation.time, self._rate) + steps, self._rate
-            )
+            return boundary(boundaries_until(drilling.run.time, self._rate) + steps, self._rate)
 
         self._services.step_until(until)

@@ -6,7 +6,7 @@ from rclpy.parameter import Parameter
 
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.pacing import Pacer
+from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.commands import WeightOnBit

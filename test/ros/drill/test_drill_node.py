@@ -18,13 +18,13 @@ def node():
 
 def test_a_clean_up_is_no_end_of_the_process_however_long_its_listeners_take(node, monkeypatch):
     finished = []
-    wait = DrillPublishers.wait_for_listeners
+    wait = DrillPublishers.wait_for_subscribers
 
     def slowly(self, seconds):
         finished.append(node.finished)  # what the executor asks meanwhile
         wait(self, seconds)
 
-    monkeypatch.setattr(DrillPublishers, "wait_for_listeners", slowly)
+    monkeypatch.setattr(DrillPublishers, "wait_for_subscribers", slowly)
     node.start()
     node.trigger_deactivate()
     node.trigger_cleanup()

@@ -182,7 +182,7 @@ def test_patient_publishers_lose_nothing_that_a_slow_listener_wants(listener):
     while drill.simulation.impact_count < 1.5 * depth:  # as fast as it goes
         drill.go_on(50)
         blocks += 50
-    drill.outputs.wait_for_listeners(10.0)
+    drill.outputs.wait_for_subscribers(10.0)
     # It has not been asked for any of them until now.
     sent = len(Simulation(Parameters()).advance_to(blocks * 10 * MILLISECOND).impacts)
     assert sent > depth

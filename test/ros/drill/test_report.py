@@ -7,7 +7,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 
-from rpud_sim.ros.drill.pacing import Timing
+from rpud_sim.ros.drill.pacer import Timing
 from rpud_sim.ros.drill.report import Report, report_to_diagnostics, report_to_status
 from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
 

@@ -1,4 +1,4 @@
-"""Pacing: block by block against absolute deadlines, with every lateness counted."""
+"""Pacer: absolute deadlines of blocks, and how late each one was."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ import math
 import time
 from collections.abc import Callable
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.lateness import Lateness
-
-NANOSECONDS = 1_000_000_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +100,7 @@ class Pacer:
         if self._factor == 0.0:
             return 0.0
         self._begun = self._schedule()
-        return (self._due(time) - self._begun) / NANOSECONDS
+        return (self._due(time) - self._begun) / SECOND
 
     def finish(self, time: int) -> None:
         """Note that the block up to a simulation time [ns] is finished."""
@@ -111,7 +110,7 @@ class Pacer:
             return
         due = max(self._due(time), self._begun) if self._in_steps else self._due(time)
         late = self._schedule() - due
-        lateness = late / NANOSECONDS
+        lateness = late / SECOND
         self._lateness = lateness
         self._lateness_max = max(self._lateness_max, lateness)
         self._all.add(late)
@@ -125,7 +124,7 @@ class Pacer:
         behind = 0.0
         if self._running and self._factor:
             scheduled = (self._schedule() - self._start) * self._factor
-            behind = max(0.0, scheduled - (self._time - self._start_time)) / NANOSECONDS
+            behind = max(0.0, scheduled - (self._time - self._start_time)) / SECOND
         timing = Timing(
             blocks=self._blocks,
             deadlines_missed=self._missed,
