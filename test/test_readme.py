@@ -12,12 +12,8 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
-    ALL_QUANTITIES,
     CHANGEABLE,
-    CHOICES,
-    FLAGS,
     PARAMETERS,
-    TEXTS,
     Configuration,
     Settings,
 )
@@ -101,17 +97,10 @@ def test_the_tables_of_parameters_are_those_of_the_code():
         default = shown(name, drilling)
         if name != "regime" and shown(name, free) != default:
             default += f" (free: {shown(name, free)})"
-        if name in ALL_QUANTITIES:
-            allowed, meaning = ALL_QUANTITIES[name].range, ALL_QUANTITIES[name].description
-        elif name in CHOICES:
-            meaning, choices = CHOICES[name]
-            allowed = " or ".join(choices)
-        elif name in FLAGS:
-            allowed, meaning = "true or false", FLAGS[name]
-        else:
-            allowed, meaning = "a path", TEXTS[name]
+        allowed = PARAMETERS[name].allowed
+        meaning = allowed.description
         changes = "yes" if name in CHANGEABLE else ""
-        expected.append([name, default, allowed, changes, meaning])
+        expected.append([name, default, allowed.range, changes, meaning])
     text = (ROOT / "docs" / "parameters.md").read_text()
     found = [cells(line) for line in text.splitlines() if line.startswith("| `")]
     assert found == expected

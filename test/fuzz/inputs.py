@@ -16,11 +16,10 @@ from rpud_msgs.msg import Drive, Fault, Result, SimulationState, WeightOnBit
 
 from fuzz import hostile
 from fuzz.drill import Drill
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.ros.drill.declaration import declare_settings
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import (
-    ALL_QUANTITIES,
     CHANGEABLE,
     PARAMETERS,
     to_configuration,
@@ -29,6 +28,12 @@ from rpud_sim.simulation.configuration import (
 from rpud_sim.simulation.faults import KINDS
 from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 from rpud_sim.simulation.scenario import read_scenario
+
+NUMBERS = {
+    name: declaration.allowed
+    for name, declaration in PARAMETERS.items()
+    if isinstance(declaration.allowed, Quantity)
+}
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 SECOND = 1_000_000_000
@@ -110,8 +115,8 @@ def _set_parameter(random: random.Random) -> ParameterMessage:
     )
     known = random.choice((CHANGEABLE, (*PARAMETERS, *ROS_NAMES)))
     name = hostile.name(random, known)
-    if name in ALL_QUANTITIES and random.random() < 0.3:  # at the very end of its range
-        quantity = ALL_QUANTITIES[name]
+    if name in NUMBERS and random.random() < 0.3:  # at the very end of its range
+        quantity = NUMBERS[name]
         end = random.choice((quantity.minimum, quantity.maximum))
         value.type = ParameterType.PARAMETER_DOUBLE
         value.double_value = random.choice(

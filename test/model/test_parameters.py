@@ -71,7 +71,9 @@ def test_choices(name, value):
 
 
 def test_unknown_names_are_refused():
-    with pytest.raises(ParameterError, match=r"^mass is not a parameter; known are rpud_mass, "):
+    with pytest.raises(
+        ParameterError, match=r"^mass is not a parameter; did you mean free_mass\?$"
+    ):
         Parameters().replace(mass=1.0)
 
 

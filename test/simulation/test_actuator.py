@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rpud_sim.foundation.parameters import quantities
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation.actuator import (
-    ACTUATOR_QUANTITIES,
     HEATING_INTERVAL,
     NEVER,
     Actuator,
@@ -380,7 +380,7 @@ def test_a_drive_that_would_break_the_stack_is_refused_and_changes_nothing(param
     assert check_drive(Drive(False, 500.0, 0.0), AMPLITUDE, 10.0) == 0.0
 
 
-@pytest.mark.parametrize("name", ACTUATOR_QUANTITIES)
+@pytest.mark.parametrize("name", quantities(ActuatorParameters))
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1.0, "1", None, True])
 def test_a_parameter_outside_its_range_is_refused(name, value):
     with pytest.raises(ParameterError, match=f"^{name} = .* is outside its range"):
@@ -400,7 +400,7 @@ def test_a_choice_that_is_not_known_is_refused(name, value):
             name: st.sampled_from([max(quantity.minimum, 1e-3), quantity.maximum])
             if quantity.minimum >= 0.0
             else st.sampled_from([quantity.minimum, quantity.maximum])
-            for name, quantity in ACTUATOR_QUANTITIES.items()
+            for name, quantity in quantities(ActuatorParameters).items()
         }
     ),
     drives,

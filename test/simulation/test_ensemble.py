@@ -18,11 +18,12 @@ from rpud_sim.simulation.ensemble import (
     run_ensemble,
 )
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.rock import SANDSTONE
+from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
+SANDSTONE = RockParameters(rock_model="specific_energy")
 PARAMETERS = preset("drilling")
 
 

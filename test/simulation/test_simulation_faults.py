@@ -14,11 +14,12 @@ from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
-from rpud_sim.simulation.rock import SANDSTONE
+from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 
+SANDSTONE = RockParameters(rock_model="specific_energy")
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 END = 80 * MILLISECOND

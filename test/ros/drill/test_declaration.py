@@ -7,17 +7,20 @@ import rclpy
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter
 
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
-    ALL_QUANTITIES,
     CHANGEABLE,
-    CHOICES,
     PARAMETERS,
     Settings,
 )
 
+NUMBERS = {
+    name: declaration.allowed
+    for name, declaration in PARAMETERS.items()
+    if isinstance(declaration.allowed, Quantity)
+}
 READ_ONLY = sorted(set(PARAMETERS) - set(CHANGEABLE))
 
 
@@ -80,7 +83,7 @@ def test_every_parameter_says_what_it_is_and_whether_it_may_change(described):
 
 
 def test_every_number_has_its_unit_and_its_range(described):
-    for name, quantity in ALL_QUANTITIES.items():
+    for name, quantity in NUMBERS.items():
         descriptor = described[name]
         assert descriptor.type == ParameterType.PARAMETER_DOUBLE, name
         [allowed] = descriptor.floating_point_range
@@ -89,9 +92,9 @@ def test_every_number_has_its_unit_and_its_range(described):
         assert (allowed.from_value, allowed.to_value) == (quantity.minimum, quantity.maximum)
 
 
-def test_every_choice_names_its_choices(described):
-    for name, (_, choices) in CHOICES.items():
-        assert described[name].additional_constraints == f"one of {', '.join(choices)}"
+def test_every_other_parameter_names_what_is_allowed(described):
+    for name in PARAMETERS.keys() - NUMBERS.keys():
+        assert described[name].additional_constraints == PARAMETERS[name].allowed.range
 
 
 def test_the_regime_chooses_the_defaults_and_a_whole_number_is_a_number(node):

@@ -59,7 +59,9 @@ class Commander:
         """Give a command, and give back what was taken of it, or why it was refused."""
         taken, refused = [], len(self.inbox.reasons)
         self.publishers[type(message)].publish(message)
-        self.until(lambda: taken.extend(self.inbox.take()) or taken or self.inbox.reasons[refused:])
+        self.until(
+            lambda: taken.extend(self.inbox.drain()) or taken or self.inbox.reasons[refused:]
+        )
         return taken[0] if taken else self.inbox.reasons[-1]
 
     def close(self):

@@ -35,10 +35,11 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 from rpud_sim.simulation.ledger import Faults
-from rpud_sim.simulation.rock import SANDSTONE
+from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.simulation import Simulation
 
+SANDSTONE = RockParameters(rock_model="specific_energy")
 SECOND = 1_000_000_000
 ORIGIN = 1_795_251_166_866_606_964
 RATE = 50_000

@@ -5,8 +5,8 @@ import time
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rpud_sim.ros.drill.pacer import Pacer
 
+from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.simulation.block import boundary
 
 MILLISECOND = 1_000_000
