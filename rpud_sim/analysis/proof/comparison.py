@@ -194,7 +194,9 @@ class TopicComparison:
                 self._there(computed, recorded, expected)
         elif after == follower_key:
             self._there(computed, recorded, self._codec.encode(computed.fields))
-        elif follower_key == computed.key or not self._is_later(recorded, computed):
+        elif recorded.key != after and (
+            follower_key == computed.key or not self._is_later(recorded, computed)
+        ):
             self._unexpected(recorded)
         else:
             self._pass_over()
