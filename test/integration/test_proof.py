@@ -87,7 +87,7 @@ def use(client, recorder):
     assert client.inject("stuck", "reacting_force").success
     command(Drive(enabled=True, voltage=80.0, frequency=16050.0), "drive_frequency", 16050.0)
     client.step(0.1)
-    for engaged in (False, True):
+    for engaged in (False, True, False):  # the reset puts it into the rock again
         assert client.call(SetBool, "engage", SetBool.Request(data=engaged)).success
         client.step(0.05)
     client.step(0.2)  # the commands are lost, and go down to nothing
