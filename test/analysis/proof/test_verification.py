@@ -181,6 +181,36 @@ def test_a_start_that_says_the_same_as_the_one_before_is_another_start(bag, tmp_
     assert twice.topics["/rpud/wrench"].equal == 2 * once.topics["/rpud/wrench"].equal
 
 
+def in_wrong_order(bag, folder, change=lambda message: message.data):
+    """Write a bag of two runs, of which the second one's messages come before the first one's."""
+    second = folder / "second"
+    write_offline_bag(second, preset("drilling"), DURATION, 0.7, None, 12)
+    first_journal, second_journal = (messages_of(path, {JOURNAL}) for path in (bag, second))
+    others = [m for path in (second, bag) for m in messages_of(path) if m.topic != JOURNAL]
+    with rpud_sim.bag.open(bag) as reader, rpud_sim.bag.BagWriter(folder / "bag") as writer:
+        for summary in reader.topics:
+            writer.add_topic(summary.topic, summary.definition)
+        for number, message in enumerate((*first_journal, *second_journal, *others)):
+            writer.write(message.topic, change(message), number, number)
+    return folder / "bag"
+
+
+def test_messages_that_only_another_run_gives_are_not_called_different(bag, tmp_path):
+    verification = verify(in_wrong_order(bag, tmp_path))
+    assert not verification.proved
+    assert verification.first_difference is None
+    assert verification.undecided.startswith("the bag holds 2 runs, and it cannot be decided which")
+
+
+def test_a_message_that_no_run_gives_differs_in_any_order(bag, tmp_path):
+    change = numbered("wrench", 12, lambda m: [flipped(m.data, PLACES["wrench"])])
+    path = in_wrong_order(bag, tmp_path, lambda message: change(message)[0])
+    verification = verify(path)
+    assert verification.first_difference.topic == "/rpud/wrench"
+    stamp = struct.unpack_from("<iI", messages_of(path, {"/rpud/wrench"})[12].data, 4)
+    assert verification.first_difference.stamp == stamp[0] * 1_000_000_000 + stamp[1]
+
+
 def test_lost_messages_are_counted_and_the_others_proved(bag, tmp_path):
     numbers = iter(range(1_000_000))
     dropped = []
