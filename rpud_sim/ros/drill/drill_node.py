@@ -26,7 +26,7 @@ from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.managed_node import ManagedNode, told
 from rpud_sim.ros.drill.pacing import NANOSECONDS
-from rpud_sim.ros.drill.parameters import Settings
+from rpud_sim.ros.drill.parameters import CHANGEABLE, Settings
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
@@ -159,7 +159,9 @@ class DrillNode(ManagedNode):
         settings = self._settings
         compile_kernels(settings.configuration.parameters, self.get_logger().info)
         self._outputs = DrillPublishers(self, settings)
-        self._drilling = Drilling(self, settings, self._outputs, self._inbox, self._end)
+        self._drilling = Drilling(
+            self, settings, self._outputs, self._inbox, self._restore_parameters, self._end
+        )
         self._drilling.announce()
         # To look through all that lives by now, again and again, would make blocks late.
         gc.collect()
@@ -175,7 +177,7 @@ class DrillNode(ManagedNode):
         if self._started:
             drilling.request(lambda: drilling.activate(True))
         else:
-            drilling.start()
+            drilling.start(self._settings)
             self._started = True
         self._gate.open(True)
         return TransitionCallbackReturn.SUCCESS
@@ -242,14 +244,25 @@ class DrillNode(ManagedNode):
         return check_changes(self._settings, changes)
 
     def _take_parameters(self, changes: list[Parameter]) -> None:
-        values = changed_values(changes)
-        if not values:
+        if not changed_values(changes):
             return
-        settings = self._settings = self._gate.settings = self._settings.replace(values)
+        # All of them: a reset may set others back at the same time.
+        values = {name: self.get_parameter(name).value for name in CHANGEABLE}
+        self._settings = self._gate.settings = self._settings.replace(values)
         drilling = self.drilling
-        if drilling is not None:
+        if drilling is not None and drilling.settings != self._settings:
             with contextlib.suppress(StoppedError):  # there is nothing left to change
-                drilling.request(lambda: drilling.configure(settings))
+                drilling.request(lambda: drilling.configure(self._settings))
+
+    def _restore_parameters(self, settings: Settings) -> None:
+        """Set the parameters back to the settings with which the drill goes on after a reset."""
+        self.set_parameters_atomically(
+            [
+                Parameter(name, value=settings.value(name))
+                for name in CHANGEABLE
+                if self.get_parameter(name).value != settings.value(name)
+            ]
+        )
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import threading
 from collections.abc import Callable
@@ -45,6 +46,7 @@ class Drilling:
         settings: to begin with.
         outputs: to publish with.
         inbox: of commands.
+        restored: takes the settings to which a reset went back.
         end: simulation time after which it has finished [ns].
     """
 
@@ -54,9 +56,11 @@ class Drilling:
         settings: Settings,
         outputs: DrillPublishers,
         inbox: Inbox,
+        restored: Callable[[Settings], None],
         end: int = sys.maxsize,
     ) -> None:
-        self._settings = settings
+        self._settings = self._first_settings = settings
+        self._restored = restored
         self._outputs = outputs
         self._inbox = inbox
         self._end = end
@@ -76,12 +80,17 @@ class Drilling:
         self._account = Account(node, settings, outputs, inbox)
         self._thread = threading.Thread(target=self._run, name="pacing")
         inbox.notify(self._wake.set)
-        self._begin(self._fresh(self._seed), active=False)
+        self._begin(self._fresh(self._seed, settings), active=False)
 
     @property
     def account(self) -> Account:
         """What it has done so far."""
         return self._account
+
+    @property
+    def settings(self) -> Settings:
+        """What it runs with."""
+        return self._settings
 
     @property
     def finished(self) -> bool:
@@ -118,10 +127,11 @@ class Drilling:
         self._outputs.begin(self._source.begin())
         self._account.report("inactive", self._simulation, self._control)
 
-    def start(self) -> None:
-        """Begin, active: simulation time zero is now."""
+    def start(self, settings: Settings) -> None:
+        """Begin, active, with settings that may have changed: simulation time zero is now."""
+        self._settings = self._first_settings = settings
         self._journal = Journal()  # nobody has heard of what was before
-        self._begin(self._fresh(self._seed))
+        self._begin(self._fresh(self._seed, settings))
         self._journal.note(0, "origin", origin=self._outputs.origin)
         self._thread.start()
 
@@ -139,9 +149,13 @@ class Drilling:
     def request(self, action: Callable[[], Result]) -> Result:
         """Have something done between two blocks; return what it returns, raise what it raises.
 
+        The pacing thread does what it asks for itself at once.
+
         Raises:
             StoppedError: if the drilling has ended.
         """
+        if threading.current_thread() is self._thread:
+            return action()
         return self._requests.do(action)
 
     def wait(self, step: Future[int]) -> int:
@@ -220,17 +234,23 @@ class Drilling:
 
         Args:
             time: whether stamps begin anew.
-            state: whether the drill begins anew: its motion, commands and faults.
+            state: whether the drill begins anew: its motion, commands, faults, and parameters as
+                they were when it started, but for its pace.
             seed: in place of the present one.
 
         Raises:
             ParameterError: if the scenario cannot be used; nothing changes then.
         """
         seed = self._seed if seed is None else seed
+        settings = self._settings
+        if state:
+            settings = dataclasses.replace(
+                self._first_settings, real_time_factor=settings.real_time_factor
+            )
         # First what can fail, as the scenario's file may be another one by now.
-        fresh = self._fresh(seed) if state else None
+        fresh = self._fresh(seed, settings) if state else None
         self._interrupt("the simulation was reset")
-        self._seed = seed
+        self._seed, self._settings = seed, settings
         now = self._simulation.time
         self._flush("flush")
         if fresh:
@@ -238,6 +258,7 @@ class Drilling:
             self._outputs.begin(self._source.begin(None if time else self._outputs.origin + now))
             self._note_origin()
             self._account.begin()
+            self._restored(settings)
         elif time:
             self._outputs.move(self._source.begin() - now)
             self._note_origin()
@@ -245,9 +266,8 @@ class Drilling:
         self._publish_faults()
         self._report()
 
-    def _fresh(self, seed: int) -> tuple[Simulation, float, Scenario | None]:
+    def _fresh(self, seed: int, settings: Settings) -> tuple[Simulation, float, Scenario | None]:
         """A simulation, with the phase and the scenario with which it begins."""
-        settings = self._settings
         phase = initial_phases(1, seed or None)[0]
         scenario = settings.read_scenario(seed)
         return (
