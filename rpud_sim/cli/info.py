@@ -74,7 +74,7 @@ def _table(content: dict[str, Any]) -> str:
             topic["name"],
             topic["type"],
             str(topic["message_count"]),
-            "unknown" if topic["rate"] is None else f"{topic['rate']:.2f}",
+            "-" if topic["rate"] is None else f"{topic['rate']:.2f}",
             "unknown" if topic["losses"] is None else str(topic["losses"]),
         )
         for topic in content["topics"]
