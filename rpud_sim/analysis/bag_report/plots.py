@@ -10,11 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from rpud_sim.analysis.bag_report.drills import CHANNELS, Fault, Impacts, Waveform
-from rpud_sim.analysis.bag_report.streams import Distribution, Envelope
+from rpud_sim.analysis.bag_report.streams import Distribution, Envelope, Intervals
 from rpud_sim.analysis.bag_report.topics import Series, TopicSurvey
 
 _WIDTH = 10.0  # inches
@@ -50,7 +51,7 @@ def series(shown: Sequence[Series], span: float) -> Figure:
         _draw_envelope(axis, item.envelope)
         unit = f"\n[{item.column.unit}]" if item.column.unit else ""
         name = item.column.name.replace("_", " ")
-        axis.set_ylabel(f"{name:.{_NAME}}{unit}", fontsize="small", rotation=0, ha="right")
+        axis.set_ylabel(printable(f"{name:.{_NAME}}") + unit, fontsize="small", rotation=0, ha="right")
     _share_time(axes, span)
     return figure
 
@@ -122,9 +123,7 @@ def spectra(waveform: Waveform, densities: tuple[np.ndarray, np.ndarray]) -> Fig
         unit = "N²/Hz" if name.endswith("force") else "m²/Hz"
         axis.set_title(name.replace("_", " "), loc="left", fontsize="medium")
         axis.set_ylabel(unit)
-        for scale in (axis.xaxis, axis.yaxis):  # the usual labels are formulas
-            scale.set_major_formatter(lambda value, _: f"{value:g}")
-            scale.set_minor_formatter(NullFormatter())
+        _plain_labels(axis.xaxis, axis.yaxis)
         _decorate(axis)
     for axis in figure.axes[-2:]:
         axis.set_xlabel("frequency [Hz]")
@@ -172,6 +171,12 @@ def _decorate(axis: Axes) -> None:
     axis.spines[["top", "right"]].set_visible(False)
 
 
+def _plain_labels(*scales: Axis) -> None:
+    for scale in scales:  # the usual labels of logarithms are formulas
+        scale.set_major_formatter(lambda value, _: f"{value:g}")
+        scale.set_minor_formatter(NullFormatter())
+
+
 def _share_time(axes: Sequence[Axes], span: float) -> None:
     for axis in axes:
         axis.set_xlim(0.0, max(span, 1e-3))
@@ -181,22 +186,18 @@ def _share_time(axes: Sequence[Axes], span: float) -> None:
 
 
 def _draw_envelope(axis: Axes, envelope: Envelope, scale: float = 1.0) -> None:
-    used = np.flatnonzero(envelope.count)
-    times = envelope.times[used]
-    axis.fill_between(
-        times,
-        scale * envelope.least[used],
-        scale * envelope.greatest[used],
-        color=BAND,
-        linewidth=0,
-    )
-    mean = scale * envelope.total[used] / envelope.count[used]
-    axis.plot(times, mean, color=LINE, linewidth=0.9, marker="." if len(used) < 40 else "")
+    times, values = envelope.steps()
+    least, mean, greatest = scale * values
+    axis.fill_between(times, least, greatest, step="post", color=BAND, linewidth=0)
+    axis.plot(times, mean, color=LINE, linewidth=0.9, drawstyle="steps-post")
 
 
 def _draw_distribution(axis: Axes, values: Distribution, scale: float) -> None:
     counts, edges = values.classes(_CLASSES)
     axis.stairs(counts, scale * edges, color=LINE, fill=True)
+    if isinstance(values, Intervals):
+        axis.set_xscale("log")
+        _plain_labels(axis.xaxis)
     if values.count:
         axis.axvline(scale * values.mean, color=MARK, linewidth=1.2, label="mean")
         axis.legend(frameon=False)

@@ -88,6 +88,7 @@ def seen(drilled):
 @pytest.fixture(scope="module")
 def page(drilled):
     out = drilled.parent / "new" / "report.html"
+    out.parent.mkdir()
     write_report(drilled, out)
     assert [path.name for path in out.parent.iterdir()] == ["report.html"]
     return Page(out.read_text(encoding="utf-8"))
@@ -316,6 +317,28 @@ def test_nothing_is_overwritten(tmp_path):
     with pytest.raises(ReportError, match=r"out.html exists already; nothing is overwritten"):
         write_report(tmp_path / "bag", tmp_path / "out.html")
     assert (tmp_path / "out.html").read_text() == "mine"
+
+
+def test_nothing_is_written_through_names_that_are_there(tmp_path):
+    write_bag(tmp_path / "bag")
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    (tmp_path / "out.html.part").symlink_to(mine)
+    (tmp_path / "other.html").symlink_to(tmp_path / "nowhere")
+    write_report(tmp_path / "bag", tmp_path / "out.html")
+    with pytest.raises(ReportError, match=r"other.html exists already; nothing is overwritten"):
+        write_report(tmp_path / "bag", tmp_path / "other.html")
+    assert mine.read_text() == "mine"
+    assert (tmp_path / "out.html.part").is_symlink()
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_no_folder_is_made_for_it(tmp_path):
+    write_bag(tmp_path / "bag")
+    out = tmp_path / "no" / "where" / "out.html"
+    with pytest.raises(ReportError, match=f"^cannot write {out}: there is no folder {out.parent}$"):
+        write_report(tmp_path / "bag", out)
+    assert not (tmp_path / "no").exists()
 
 
 REPORT = "import sys; from rpud_sim.analysis.bag_report.report import *\n"
