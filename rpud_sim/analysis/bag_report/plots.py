@@ -17,6 +17,7 @@ from matplotlib.ticker import NullFormatter
 from rpud_sim.analysis.bag_report.drills import CHANNELS, Fault, Impacts, Waveform
 from rpud_sim.analysis.bag_report.streams import Distribution, Envelope, Intervals
 from rpud_sim.analysis.bag_report.topics import Series, TopicSurvey
+from rpud_sim.terminal import printable
 
 _WIDTH = 10.0  # inches
 _RESOLUTION = 100  # dots per inch
@@ -51,7 +52,8 @@ def series(shown: Sequence[Series], span: float) -> Figure:
         _draw_envelope(axis, item.envelope)
         unit = f"\n[{item.column.unit}]" if item.column.unit else ""
         name = item.column.name.replace("_", " ")
-        axis.set_ylabel(printable(f"{name:.{_NAME}}") + unit, fontsize="small", rotation=0, ha="right")
+        name = printable(f"{name:.{_NAME}}")
+        axis.set_ylabel(f"{name}{unit}", fontsize="small", rotation=0, ha="right")
     _share_time(axes, span)
     return figure
 
@@ -61,6 +63,8 @@ def closer(waveform: Waveform) -> Figure:
     figure, (positions, force) = _panels(2, 2.4)
     found = waveform.closer
     times = 1e3 * (found["times"] - found["times"][0])
+    steps = np.diff(times, prepend=times[0])
+    times = np.where(steps > 1.5 * np.median(steps), np.nan, times)  # no line across missing ones
     for name, colour, label in (
         ("actuator_position", LINE, "actuator tip"),
         ("free_mass_position", MARK, "free mass"),
@@ -135,7 +139,8 @@ def delays(topics: Sequence[TopicSurvey], span: float) -> Figure:
     figure, axes = _panels(len(topics), 1.35)
     for axis, topic in zip(axes, topics, strict=True):
         _draw_envelope(axis, topic.timing.delays, 1e3)
-        axis.set_ylabel(f"{topic.name[-_NAME:]}\n[ms]", fontsize="small", rotation=0, ha="right")
+        name = printable(topic.name[-_NAME:])
+        axis.set_ylabel(f"{name}\n[ms]", fontsize="small", rotation=0, ha="right")
     _share_time(axes, span)
     return figure
 
@@ -149,7 +154,9 @@ def faults(log: Mapping[tuple[int, int], Fault], span: float) -> Figure:
         end = span if fault.clear is None else fault.clear
         colour = LINE if fault.channel else MARK
         axis.barh(row, max(end - fault.onset, span / 500), left=fault.onset, color=colour)
-    names = [f"{f.number}: {f.kind:.{_NAME}} {f.channel:.{_NAME}}".strip() for f in shown]
+    names = [
+        printable(f"{f.number}: {f.kind:.{_NAME}} {f.channel:.{_NAME}}".strip()) for f in shown
+    ]
     axis.set_yticks(range(len(shown)), names, fontsize="small")
     axis.invert_yaxis()
     _decorate(axis)

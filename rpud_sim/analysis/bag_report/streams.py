@@ -62,7 +62,7 @@ class Timeline:
             self._stamp, self._log_time = int(stamps[0]), int(log_times[0])
             self._offset = zero_stamp(stamps, log_times, self._begin)
             # Far from the others it has a clock of its own, or that was set before its first.
-            if self._zero is not None and -_BACK < self._zero - self._offset < _AHEAD:
+            if self._zero is not None and -_AHEAD < self._zero - self._offset < _BACK:
                 self._offset = self._zero
         steps = np.diff(stamps, prepend=self._stamp)
         passed = np.maximum(np.diff(log_times, prepend=self._log_time), 0)

@@ -203,6 +203,32 @@ def test_lateness_and_gaps_show(drilled, tmp_path):
     assert {("drill", "/rpud/drill_node"), ("seed", "7"), ("command", "rpud record")} <= set(run)
 
 
+def test_a_status_from_before_the_bag_shifts_no_chart(drilled, tmp_path):
+    """As a recorder gets a latched topic: its first message is as old as it is."""
+    age = SECOND // 2
+    with rpud_sim.bag.open(drilled) as source, BagWriter(tmp_path / "bag") as bag:
+        for summary in source.topics:
+            bag.add_topic(summary.topic, summary.definition)
+        kept = {}
+        for message in source.messages():
+            if message.log_time < age:
+                if message.topic == "/rpud/status":
+                    kept[message.topic] = message
+                continue
+            for old in kept.values():
+                bag.write(old.topic, old.data, START, START)
+            kept = {}
+            time = START + message.log_time - age
+            bag.write(message.topic, message.data, time, time)
+    seen = surveyed(tmp_path / "bag")
+    assert seen.span == pytest.approx(DURATION - age / SECOND, abs=0.02)
+    ends = [
+        seen.topics[name].end
+        for name in ("/rpud/status", "/rpud/waveform", "/rpud/nodal_plane", "/rpud/contact_force")
+    ]
+    assert ends == pytest.approx([DURATION - age / SECOND] * 4, abs=0.02)
+
+
 def test_a_bag_of_any_other_node_has_a_report_that_says_what_is_not_there(tmp_path):
     page = Page(render(surveyed(write_everything(tmp_path / "bag"))))
     for reason in (
