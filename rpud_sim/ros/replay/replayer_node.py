@@ -72,9 +72,9 @@ class Replayer(Node):
                     printable(f"not replayed: {summary.topic.name}: {error}")
                 )
                 continue
-            offer = replay_offer(summary.topic.offered_qos)
             name = summary.topic.name
             try:
+                offer = replay_offer(summary.topic.offered_qos)
                 self._replayed[name] = self.create_publisher(message, name, offer)
             except (OverflowError, RuntimeError, TypeError, ValueError) as error:
                 reason = f"not replayed: {name}: its QoS cannot be offered: {error}"
