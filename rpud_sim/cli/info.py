@@ -60,13 +60,14 @@ def _content(path: str) -> dict[str, Any]:
 
 def _table(content: dict[str, Any]) -> str:
     held = content["message_count"] > 0
+    compression = printable(content["compression"])
     lines = [
         f"bag       {printable(content['path'])}",
         f"duration  {content['duration'] / 1e9:.3f} s",
         f"start     {_moment(content['start_time']) if held else '-'}",
         f"end       {_moment(content['end_time']) if held else '-'}",
         f"messages  {content['message_count']}",
-        f"size      {content['size'] / 1e6:.2f} MB, compression {printable(content['compression'])}",
+        f"size      {content['size'] / 1e6:.2f} MB, compression {compression}",
         "",
     ]
     head = ("topic", "type", "messages", "rate [Hz]", "lost")

@@ -52,6 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     print(
         json.dumps(content, indent=2)
         if arguments.json
-        else f"{printable(arguments.out)}: {content['messages']} messages on {content['topics']} topics"
+        else f"{printable(arguments.out)}: {content['messages']} messages "
+        f"on {content['topics']} topics"
     )
     return DAMAGED if seen.damaged else 0

@@ -125,7 +125,9 @@ def export(
                 for batch in batches:
                     files.write(batch.topic, batch.columns, len(batch), batch.message_count)
                     report(batch.message_count)
-            exported = Exported(os.fspath(out), file_format, files.exported(), left_out, damages.texts)
+            exported = Exported(
+                os.fspath(out), file_format, files.exported(), left_out, damages.texts
+            )
             account = {**asdict(exported), **files.account}
             text = json.dumps(account, indent=2, ensure_ascii=False)
             (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")

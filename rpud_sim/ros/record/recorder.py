@@ -182,7 +182,8 @@ class _Collection:
             self._keep(self._inquiry.poll())
             if not ready and now >= ready_at:
                 ready = True
-                node.get_logger().info(f"recording {node.topic_count} topics to {printable(self._bag.path)}")
+                where = printable(self._bag.path)
+                node.get_logger().info(f"recording {node.topic_count} topics to {where}")
             if duration is not None and now >= ready_at + duration:
                 return
             if line.is_due and progress.is_due:
