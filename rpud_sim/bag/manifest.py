@@ -46,7 +46,8 @@ class Manifest:
 
     def to_record(self) -> dict[str, str]:
         """Give the content of the metadata record: one key with a JSON object."""
-        return {_KEY: json.dumps(asdict(self), ensure_ascii=False, default=repr)}
+        content = _readable(asdict(self))
+        return {_KEY: json.dumps(content, ensure_ascii=False, default=repr)}
 
 
 def manifest_from_record(record: Mapping[str, str]) -> Manifest:
@@ -55,7 +56,7 @@ def manifest_from_record(record: Mapping[str, str]) -> Manifest:
     Raises BagFormatError where it is not one.
     """
     try:
-        value = json.loads(record[_KEY])
+        value = _readable(json.loads(record[_KEY]))
         scenario = value["scenario"]
         return Manifest(
             node=str(value["node"]),
@@ -75,6 +76,18 @@ def manifest_from_record(record: Mapping[str, str]) -> Manifest:
         ValueError,
     ) as error:
         raise BagFormatError(f"the record {RECORD_NAME} is unreadable: {error!r:.200}") from error
+
+
+def _readable(value: Any) -> Any:
+    """Give a value whose texts have an encoding: file names may be bytes that are no UTF-8."""
+    if isinstance(value, str):
+        try:
+            return value.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+        except UnicodeEncodeError:  # half of a pair, which JSON can have
+            return value.encode("utf-8", "backslashreplace").decode("utf-8")
+    if isinstance(value, Mapping):
+        return {_readable(key): _readable(item) for key, item in value.items()}
+    return [*map(_readable, value)] if isinstance(value, list | tuple) else value
 
 
 def installed_versions() -> dict[str, str]:

@@ -11,7 +11,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Schema
 from mcap.writer import CompressionType, Writer
 
-from rpud_sim.bag.metadata import FileInformation
+from rpud_sim.bag.metadata import FileInformation, stored_name
 
 COMPRESSIONS = {
     "none": CompressionType.NONE,
@@ -56,7 +56,7 @@ class OutputFile:
         """What the bag's metadata tells of it."""
         start = self._first if self._count else 0
         duration = self._last - start if self._count else 0
-        return FileInformation(self._path.name, start, duration, self._count)
+        return FileInformation(stored_name(self._path), start, duration, self._count)
 
     @property
     def size(self) -> int:

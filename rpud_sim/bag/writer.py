@@ -21,6 +21,7 @@ from rpud_sim.bag.metadata import (
     FileInformation,
     Topic,
     dump_offered_qos,
+    stored_name,
 )
 from rpud_sim.bag.output_file import COMPRESSIONS, LATEST, OutputFile
 
@@ -82,6 +83,7 @@ class BagWriter:
         self._listed_size = 0  # bytes that topics take in the metadata, at most
         self._failed = False
         self._file: OutputFile | None = None
+        stored_name(self._path)  # before anything is created
         self._create_directory()
         with self._guarded():
             self._file = self._open_file()

@@ -6,6 +6,7 @@ import argparse
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
 from rpud_sim.ros.arguments import DEFAULT_NAMESPACE, LONGEST, MAX_LOSS, number
+from rpud_sim.terminal import complain
 
 HELP = "drill in real time on ROS topics"
 EXAMPLE = "rpud run --duration 10 --record bags/first --set weight_on_bit=20"
@@ -43,14 +44,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Drill until the duration is over or a signal asks to stop; give the exit code."""
-    import sys
-
     from rpud_sim.simulation import ParameterError
 
     try:
         values = chosen_values(arguments)
     except ParameterError as error:
-        print(f"rpud run: {error}", file=sys.stderr)
+        complain("rpud run", error)
         return 2
     from rpud_sim.ros.drill.session import drill
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import sys
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.progress import progress_bar
+from rpud_sim.terminal import complain, printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.analysis.proof.verification import Verification
@@ -42,10 +42,10 @@ def run(arguments: argparse.Namespace) -> int:
         with progress_bar(" s") as bar:
             verification = verify(arguments.bag, bar.update)
     except (BagError, UnverifiableError) as error:
-        print(f"rpud verify: {error}", file=sys.stderr)
+        complain("rpud verify", error)
         return 1
     for warning in verification.warnings:
-        print(f"rpud verify: {warning}", file=sys.stderr)
+        complain("rpud verify", warning)
     print(json.dumps(_content(verification)) if arguments.json else _account(verification))
     if verification.proved:
         return 0
@@ -79,24 +79,16 @@ def _account(verification: Verification) -> str:
         )
         for name, counts in sorted(verification.topics.items())
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
-    lines = [
-        "  ".join(
-            [row[0].ljust(widths[0])]
-            + [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
-        )
-        for row in rows
-    ]
-    lines.append("")
+    lines = [*table(rows, left=1), ""]
     difference = verification.first_difference
     if difference is not None:
-        at = f"{difference.topic} at {difference.stamp / 1e9:.9f} s"
+        at = f"{printable(difference.topic)} at {difference.stamp / 1e9:.9f} s"
         if difference.computed is None:
             lines.append(f"first difference: {at} is a message that the simulation does not give")
         else:
             lines.append(
                 f"first difference: {at}: {difference.field or 'the message'} "
-                f"is {difference.recorded}, computed {difference.computed}"
+                f"is {printable(difference.recorded)}, computed {printable(difference.computed)}"
             )
     lines.extend(
         f"{name}: {counts.tail} messages are missing at the end, while the drill went on"

@@ -36,6 +36,7 @@ from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.terminal import complain
 
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listeners [s]
 _THREADS = 3  # a step, a short request, and whatever else comes
@@ -276,7 +277,7 @@ def main() -> None:
         words = remove_ros_args(sys.argv)[1:]
     except RuntimeError as error:  # RCLError
         reason = str(error).partition(", at ")[0]
-        print(f"drill_node: ROS arguments that cannot be used: {reason}", file=sys.stderr)
+        complain("drill_node", f"ROS arguments that cannot be used: {reason}")
         sys.exit(2)
     parser.parse_args(words)
     sys.exit(_main())
@@ -289,7 +290,7 @@ def _main() -> int:
             node = DrillNode()
         # rcl's errors are RuntimeErrors; the other is of use_sim_time, which rclpy declares.
         except (ParameterError, ParameterException, RuntimeError) as error:
-            print(f"drill_node: {error}", file=sys.stderr)
+            complain("drill_node", error)
             rclpy.try_shutdown()
             return 2
         try:
@@ -318,13 +319,13 @@ def spin(
             executor.spin_once(timeout_sec=0.1)
             show(node.report)
     except RuntimeError as error:
-        print(f"drill_node: {error}", file=sys.stderr)
+        complain("drill_node", error)
         return 1
     finally:
         node.stop()
         executor.shutdown(timeout_sec=1.0)
     if node.failure is not None:
-        print(f"drill_node: {node.failure}", file=sys.stderr)
+        complain("drill_node", node.failure)
         return 1
     return 0
 

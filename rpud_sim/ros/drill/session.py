@@ -22,6 +22,7 @@ from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import Figures
+from rpud_sim.terminal import complain, printable
 
 _READY = 15.0  # that the recorder may take to be ready [s]
 _HEARD = 5.0  # that the middleware may then take to tell each of the other [s]
@@ -48,6 +49,7 @@ class RecorderProcess:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            errors="backslashreplace",
             # Ctrl-C must stop the drill first, and the recorder when it has everything.
             start_new_session=True,
         )
@@ -88,7 +90,7 @@ class RecorderProcess:
                 shown = [f"rpud run: the recorder was ended by signal {-code}; its bag is torn"]
             print("\n".join(shown or self._errors[-3:]), file=sys.stderr)
         elif early:
-            print("rpud run: the recorder was stopped before the drill", file=sys.stderr)
+            complain("rpud run", "the recorder was stopped before the drill")
             return 1
         return code
 
@@ -121,11 +123,11 @@ def drill(
         check_settings(dict(values))
         validate_namespace(f"/{namespace.removeprefix('/')}")
     except ParameterError as error:
-        print(f"rpud run: {error}", file=sys.stderr)
+        complain("rpud run", error)
         return 2
     except InvalidNamespaceException as error:
         what, name, *_ = str(error).splitlines()  # below them it points at the character
-        print(f"rpud run: {what} {name.strip()}", file=sys.stderr)
+        complain("rpud run", f"{what} {name.strip()}")
         return 2
     with StopRequest() as stop:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
@@ -157,7 +159,7 @@ def _drill(
         try:
             node.prepare()  # so that the recorder finds its topics, and has the first message
         except RuntimeError as error:
-            print(f"rpud run: {error}", file=sys.stderr)
+            complain("rpud run", error)
             return 1
         recorder = RecorderProcess(bag, namespace, max_loss)
         if not recorder.wait_until_ready(stop):
@@ -172,7 +174,7 @@ def _drill(
         recorded = recorder is None or recorder.close() == 0
     print(summary_text(node.totals.figures(), node.report), flush=True)
     if bag and recorded:
-        print(f"bag: {bag}", flush=True)
+        print(f"bag: {printable(bag)}", flush=True)
     return code if recorded else 1
 
 

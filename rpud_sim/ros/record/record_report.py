@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import Losses
 from rpud_sim.ros.record.recorder_node import Recorder
+from rpud_sim.terminal import printable
 
 _PERIOD = 1.0  # s
 
@@ -58,4 +59,4 @@ def summary(node: Recorder, bag: BagWriter, seconds: float) -> str:
                 f"{losses.queue} as the disk was too slow"
             )
     lines += [f"not recorded: {name}: {reason}" for name, reason in sorted(node.skipped.items())]
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))

@@ -32,6 +32,7 @@ from rpud_sim.ros.record.recorder_services import RecorderServices
 from rpud_sim.ros.record.recording import MessageQueue, NamedRecord, WritingThread
 from rpud_sim.ros.record.selection import TopicSelection
 from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.terminal import complain, printable
 
 SKIPPED_RECORD = "rpud_skipped"
 """Metadata record of topics that could not be recorded, with the reasons."""
@@ -156,7 +157,7 @@ class _Collection:
 
     def run(self, duration: float | None) -> None:
         """Record for `duration` [s] or until the stop is requested."""
-        with ProgressLine(self._bag.path.name) as line:
+        with ProgressLine(printable(self._bag.path.name)) as line:
             self._collect(duration, line)
         _drain(self._node)
         self._node.finish()
@@ -181,7 +182,8 @@ class _Collection:
             self._keep(self._inquiry.poll())
             if not ready and now >= ready_at:
                 ready = True
-                node.get_logger().info(f"recording {node.topic_count} topics to {self._bag.path}")
+                where = printable(self._bag.path)
+                node.get_logger().info(f"recording {node.topic_count} topics to {where}")
             if duration is not None and now >= ready_at + duration:
                 return
             if line.is_due and progress.is_due:
@@ -215,5 +217,5 @@ def _take_all(node: Recorder) -> None:
 
 
 def _fail(message: str, code: int) -> int:
-    print(f"rpud record: {message}", file=sys.stderr)
+    complain("rpud record", message)
     return code

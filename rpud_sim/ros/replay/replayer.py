@@ -26,6 +26,7 @@ from rpud_sim.ros.replay.replay_console import ReplayConsole
 from rpud_sim.ros.replay.replay_services import ReplayServices
 from rpud_sim.ros.replay.replayer_node import Replayer
 from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.terminal import complain, printable
 
 _SETTLING = 0.2  # s from a publisher's match to the subscriber's own
 _LOOK_PERIOD = 0.01  # s
@@ -130,10 +131,10 @@ def _replay(
     if not node.topic_names:
         if topics:
             return _fail(f"nothing of {bag.path} can be replayed here", 1)
-        print(f"{bag.path} has no messages to replay")
+        print(f"{printable(bag.path)} has no messages to replay")
         return 0
     node.get_logger().info(
-        f"replaying {bag.path}: {len(node.topic_names)} topics, "
+        f"replaying {printable(bag.path)}: {len(node.topic_names)} topics, "
         f"{bag.duration / 1e9:.1f} s at {arguments.rate:g} times real time"
     )
     _await_subscribers(node, stop, patient=arguments.wait_for_subscribers)
@@ -152,7 +153,7 @@ def _replay(
         ReplayConsole(
             thread,
             plan,
-            bag.path.name,
+            printable(bag.path.name),
             node.get_logger(),
             keys=not arguments.disable_keyboard_controls,
         ) as console,
@@ -214,5 +215,5 @@ def _quick_switches() -> Iterator[None]:
 
 
 def _fail(message: str, code: int) -> int:
-    print(f"rpud replay: {message}", file=sys.stderr)
+    complain("rpud replay", message)
     return code
