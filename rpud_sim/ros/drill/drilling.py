@@ -6,6 +6,7 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from time import monotonic
 from typing import TypeVar
 
 from rclpy.node import Node
@@ -74,6 +75,7 @@ class Drilling:
         self._journal = Journal()
         self._playing = False
         self._at_start = False
+        self._clock_due = 0.0
         self._goal: int | None = None
         self._step: Future[int] = Future()
         self._source = TimeSource(node, settings.publish_clock, self._wake.set)
@@ -328,7 +330,10 @@ class Drilling:
     def _stand_still(self) -> None:
         if self._take_commands() or self._account.due():
             self._report()
-        self._outputs.publish_clock(self._simulation.time)
+        now = monotonic()
+        if now >= self._clock_due:
+            self._outputs.publish_clock(self._simulation.time)
+            self._clock_due = now + _CLOCK_PERIOD
         self._wait(_CLOCK_PERIOD)
 
     def _wait(self, seconds: float) -> None:
