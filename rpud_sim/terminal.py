@@ -23,7 +23,7 @@ _STEERING = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u206
 
 
 def printable(text: object) -> str:
-    """Return a text with escapes such as ``\\x1b`` for what a terminal would obey."""
+    r"""Return a text with escapes such as ``\x1b`` for what a terminal would obey."""
     return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), str(text))
 
 

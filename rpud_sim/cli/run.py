@@ -39,6 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=DEFAULT_NAMESPACE,
         help="namespace of the node (default: %(default)s)",
     )
+    parser.add_argument(
+        "--allow-duplicate",
+        action="store_true",
+        help="drill although a drill of the same name runs; both answer the same requests",
+    )
     parser.add_argument("--quiet", action="store_true", help="no live line of rate and forces")
 
 
@@ -60,4 +65,5 @@ def run(arguments: argparse.Namespace) -> int:
         bag=arguments.record,
         live=not arguments.quiet,
         max_loss=arguments.max_loss,
+        allow_duplicate=arguments.allow_duplicate,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -120,7 +121,9 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
     known = (*NAMES, *ACTUATOR_NAMES, *ROCK_NAMES, *NODE_NAMES)
     for name in values:
         if name not in known:
-            raise ParameterError(f"{_named(name)} is not a parameter; known are {', '.join(known)}")
+            nearest = difflib.get_close_matches(str(name), known, 1)
+            hint = f"did you mean {nearest[0]}?" if nearest else f"known are {', '.join(known)}"
+            raise ParameterError(f"{_named(name)} is not a parameter; {hint}")
 
     def chosen(names: tuple[str, ...]) -> dict[str, Any]:
         return {name: values[name] for name in names if name in values}

@@ -74,7 +74,7 @@ def test_what_is_damaged_is_left_out_and_all_else_is_there(tmp_path, rpud, file_
     assert (code, content["left_out"]) == (3, {})
     [talk] = content["topics"]
     assert (talk["name"], talk["messages"], talk["rows"]) == (TALK.name, 3, 3)
-    damaged = {name: text for name, text in content["damaged"].items()}
+    damaged = dict(content["damaged"])
     assert [*damaged] == [name for name in DAMAGED if name in damaged]
     for name, reason in DAMAGED.items():
         if name != "record rpud_manifest":  # it is kept as it is

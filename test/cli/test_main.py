@@ -10,7 +10,6 @@ import time
 from pathlib import Path
 
 import pytest
-
 from sample_bags import write_bag
 
 import rpud_sim
@@ -187,8 +186,7 @@ def test_output_that_cannot_be_written_is_one_line(tmp_path, redirection, reason
     bag = write_bag(tmp_path / "bag")
     done = subprocess.run(
         ["bash", "-c", f'rpud info "$1" {redirection}', "bash", bag],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
+        capture_output=True,
         env={**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"},
         text=True,
         check=False,

@@ -1,5 +1,7 @@
 """Parameters of a drill at work: those that may change do so all or none."""
 
+import re
+
 import pytest
 from drill_client import COMPILED, Client, stamps, start_drill
 from lifecycle_msgs.msg import Transition
@@ -161,6 +163,44 @@ def test_the_regime_by_parameter_and_by_engage_are_the_same(client):
         client.until(lambda heard=heard: len(heard) == 40)
         forces.append([message.force for message in heard])
     assert forces[0] == forces[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ["-p", "wieght_on_bit:=18.0"],
+            "drill_node: wieght_on_bit is not a parameter; did you mean weight_on_bit?",
+        ),
+        (["--params-file", "nowhere.yaml"], "drill_node: .*nowhere.yaml.*"),
+    ],
+)
+def test_a_start_with_what_is_no_parameter_or_no_file_is_one_line(process, words, said):
+    started = process("drill_node", "--ros-args", *words)
+    assert started.wait(COMPILED) == 2
+    assert re.fullmatch(re.escape(said) if "?" in said else said, started.output)
+
+
+def test_a_parameter_file_may_have_sections_of_other_nodes(process, tmp_path):
+    path = tmp_path / "parameters.yaml"
+    path.write_text(
+        "/**:\n  ros__parameters: {use_sim_time: false}\n"
+        "/sectioned/drill_node:\n  ros__parameters: {weight_on_bit: 7.0}\n"
+        "/sectioned/another:\n  ros__parameters: {of_another: 1}\n"
+    )
+    started = process(
+        *("drill_node", "--ros-args", "-r", "__ns:=/sectioned", "--params-file", path)
+    )
+    started.wait_for_line("weight on bit 7 N", timeout=COMPILED)
+
+
+@pytest.mark.parametrize("whole", [5, 0])
+def test_a_whole_number_is_taken_for_a_number(client, whole):
+    value = ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=whole)
+    request = SetParameters.Request(parameters=[Parameter(name="gravity", value=value)])
+    [result] = client.call(SetParameters, f"{NODE}/set_parameters", request).results
+    assert result.successful, result.reason
+    assert get(client, "gravity") == [whole]
 
 
 def test_what_is_no_parameter_or_has_another_type_is_refused_and_ends_nothing(client, drill):

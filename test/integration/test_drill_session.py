@@ -155,7 +155,10 @@ def test_a_bag_is_never_overwritten_and_that_is_said_in_one_line(tmp_path):
     [
         (["--set", "weight_on_bit=-1"], "weight_on_bit = -1 N is outside its range [0, 1000] N"),
         (["--set", "weight_on_bit=nan"], "weight_on_bit = 'nan' N is outside its range"),
-        (["--set", "wieght_on_bit=1"], "wieght_on_bit is not a parameter; known are "),
+        (
+            ["--set", "wieght_on_bit=1"],
+            "wieght_on_bit is not a parameter; did you mean weight_on_bit",
+        ),
         (["--set", "weight_on_bit"], "'weight_on_bit' is not of the form name=value"),
         (["--set", "telemetry_rate=33.3"], "telemetry_rate = 33.3 Hz is not a whole number"),
         (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),

@@ -188,7 +188,7 @@ def test_a_flag_is_true_or_false_and_nothing_else(value):
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
-        ({"wieght_on_bit": 20.0}, "wieght_on_bit is not a parameter; known are rpud_mass, "),
+        ({"wieght_on_bit": 20.0}, "wieght_on_bit is not a parameter; did you mean weight_on_bit?"),
         ({"regime": "moon"}, "regime = 'moon' is not one of free, drilling"),
         ({"regime": 3}, "regime = 3 is not one of free, drilling"),
         ({"contact_model": "x"}, "contact_model = 'x' is not one of printed, rayleigh"),

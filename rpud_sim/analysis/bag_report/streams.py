@@ -73,7 +73,6 @@ class Timeline:
         self.jumps += int(np.count_nonzero(jumped))
         return (stamps - offsets) / NANOSECONDS
 
-
     def _old(self, stamps: np.ndarray) -> int:
         """Return how many stamps of a latched topic are older than the bag, before all others."""
         if self._zero is None or not self._latched:

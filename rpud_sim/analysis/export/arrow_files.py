@@ -69,7 +69,7 @@ class CsvFile:
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
         """Add rows."""
-        plain = {
+        plain: dict[str, Any] = {
             column.name: [_no_formula(text) for text in values[column.name]]
             for column in self._columns
             if column.kind is Kind.TEXT

@@ -7,6 +7,7 @@ import time
 from rclpy.node import Node
 
 from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.namesakes import Namesakes
 from rpud_sim.ros.drill.pacing import NANOSECONDS, NO_TIMING, Pacer
 from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import DrillPublishers
@@ -33,16 +34,23 @@ class Account:
         settings: of the node.
         outputs: to publish with.
         inbox: of commands.
+        namesakes: of the node.
     """
 
     def __init__(
-        self, node: Node, settings: Settings, outputs: DrillPublishers, inbox: Inbox
+        self,
+        node: Node,
+        settings: Settings,
+        outputs: DrillPublishers,
+        inbox: Inbox,
+        namesakes: Namesakes,
     ) -> None:
         self.scheduling = "time-sharing"
         self._node = node
         self._telemetry_rate = settings.telemetry_rate
         self._outputs = outputs
         self._inbox = inbox
+        self._namesakes = namesakes
         self._command_topics = [node.resolve_topic_name(topic) for topic in _COMMAND_TOPICS]
         self._last: Report | None = None
         self._blocks: list[Block] = []
@@ -120,6 +128,7 @@ class Account:
             last_refusal=self._inbox.last_refusal,
             commands_lost=control.commands_lost,
             commanders=max(map(self._node.count_publishers, self._command_topics)),
+            namesakes=self._namesakes.count(),
             messages_dropped=self._outputs.dropped,
             **drill_fields(simulation),
             scheduling=self.scheduling,

@@ -15,10 +15,14 @@ from rpud_sim.ros.drill.parameters import (
     CHOICES,
     FLAGS,
     TEXTS,
+    WHOLE,
     Settings,
     check_settings,
 )
-from rpud_sim.simulation import ParameterError
+from rpud_sim.simulation import ParameterError, Quantity
+
+# Parameters that every ROS node may be started with; some are declared later than ours.
+_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 
 def declare_settings(node: Node) -> Settings:
@@ -35,13 +39,13 @@ def declare_settings(node: Node) -> Settings:
     for name in ALL_NAMES:
         if name not in values:
             values[name] = _declare(node, name, defaults.value(name))
-    settings = check_settings(values)
+    settings = check_settings({**_unknown(node), **values})
     for name, quantity in ALL_QUANTITIES.items():
         _describe(
             node,
             name,
             float(values[name]),
-            f"{quantity.description} [{quantity.unit or '1'}]",
+            description_of(name, quantity),
             f"in {quantity.range}",
             FloatingPointRange(from_value=quantity.minimum, to_value=quantity.maximum),
         )
@@ -49,7 +53,14 @@ def declare_settings(node: Node) -> Settings:
         _describe(node, name, values[name], description, f"one of {', '.join(choices)}")
     for name, description in {**FLAGS, **TEXTS}.items():
         _describe(node, name, values[name], description)
+    node.add_pre_set_parameters_callback(_to_numbers)
     return settings
+
+
+def description_of(name: str, quantity: Quantity) -> str:
+    """Return the description of a number with its unit; a count or a seed has none."""
+    unit = quantity.unit or ("" if name in WHOLE else "1")
+    return f"{quantity.description} [{unit}]" if unit else quantity.description
 
 
 def check_changes(settings: Settings, changes: list[Parameter]) -> SetParametersResult:
@@ -71,6 +82,25 @@ def _declare(node: Node, name: str, default: Any) -> Any:
     if isinstance(default, int) and not isinstance(default, bool):
         default = float(default)
     return node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
+
+
+def _unknown(node: Node) -> dict[str, Any]:
+    """Return the values that the node was started with under names that it does not declare."""
+    return {
+        name: parameter.value
+        for name, parameter in node._parameter_overrides.items()
+        if not (node.has_parameter(name) or name.startswith(_OF_ROS))
+    }
+
+
+def _to_numbers(changes: list[Parameter]) -> list[Parameter]:
+    """Convert whole numbers to the floating-point numbers that the parameters are declared as."""
+    return [
+        Parameter(change.name, value=float(change.value))
+        if change.name in ALL_QUANTITIES and change.type_ == Parameter.Type.INTEGER
+        else change
+        for change in changes
+    ]
 
 
 def _describe(

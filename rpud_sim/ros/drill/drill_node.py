@@ -11,6 +11,7 @@ from typing import Any
 
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
@@ -19,12 +20,14 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.ros.drill import standard_services
+from rpud_sim.ros.drill.account import REPORT_PERIOD
 from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.fault_services import FaultServices
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.managed_node import ManagedNode, told
+from rpud_sim.ros.drill.namesakes import Namesakes
 from rpud_sim.ros.drill.pacing import NANOSECONDS
 from rpud_sim.ros.drill.parameters import CHANGEABLE, Settings
 from rpud_sim.ros.drill.publishers import DrillPublishers
@@ -32,12 +35,14 @@ from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
 from rpud_sim.ros.requests import StoppedError
+from rpud_sim.ros.serving import serve
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.terminal import complain
 
+NAME = "drill_node"
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listeners [s]
 _THREADS = 3  # a step, a short request, and whatever else comes
 
@@ -75,10 +80,11 @@ class DrillNode(ManagedNode):
     """
 
     def __init__(self, duration: float | None = None, **options: Any) -> None:
-        super().__init__("drill_node", **options)
+        super().__init__(NAME, **options)
         self._settings = declare_settings(self)
         self._end = sys.maxsize if duration is None else round(duration * NANOSECONDS)
         self._inbox = Inbox(self.get_logger())
+        self._namesakes = Namesakes(self)
         self._outputs: DrillPublishers | None = None
         self._drilling: Drilling | None = None
         self._started = False
@@ -90,6 +96,9 @@ class DrillNode(ManagedNode):
         if standard_services.INSTALLED:
             StandardServices(self, self._simulation_services, self._settings.telemetry_rate)
         FaultServices(self, lambda: self.drilling, self._origin, self.refuse_request)
+        self.create_timer(
+            REPORT_PERIOD, self._report_before_start, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
 
@@ -147,6 +156,8 @@ class DrillNode(ManagedNode):
         self.prepare()
         if self._settings.autostart:
             self._succeed(self.trigger_activate)
+        else:
+            self.get_logger().info("waiting for the transitions configure and activate")
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and let listeners have the last messages."""
@@ -161,7 +172,13 @@ class DrillNode(ManagedNode):
         compile_kernels(settings.configuration.parameters, self.get_logger().info)
         self._outputs = DrillPublishers(self, settings)
         self._drilling = Drilling(
-            self, settings, self._outputs, self._inbox, self._restore_parameters, self._end
+            self,
+            settings,
+            self._outputs,
+            self._inbox,
+            self._restore_parameters,
+            self._namesakes,
+            self._end,
         )
         self._drilling.announce()
         # To look through all that lives by now, again and again, would make blocks late.
@@ -181,6 +198,7 @@ class DrillNode(ManagedNode):
             drilling.start(self._settings)
             self._started = True
         self._gate.open(True)
+        self.get_logger().info("the drill is active")
         return TransitionCallbackReturn.SUCCESS
 
     @told
@@ -228,6 +246,15 @@ class DrillNode(ManagedNode):
 
     def _ask_to_quit(self) -> None:
         self._quit = True
+
+    def _report_before_start(self) -> None:
+        """Publish the status, as the drilling does once it has started, or at least count names."""
+        if self._started:
+            return
+        if self._drilling is None:
+            self._namesakes.count()
+        else:
+            self._drilling.announce()
 
     def _origin(self) -> int:
         return self._outputs.origin if self._outputs else 0
@@ -316,7 +343,7 @@ def spin(
     try:
         node.start()
         while not (stop.requested or node.finished):
-            executor.spin_once(timeout_sec=0.1)
+            serve(executor, node.refuse_request)
             show(node.report)
     except RuntimeError as error:
         complain("drill_node", error)

@@ -7,12 +7,14 @@ import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
+from time import monotonic
 from typing import TypeVar
 
 from rclpy.node import Node
 
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.namesakes import Namesakes
 from rpud_sim.ros.drill.pacing import Pacer
 from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import DrillPublishers
@@ -28,6 +30,7 @@ from rpud_sim.simulation.simulation import Simulation
 
 Result = TypeVar("Result")
 
+_CLOCK_PERIOD = 0.1  # of /clock while time stands still [s]
 _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
 
 
@@ -47,6 +50,7 @@ class Drilling:
         outputs: to publish with.
         inbox: of commands.
         restored: takes the settings to which a reset went back.
+        namesakes: of the node.
         end: simulation time after which it has finished [ns].
     """
 
@@ -57,6 +61,7 @@ class Drilling:
         outputs: DrillPublishers,
         inbox: Inbox,
         restored: Callable[[Settings], None],
+        namesakes: Namesakes,
         end: int = sys.maxsize,
     ) -> None:
         self._settings = self._first_settings = settings
@@ -74,10 +79,11 @@ class Drilling:
         self._journal = Journal()
         self._playing = False
         self._at_start = False
+        self._clock_due = 0.0
         self._goal: int | None = None
         self._step: Future[int] = Future()
         self._source = TimeSource(node, settings.publish_clock, self._wake.set)
-        self._account = Account(node, settings, outputs, inbox)
+        self._account = Account(node, settings, outputs, inbox, namesakes)
         self._thread = threading.Thread(target=self._run, name="pacing")
         inbox.notify(self._wake.set)
         self._begin(self._fresh(self._seed, settings), active=False)
@@ -123,7 +129,7 @@ class Drilling:
         return self._source.follows
 
     def announce(self) -> None:
-        """Publish the first status: it is there, and inactive."""
+        """Publish status and diagnostics of a drilling that has not started."""
         self._outputs.begin(self._source.begin())
         self._account.report("inactive", self._simulation, self._control)
 
@@ -344,7 +350,11 @@ class Drilling:
     def _stand_still(self) -> None:
         if self._take_commands() or self._account.due():
             self._report()
-        self._wait(_LONGEST_WAIT)
+        now = monotonic()
+        if now >= self._clock_due:
+            self._outputs.publish_clock(self._simulation.time)
+            self._clock_due = now + _CLOCK_PERIOD
+        self._wait(_CLOCK_PERIOD)
 
     def _wait(self, seconds: float) -> None:
         self._wake.wait(min(seconds, _LONGEST_WAIT))

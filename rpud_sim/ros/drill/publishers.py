@@ -51,7 +51,8 @@ LATCHED_QOS = _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 JOURNAL_QOS = _reliable(1000, DurabilityPolicy.TRANSIENT_LOCAL)
 DIAGNOSTICS_QOS = _reliable(10)
 COMMAND_QOS = _reliable(1000)
-CLOCK_QOS = _reliable(10)
+# A node that joins a drill at a standstill has the time at once.
+CLOCK_QOS = LATCHED_QOS
 
 TOPICS: dict[str, tuple[type, QoSProfile]] = {
     "nodal_plane": (NodalPlane, TELEMETRY_QOS),
@@ -150,11 +151,14 @@ class DrillPublishers:
             block: at most one telemetry period long.
             faults: that lasted in it, or in a part of it.
         """
-        if "/clock" in self._topics:
-            stamp = fields.time_fields(self.origin + block.end)
-            self._send([("/clock", {"clock": stamp})])
+        self.publish_clock(block.end)
         prompt = self._telemetry.take_prompt(block, faults)
         self._send((name, values) for _, name, values in prompt)
+
+    def publish_clock(self, time: int) -> None:
+        """Publish a simulation time [ns] on ``/clock``, if the node is its source."""
+        if "/clock" in self._topics:
+            self._send([("/clock", {"clock": fields.time_fields(self.origin + time)})])
 
     def publish_streams(self, block: Block) -> None:
         """Publish the waveform and the trajectory where one of their blocks ends with this one."""

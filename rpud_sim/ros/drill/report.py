@@ -51,6 +51,7 @@ class Report:
         last_refusal: why the latest command or request was refused.
         commands_lost: whether commands stayed out, and the drill is made safe.
         commanders: publishers on the command topic that has most of them.
+        namesakes: other nodes of the same name.
         messages_dropped: since the start.
         vibration_amplitude: of the actuator's tip [m].
         resonance_frequency: of the actuator [Hz].
@@ -75,6 +76,7 @@ class Report:
     last_refusal: str
     commands_lost: bool
     commanders: int
+    namesakes: int
     messages_dropped: int
     vibration_amplitude: float
     resonance_frequency: float
@@ -154,8 +156,7 @@ def report_to_diagnostics(
             ),
             _diagnostic(
                 f"{node_name}: drill",
-                DiagnosticStatus.WARN if report.active_faults else DiagnosticStatus.OK,
-                f"{report.active_faults} faults injected" if report.active_faults else report.state,
+                *_drill_health(report),
                 {
                     "state": report.state,
                     "regime": report.regime,
@@ -167,6 +168,7 @@ def report_to_diagnostics(
                     "depth [m]": f"{report.depth:g}",
                     "penetration_rate [m/s]": f"{report.penetration_rate:g}",
                     "active_faults": report.active_faults,
+                    "namesakes": report.namesakes,
                 },
             ),
         ],
@@ -179,6 +181,14 @@ def _command_health(report: Report) -> tuple[bytes, str]:
     if report.commanders > 1:
         return DiagnosticStatus.WARN, f"{report.commanders} publishers command at once"
     return DiagnosticStatus.OK, f"{report.commands_rejected} refused"
+
+
+def _drill_health(report: Report) -> tuple[bytes, str]:
+    if report.namesakes:
+        return DiagnosticStatus.WARN, f"{report.namesakes + 1} nodes have this name"
+    if report.active_faults:
+        return DiagnosticStatus.WARN, f"{report.active_faults} faults injected"
+    return DiagnosticStatus.OK, report.state
 
 
 def _diagnostic(name: str, level: bytes, text: str, values: dict[str, object]) -> DiagnosticStatus:

@@ -11,17 +11,19 @@ from typing import Any
 
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException
+from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.ros.arguments import MAX_LOSS
-from rpud_sim.ros.drill.drill_node import DrillNode, spin
+from rpud_sim.ros.drill.drill_node import NAME, DrillNode, spin
+from rpud_sim.ros.drill.namesakes import NamesakeSearch
 from rpud_sim.ros.drill.parameters import check_settings
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
-from rpud_sim.simulation.ensemble import Figures
+from rpud_sim.simulation.ensemble import Figures, compile_kernels
 from rpud_sim.terminal import complain, printable
 
 _READY = 15.0  # that the recorder may take to be ready [s]
@@ -108,6 +110,7 @@ def drill(
     bag: str | None = None,
     live: bool = True,
     max_loss: float = MAX_LOSS,
+    allow_duplicate: bool = False,
 ) -> int:
     """Drill in real time and return the exit code.
 
@@ -118,9 +121,10 @@ def drill(
         bag: folder of a bag to record into.
         live: whether to show a live line.
         max_loss: that a crash of the recorder may cost at most [s].
+        allow_duplicate: whether to drill beside a drill of the same name.
     """
     try:
-        check_settings(dict(values))
+        settings = check_settings(dict(values))
         validate_namespace(f"/{namespace.removeprefix('/')}")
     except ParameterError as error:
         complain("rpud run", error)
@@ -132,6 +136,17 @@ def drill(
     with StopRequest() as stop:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:
+            if not allow_duplicate:
+                search = NamesakeSearch(NAME, namespace)
+                # Meanwhile, so that the search costs no time.
+                compile_kernels(settings.configuration.parameters, get_logger(NAME).info)
+                if search.finish():
+                    print(
+                        f"rpud run: a drill named {search.name} runs already: choose another "
+                        "--namespace, or give --allow-duplicate",
+                        file=sys.stderr,
+                    )
+                    return 1
             overrides = [
                 Parameter(name, value=float(value) if _is_whole(value) else value)
                 for name, value in values.items()

@@ -118,7 +118,7 @@ class SimulationServices:
         """Step to a simulation time [ns]; return the stamp that was reached.
 
         Args:
-            until_of: gives that time, asked between two blocks.
+            until_of: gives that time, called between two blocks; may raise RefusedError.
 
         Raises:
             RefusedError: if that is not possible.
@@ -215,8 +215,19 @@ class SimulationServices:
     ) -> RunToTime.Response:
         stamp = request.time.sec * NANOSECONDS + request.time.nanosec
 
+        def until(drilling: Drilling) -> int:
+            now = self._origin() + drilling.simulation.time
+            given = f"time = {stamp / NANOSECONDS:.6f} s"
+            if stamp <= now:
+                reason = f"{given} is not after the drill's time, {now / NANOSECONDS:.6f} s"
+                raise RefusedError(Result.RESULT_OPERATION_FAILED, reason)
+            if stamp > now + LONGEST_STEP * NANOSECONDS:
+                reason = f"{given} is more than {LONGEST_STEP:g} s after the drill's time"
+                raise RefusedError(Result.RESULT_OPERATION_FAILED, reason)
+            return stamp - self._origin()
+
         def act() -> None:
-            reached = self.step_until(lambda drilling: stamp - self._origin())
+            reached = self.step_until(until)
             response.time = nanoseconds_to_time(reached)
 
         return self.answer(response, act)

@@ -12,7 +12,6 @@ from contextlib import contextmanager
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -25,6 +24,7 @@ from rpud_sim.ros.replay.read_ahead import ReadAhead
 from rpud_sim.ros.replay.replay_console import ReplayConsole
 from rpud_sim.ros.replay.replay_services import ReplayServices
 from rpud_sim.ros.replay.replayer_node import Replayer
+from rpud_sim.ros.serving import serve
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.terminal import complain, printable
 
@@ -146,7 +146,7 @@ def _replay(
 
     playback = Playback(read, plan, node)
     thread = PlaybackThread(playback)
-    ReplayServices(node, thread)
+    ReplayServices(node, thread, node.count_failure)
     with (
         _quick_switches(),
         _spinning(node),
@@ -167,9 +167,10 @@ def _replay(
                 node.get_logger().warning(f"a subscriber of {name} has not confirmed all messages")
             # What is sent best effort is confirmed by nobody, and may still be on its way.
             stop.wait(_SETTLING)
+    failures = f", {node.failures} requests failed" if node.failures else ""
     print(
         f"replayed {playback.published} messages in {time.monotonic() - began:.1f} s, "
-        f"{playback.lateness}",
+        f"{playback.lateness}{failures}",
         flush=True,
     )
     return 0
@@ -191,17 +192,25 @@ def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> N
 
 
 @contextmanager
-def _spinning(node: Node) -> Iterator[None]:
+def _spinning(node: Replayer) -> Iterator[None]:
     """Answer the node's services meanwhile, in a thread."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    thread = threading.Thread(target=executor.spin, name="services", daemon=True)
+    ended = threading.Event()
+
+    def spin() -> None:
+        while not ended.is_set():
+            serve(executor, node.count_failure)
+
+    thread = threading.Thread(target=spin, name="services", daemon=True)
     thread.start()
     try:
         yield
     finally:
-        executor.shutdown()
+        ended.set()
+        executor.wake()
         thread.join()
+        executor.shutdown()
 
 
 @contextmanager

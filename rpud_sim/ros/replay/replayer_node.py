@@ -46,6 +46,7 @@ class Replayer(Node):
             cli_args=["--ros-args", *rules] if rules else None,
             start_parameter_services=False,
         )
+        self._failures = 0
         self._replayed: dict[str, Publisher] = {}
         self._types: dict[str, str] = {}  # by the names that they are published with
         self._hurried: dict[str, int] = {}  # messages that nobody may have confirmed
@@ -68,9 +69,7 @@ class Replayer(Node):
                 message = message_class(summary.topic.type)
                 self._check_name(summary.topic)
             except UnknownTypeError as error:
-                self.get_logger().warning(
-                    printable(f"not replayed: {summary.topic.name}: {error}")
-                )
+                self.get_logger().warning(printable(f"not replayed: {summary.topic.name}: {error}"))
                 continue
             name = summary.topic.name
             try:
@@ -101,6 +100,16 @@ class Replayer(Node):
         other = self._types.setdefault(name, topic.type)
         if other != topic.type:
             raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")
+
+    @property
+    def failures(self) -> int:
+        """How often something that arrived from the network raised an error."""
+        return self._failures
+
+    def count_failure(self, reason: str) -> None:
+        """Count something that arrived and raised an error, and log why, once a second at most."""
+        self._failures += 1
+        self.get_logger().warning(f"request failed: {reason}", throttle_duration_sec=1.0)
 
     @property
     def topic_names(self) -> list[str]:

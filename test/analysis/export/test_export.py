@@ -195,7 +195,7 @@ def test_a_damaged_file_leaves_nothing_behind(tmp_path):
     content = file.read_bytes()
     file.write_bytes(content.replace(b"message 5", b"massage 5"))
     for file_format in FORMATS:
-        with pytest.raises(BagError, match="bag_0.mcap"):
+        with pytest.raises(BagError, match=r"bag_0\.mcap"):
             export(tmp_path / "bag", tmp_path / "out", file_format)
         assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 

@@ -6,6 +6,7 @@ from rclpy.parameter import Parameter
 
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.namesakes import Namesakes
 from rpud_sim.ros.drill.pacing import Pacer
 from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import DrillPublishers
@@ -29,7 +30,7 @@ class Drill:
         self.simulation = Simulation(Parameters())
         self.control = Control(self.simulation.applied, 0.0, 0.5)
         self.pacer = Pacer(100)
-        self.account = Account(node, Settings(), self.outputs, self.inbox)
+        self.account = Account(node, Settings(), self.outputs, self.inbox, Namesakes(node))
 
     def advance(self, time):
         block = self.simulation.advance_to(time)

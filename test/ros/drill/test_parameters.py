@@ -102,7 +102,7 @@ def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
         ({"nominal_voltage": 0}, "nominal_voltage = 0 V is outside its range (0, 1000] V"),
         ({"nominal_voltage": "100"}, "nominal_voltage = '100' V is outside its range"),
         ({"weight_on_bit": -1}, "weight_on_bit = -1 N is outside its range [0, 1000] N"),
-        ({"wieght_on_bit": 1.0}, "wieght_on_bit is not a parameter; known are "),
+        ({"wieght_on_bit": 1.0}, "wieght_on_bit is not a parameter; did you mean weight_on_bit?"),
         ({"command_timeout": -1}, "command_timeout = -1 s is outside its range [0, 3600] s"),
         ({"command_loss_ramp": 61}, "command_loss_ramp = 61 s is outside its range [0, 60] s"),
         ({"seed": 0.5}, "seed = 0.5 is not a whole number"),

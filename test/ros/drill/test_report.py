@@ -36,6 +36,7 @@ REPORT = Report(
     last_refusal="there is no fault 9 to clear",
     commands_lost=False,
     commanders=1,
+    namesakes=0,
     messages_dropped=1,
     vibration_amplitude=28e-6,
     resonance_frequency=16010.0,
@@ -173,3 +174,9 @@ def test_lost_commands_and_two_commanders_are_told(changes, level, text):
 def test_faults_that_last_are_told_with_their_number():
     drill = diagnostics(dataclasses.replace(REPORT, active_faults=2)).status[2]
     assert (drill.level, drill.message) == (DiagnosticStatus.WARN, "2 faults injected")
+
+
+def test_other_nodes_of_the_same_name_are_told():
+    drill = diagnostics(dataclasses.replace(REPORT, namesakes=1, active_faults=2)).status[2]
+    assert (drill.level, drill.message) == (DiagnosticStatus.WARN, "2 nodes have this name")
+    assert {pair.key: pair.value for pair in drill.values}["namesakes"] == "1"
