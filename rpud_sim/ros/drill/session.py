@@ -12,13 +12,13 @@ from typing import Any
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.ros.arguments import MAX_LOSS
 from rpud_sim.ros.drill.drill_node import DrillNode, spin
 from rpud_sim.ros.drill.parameters import check_settings
 from rpud_sim.ros.drill.report import Report
+from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import Figures
@@ -128,7 +128,11 @@ def drill(
         print(f"rpud run: {what} {name.strip()}", file=sys.stderr)
         return 2
     with StopRequest() as stop:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            start_ros()
+        except StartError as error:
+            print(f"rpud run: {error}", file=sys.stderr)
+            return 2
         try:
             overrides = [
                 Parameter(name, value=float(value) if _is_whole(value) else value)
