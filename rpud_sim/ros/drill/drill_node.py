@@ -16,7 +16,6 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.ros.drill import standard_services
@@ -36,6 +35,7 @@ from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import serve
+from rpud_sim.ros.starting import start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import compile_kernels
@@ -313,9 +313,10 @@ def main() -> None:
 def _main() -> int:
     with StopRequest() as stop:
         try:
-            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+            start_ros(sys.argv)
             node = DrillNode()
-        # rcl's errors are RuntimeErrors; the other is of use_sim_time, which rclpy declares.
+        # StartError and rcl's errors are RuntimeErrors; ParameterException is of use_sim_time,
+        # which rclpy declares.
         except (ParameterError, ParameterException, RuntimeError) as error:
             complain("drill_node", error)
             rclpy.try_shutdown()

@@ -13,7 +13,6 @@ import rclpy
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
 from rpud_sim.ros.arguments import MAX_LOSS
@@ -21,6 +20,7 @@ from rpud_sim.ros.drill.drill_node import NAME, DrillNode, spin
 from rpud_sim.ros.drill.namesakes import NamesakeSearch
 from rpud_sim.ros.drill.parameters import check_settings
 from rpud_sim.ros.drill.report import Report
+from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.ensemble import Figures, compile_kernels
@@ -134,7 +134,11 @@ def drill(
         complain("rpud run", f"{what} {name.strip()}")
         return 2
     with StopRequest() as stop:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        try:
+            start_ros()
+        except StartError as error:
+            print(f"rpud run: {error}", file=sys.stderr)
+            return 2
         try:
             if not allow_duplicate:
                 search = NamesakeSearch(NAME, namespace)

@@ -12,7 +12,6 @@ from collections.abc import Iterable
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.bag import BagError, BagWriter
@@ -31,6 +30,7 @@ from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.recorder_services import RecorderServices
 from rpud_sim.ros.record.recording import MessageQueue, NamedRecord, WritingThread
 from rpud_sim.ros.record.selection import TopicSelection
+from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.terminal import complain, printable
 
@@ -47,13 +47,13 @@ _DRAIN = 0.1  # s in which messages on their way still arrive after a stop
 def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -> int:
     """Record until the duration is over or a signal asks to stop; give the exit code."""
     with StopRequest() as stop:
-        rclpy.init(args=ros_arguments or [], signal_handler_options=SignalHandlerOptions.NO)
         try:
+            start_ros(ros_arguments or [])
             return _record(arguments, stop)
         except NameValidationException as error:
             what, name, *_ = str(error).splitlines()  # below them it points at the character
             return _fail(f"{what} {name.strip()}", 2)
-        except (QosOverrideError, ParameterException) as error:
+        except (QosOverrideError, ParameterException, StartError) as error:
             return _fail(str(error), 2)
         except BagError as error:
             return _fail(str(error), 1)

@@ -12,7 +12,6 @@ from contextlib import contextmanager
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 import rpud_sim.bag
@@ -25,6 +24,7 @@ from rpud_sim.ros.replay.replay_console import ReplayConsole
 from rpud_sim.ros.replay.replay_services import ReplayServices
 from rpud_sim.ros.replay.replayer_node import Replayer
 from rpud_sim.ros.serving import serve
+from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.terminal import complain, printable
 
@@ -44,14 +44,14 @@ def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -
         try:
             with rpud_sim.bag.open(arguments.bag) as bag:
                 topics = _chosen(bag, arguments)
-                rclpy.init(args=ros_arguments or [], signal_handler_options=SignalHandlerOptions.NO)
+                start_ros(ros_arguments or [])
                 try:
                     return _replay(bag, topics, arguments, stop)
                 finally:
                     rclpy.try_shutdown()
         except BagError as error:
             return _fail(str(error), 1)
-        except (_UsageError, ParameterException) as error:
+        except (_UsageError, ParameterException, StartError) as error:
             return _fail(str(error), 2)
 
 
