@@ -169,7 +169,8 @@ class _Questions:
             self._question = None
 
     def _read_journal(self) -> None:
-        with self._journal.handle as journal:
+        journal = self._journal.handle
+        with journal:
             while (taken := journal.take_message(JournalEntry, False)) is not None:
                 entry, _ = taken
                 if entry.kind == JournalEntry.KIND_BEGIN and len(entry.content) < _SCENARIO_LIMIT:

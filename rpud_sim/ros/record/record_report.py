@@ -56,7 +56,7 @@ def summary(node: Recorder, bag: BagWriter, seconds: float) -> str:
         if losses.total != 0 and losses != Losses(None):
             lines.append(lost_text(name, losses))
     lines += [
-        f"subscribed {name} again {count} times, as a publisher that was there was not heard"
+        f"subscribed {name} again {count} times, in case a publisher was not heard"
         for name, count in sorted(node.renewals.items())
     ]
     if node.guard.count:

@@ -88,6 +88,7 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
         compression=arguments.compression,
         max_file_size=arguments.max_bag_size and int(arguments.max_bag_size),
         max_file_duration=arguments.max_bag_duration,
+        reserved=True,
     ) as bag:
         bag.add_record(RECORDING_RECORD, {"max_loss": str(arguments.max_loss)})
         room = DiskRoom(bag.path, arguments.max_disk and int(arguments.max_disk))

@@ -11,7 +11,7 @@ from rpud_sim.simulation.scenario import parse_scenario
 
 FAULTS = [
     {"kind": "lost_preload", "onset": 0.1, "duration": 0.7, "magnitude": 0.25},
-    {"kind": "noise", "channel": "contact_force", "onset": [1.0, 2.0]},
+    {"kind": "noise", "channel": "contact_force", "onset": {"uniform": [1.0, 2.0]}},
     {"kind": "free_mass_jammed", "onset": 5},
 ]
 
