@@ -137,7 +137,9 @@ class _Questions:
     @property
     def scenario(self) -> str | None:
         """Scenario of the drill: empty where it has none, None where it is unknown."""
-        return self._begun if (self.parameters or {}).get("scenario") else ""
+        if self.parameters is not None and not self.parameters.get("scenario"):
+            return ""
+        return self._begun
 
     def poll(self) -> bool:
         """Go on; tell whether all is answered. An answer that cannot be used is the last one."""

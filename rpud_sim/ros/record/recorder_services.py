@@ -38,7 +38,7 @@ class RecorderServices:
         actions: dict[str, Callable[[], tuple[bool, str]]] = {
             "Pause": self._pause,
             "Resume": self._resume,
-            "IsPaused": lambda: (True, "paused" if intake.paused else "not paused"),
+            "IsPaused": lambda: (True, ""),
             "TogglePaused": lambda: self._resume() if intake.paused else self._pause(),
             "SplitBagfile": self._split,
             "Snapshot": self._snapshot,
@@ -64,7 +64,8 @@ class RecorderServices:
             return
         self._catch_up()
         success, text = action()
-        self._node.get_logger().info(text)
+        if text:
+            self._node.get_logger().info(text)
         response = service.Response()
         answers = {"success": success, "message": text, "paused": self._intake.paused}
         for field, value in answers.items():

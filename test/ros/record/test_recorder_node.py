@@ -335,3 +335,37 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
     publisher.publish(Int32(data=1))
     until(lambda: there.take() or there.taken)
     assert failure(there, allow_empty=False) == ""
+
+
+def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, capfd):
+    silent = peer.create_publisher(Int32, "silent", LATCHED)
+    talking = peer.create_publisher(Int32, "talking", RELIABLE)
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 2))
+    until(lambda: all(each.get_subscription_count() == 1 for each in (silent, talking)))
+    silent.publish(Int32(data=1))
+    until(lambda: recorder.take() or recorder.taken == 1)
+    began = time.monotonic()
+    until(lambda: time.monotonic() > began + 2.2)
+
+    def renewed():
+        talking.publish(Int32(data=2))
+        recorder.take()
+        recorder.discover()
+        return recorder.renewals
+
+    until(renewed)
+    assert recorder.renewals == {"/rpud/silent": 1}
+    assert "it stood still for 2." in capfd.readouterr().err
+    until(lambda: silent.get_subscription_count() == 1)
+    silent.publish(Int32(data=3))
+
+    def numbers(messages):
+        recorded = (item for item in items(messages) if isinstance(item, Message))
+        return [item.data[4] for item in recorded if item.topic == "/rpud/silent"]
+
+    found = []
+    until(lambda: recorder.take() or found.extend(numbers(messages)) or 3 in found)
+    assert found == [1, 3]  # what is latched came again, and is no new message
+    assert recorder.losses["/rpud/silent"].total == 0
