@@ -67,7 +67,11 @@ class DrillInquiry:
 
     def poll(self) -> list[Manifest]:
         """Give the manifests of the drills that have answered since the last call."""
-        answered = [questions for questions in self._questions if self._is_done(questions)]
+        answered = []
+        for questions in self._questions:
+            with self._guard(f"an answer of {questions.name}"):
+                if questions.poll():
+                    answered.append(questions)
         for questions in answered:
             self._questions.remove(questions)
             self._node.get_logger().info(f"knows the parameters of {questions.name}")
@@ -80,11 +84,6 @@ class DrillInquiry:
             questions.close()
         self._questions.clear()
         return silent if self._known else [self._manifest(None)]
-
-    def _is_done(self, questions: _Questions) -> bool:
-        with self._guard(f"an answer of {questions.name}"):
-            return questions.poll()
-        return False
 
     def _manifest(self, questions: _Questions | None) -> Manifest:
         parameters = (questions.parameters if questions else None) or {}

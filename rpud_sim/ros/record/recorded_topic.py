@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -15,6 +16,7 @@ from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.ros.qos import RECORDING_DEPTH
 
 _ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
+_MATCHING = 3.0  # s in which a publisher that was found should be connected
 _EARLIEST = 946_684_800_000_000_000  # the year 2000 [ns since the epoch]
 _AHEAD = 86_400_000_000_000  # that the clock of a publisher may be ahead of ours [ns]
 
@@ -56,6 +58,22 @@ class RecordedTopic:
     renewals: int = 0
     _uncounted: int = 0  # damaged messages whose numbers are a gap in the next ones
     _latest: dict[tuple[int, int | None], None] = field(default_factory=dict)
+
+    def misses(self, offers: Sequence[QoSProfile]) -> bool:
+        """Tell whether a publisher of those that offer this should be connected by now."""
+        fitting = sum(
+            qos_check_compatible(offer, self.request)[0] != QoSCompatibility.ERROR
+            for offer in offers
+        )
+        now = time.monotonic()
+        if self.subscription.handle.get_publisher_count() >= fitting:
+            self.unmatched = None
+        elif self.unmatched is None:
+            self.unmatched = now
+        elif now >= self.unmatched + _MATCHING * 2 ** min(self.renewals, 5):
+            self.unmatched = None
+            return True
+        return False
 
     def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
         """Give the message that was taken with that information; None where it is no new one.

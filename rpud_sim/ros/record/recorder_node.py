@@ -26,14 +26,10 @@ from rpud_sim.ros.record.intake import Intake
 from rpud_sim.ros.record.recorded_topic import RecordedTopic
 from rpud_sim.ros.record.recording import Declaration
 from rpud_sim.ros.record.selection import TopicSelection
+from rpud_sim.ros.record.standstill import Standstill
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _BATCH = 1000  # messages of one topic taken at once, so that a fast one does not starve the rest
-
-_STANDSTILL = 2.0  # s between two takes after which publishers may have given the recorder up
-_SILENCE = 3.0  # s after a standstill in which a publisher that is connected should be heard
-_BACKLOG = 1.0  # s of these in which messages from before still arrive
-_MATCHING = 3.0  # s in which a publisher that was found should be connected
 
 _log_time = attrgetter("log_time")
 
@@ -66,8 +62,7 @@ class Recorder(Node):
         self._prefix = self.get_namespace().rstrip("/") + "/"
         self._recordings: dict[str, RecordedTopic] = {}
         self._batch: list[Message] = []
-        self._took: float | None = None  # when it took last, by the monotonic clock [s]
-        self._stood_still: float | None = None  # when it went on after that
+        self._standstill = Standstill()
         self.guard = NetworkGuard(self.get_logger())
         self.skipped: dict[str, str] = {}
         """What is not recorded, with the reasons: topics, and further types of recorded ones."""
@@ -147,7 +142,8 @@ class Recorder(Node):
         """
         more = False
         began = time.time_ns()
-        self._note_standstill()
+        if pause := self._standstill.note():
+            self.get_logger().warning(f"it stood still for {pause:.1f} s")
         for recording in self._recordings.values():
             with self.guard(f"a message of {recording.name}"):
                 more |= self._take(recording, until)
@@ -235,43 +231,22 @@ class Recorder(Node):
             recording.request = request_for(offers)
             self._renew(recording, "a publisher offers less than before")
             return
-        self._check_match(recording, offers)
-
-    def _check_match(self, recording: RecordedTopic, offers: Sequence[QoSProfile]) -> None:
-        """Subscribe again where a publisher that fits is not connected: its lease ran out here."""
-        fitting = sum(
-            qos_check_compatible(offer, recording.request)[0] != QoSCompatibility.ERROR
-            for offer in offers
-        )
-        now = time.monotonic()
-        if recording.subscription.handle.get_publisher_count() >= fitting:
-            recording.unmatched = None
-        elif recording.unmatched is None:
-            recording.unmatched = now
-        elif now >= recording.unmatched + _MATCHING * 2 ** min(recording.renewals, 5):
+        if recording.misses(offers):
             recording.renewals += 1
             self._renew(recording, "a publisher that is there was not heard")
-
-    def _note_standstill(self) -> None:
-        now = time.monotonic()
-        if self._took is not None and now >= self._took + _STANDSTILL:
-            self._stood_still = now
-            self.get_logger().warning(f"it stood still for {now - self._took:.1f} s")
-        self._took = now
 
     def _renew_silent(self) -> None:
         """Subscribe again what is silent since a standstill.
 
         A publisher whose lease for us ran out sends nothing more, and here it is still connected.
         """
-        if self._stood_still is None or time.monotonic() < self._stood_still + _SILENCE:
+        since = self._standstill.heard_since()
+        if since is None:
             return
         for recording in self._recordings.values():
-            # What was on its way at the standstill arrives at once, and proves nothing.
-            if recording.endpoints and recording.heard < self._stood_still + _BACKLOG:
+            if recording.endpoints and recording.heard < since:
                 recording.renewals += 1
                 self._renew(recording, "nothing was heard since the recorder stood still")
-        self._stood_still = None
 
     def _renew(self, recording: RecordedTopic, reason: str) -> None:
         while self._take(recording, None):
