@@ -33,9 +33,9 @@ class Reserve:
         try:
             os.posix_fallocate(descriptor, 0, size)
         except OSError as error:
-            if error.errno in (*_FULL, errno.EFBIG):
+            if error.errno in _FULL:
                 return False
-            # A file system that cannot keep room: there is none, and the bag is written anyway.
+            # Where files cannot have room ahead, or not as large, the bag is written without.
         finally:
             os.close(descriptor)
         self._size = size

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,13 +13,15 @@ from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rpud_msgs.msg import JournalEntry
+from rclpy.subscription import Subscription
 
 from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
 from rpud_sim.ros.record.guard import NetworkGuard
 from rpud_sim.ros.record.journal_scenario import scenario_text
+from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _STATUS = "rpud_msgs/msg/Status"
+_ENTRY = "rpud_msgs/msg/JournalEntry"
 _SCENARIO_LIMIT = 100_000  # characters
 _JOURNAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -129,9 +132,10 @@ class _Questions:
             ListParameters, "list_parameters", ListParameters.Request()
         )
         self._begun: str | None = None  # scenario of the journal's latest beginning
-        self._journal = node.create_subscription(
-            JournalEntry, f"{name.rpartition('/')[0]}/journal", lambda _: None, _JOURNAL
-        )
+        self._journal: Subscription | None = None
+        self._entry: Any = None  # the type of its messages, where it is installed
+        with suppress(UnknownTypeError):
+            self._entry = message_class(_ENTRY)
 
     @property
     def scenario(self) -> str | None:
@@ -142,7 +146,6 @@ class _Questions:
 
     def poll(self) -> bool:
         """Go on; tell whether all is answered. An answer that cannot be used is the last one."""
-        self._read_journal()
         response = self._question.poll() if self._question else None
         if response is not None:
             self._stop_asking()
@@ -154,15 +157,20 @@ class _Questions:
                 self.parameters = {}
                 values = map(parameter_value_to_python, response.values)
                 self.parameters = dict(zip(self._names, map(_plain, values), strict=False))
-        if self.parameters is None or self.scenario is None:
+        if self.parameters is None:
             return False
+        if self.parameters.get("scenario"):
+            self._read_journal()
+            if self._begun is None and self._entry is not None:
+                return False
         self.close()
         return True
 
     def close(self) -> None:
         """Stop asking and listening."""
         self._stop_asking()
-        self._node.destroy_subscription(self._journal)
+        if self._journal is not None:
+            self._node.destroy_subscription(self._journal)
 
     def _stop_asking(self) -> None:
         if self._question is not None:
@@ -170,11 +178,19 @@ class _Questions:
             self._question = None
 
     def _read_journal(self) -> None:
+        if self._journal is None:
+            topic = f"{self.name.rpartition('/')[0]}/journal"
+            # A subscription alone would make a topic of it.
+            if self._entry is None or not self._node.count_publishers(topic):
+                return
+            self._journal = self._node.create_subscription(
+                self._entry, topic, lambda _: None, _JOURNAL
+            )
         journal = self._journal.handle
         with journal:
-            while (taken := journal.take_message(JournalEntry, False)) is not None:
+            while (taken := journal.take_message(self._entry, False)) is not None:
                 entry, _ = taken
-                if entry.kind == JournalEntry.KIND_BEGIN and len(entry.content) < _SCENARIO_LIMIT:
+                if entry.kind == "begin" and len(entry.content) < _SCENARIO_LIMIT:
                     self._begun = scenario_text(entry.content)
 
     def _ask(self, service: Any, kind: str, request: Any) -> _Question:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from rclpy.node import Node
-from rpud_msgs.srv import IsPaused
 from std_srvs.srv import Trigger
 
 from rpud_sim.ros.record.guard import NetworkGuard
@@ -46,6 +46,8 @@ class RecorderServices:
         self._services = []
         for kind, action in actions.items():
             service = service_type(kind)
+            if service is None:
+                continue
             name = "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in kind)
             # `serve` takes the requests, so nothing ever calls the callback.
             handle = node.create_service(service, f"~/{name[1:]}", lambda _, response: response)
@@ -93,8 +95,11 @@ class RecorderServices:
 
 
 def service_type(kind: str) -> Any:
-    """Give the type of a service of rosbag2, or what stands for it where that is not installed."""
-    try:
-        return getattr(importlib.import_module("rosbag2_interfaces.srv"), kind)
-    except (ImportError, AttributeError):
-        return IsPaused if kind == "IsPaused" else Trigger
+    """Give the type of a service of rosbag2, or what stands for it where that is not installed.
+
+    None where that is not installed either.
+    """
+    for package in ("rosbag2_interfaces", "rpud_msgs"):
+        with suppress(ImportError, AttributeError):
+            return getattr(importlib.import_module(f"{package}.srv"), kind)
+    return None if kind == "IsPaused" else Trigger
