@@ -25,9 +25,10 @@ class Manifest:
     """How a run came about, as far as its recorder knows.
 
     `node` is the drill's full name, empty where there was none, and `parameters` are all of its
-    parameters at `time` [ns since the epoch]. `scenario` is the text of its scenario's file, empty
-    where it has none, None where the file cannot be read here. `command` is the command line of
-    what wrote the bag, `versions` and `machine` (architecture and processor) are of the same.
+    parameters at `time` [ns since the epoch]. `scenario` is the text of its scenario (a recorder
+    has the faults as they were drawn), empty where it has none, None where it is unknown.
+    `command` is the command line of what wrote the bag, `versions` and `machine` (architecture and
+    processor) are of the same.
     """
 
     node: str = ""

@@ -254,6 +254,33 @@ def test_a_recorder_that_ends_does_not_stop_the_drill_but_is_told_at_the_end(
     assert "bag: " not in running.output
 
 
+def test_what_a_frozen_recorder_lacks_of_what_was_sent_is_told(process, tmp_path):
+    running = process("rpud", "run", "--record", tmp_path / "bag", "--quiet")
+    client = Client("/rpud")
+    try:
+        waveforms = client.listen("waveform")
+        client.until(lambda: len(waveforms) > 10)
+        recorder = int(recorder_of(running))
+        os.kill(recorder, signal.SIGSTOP)
+        count = len(waveforms) + 100  # the drill keeps 40 for those that fall behind
+        client.until(lambda: len(waveforms) > count)
+        os.kill(recorder, signal.SIGCONT)
+        client.until(lambda: len(waveforms) > count + 10)
+    finally:
+        client.close()
+    running.interrupt()
+    assert running.wait() == 1
+    told = running.wait_for_line(
+        r"rpud run: /rpud/waveform: (\d+) messages were sent, (\d+) are in the bag"
+    )
+    with rpud_sim.bag.open(tmp_path / "bag") as bag:
+        counts = {summary.topic.name: summary.message_count for summary in bag.topics}
+    assert counts["/rpud/waveform"] == int(told[2]) < int(told[1])
+    assert "data was on the disk" in running.output
+    assert "too slow" not in running.output
+    assert "bag: " not in running.output
+
+
 def test_two_drills_in_two_namespaces_do_not_meet(process):
     for name, force in (("one", 5), ("two", 25)):
         process("rpud", "run", "--namespace", name, "--set", f"weight_on_bit={force}", "--quiet")

@@ -6,7 +6,8 @@ import argparse
 import contextlib
 import gc
 import sys
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rclpy
@@ -89,6 +90,7 @@ class DrillNode(ManagedNode):
         self._drilling: Drilling | None = None
         self._started = False
         self._quit = False
+        self._sent: Counter[str] | None = None
         self._gate = Gate(self, self._settings, self._inbox, self._now)
         self._simulation_services = SimulationServices(
             self, lambda: self.drilling, self._origin, self.refuse_request, self._ask_to_quit
@@ -138,6 +140,21 @@ class DrillNode(ManagedNode):
         """Topics of its namespace that it publishes and nobody listens to."""
         return self._outputs.unheard if self._outputs else []
 
+    @property
+    def sent(self) -> Mapping[str, int]:
+        """Messages of each topic of its namespace, by absolute name, since `count_sent`."""
+        return {
+            self.resolve_topic_name(name): count
+            for name, count in (self._sent or {}).items()
+            if not name.startswith("/")
+        }
+
+    def count_sent(self) -> None:
+        """Count what is sent from now on; all of it is sent, whether heard or not."""
+        self._sent = Counter()
+        if self._outputs is not None:
+            self._outputs.sent = self._sent
+
     def prepare(self) -> None:
         """Configure, if it shall do so by itself and has not yet: then its topics are there.
 
@@ -170,7 +187,7 @@ class DrillNode(ManagedNode):
         """Prepare everything; nothing moves yet."""
         settings = self._settings
         compile_kernels(settings.configuration.parameters, self.get_logger().info)
-        self._outputs = DrillPublishers(self, settings)
+        self._outputs = DrillPublishers(self, settings, self._sent)
         self._drilling = Drilling(
             self,
             settings,

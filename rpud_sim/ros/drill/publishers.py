@@ -85,15 +85,19 @@ class DrillPublishers:
     """All publishers of the drill node, and the streams that run through them.
 
     Attributes:
+        sent: counts of messages, see below.
         patient: whether to wait for reliable listeners rather than to overwrite what they lack.
 
     Args:
         node: that owns them.
         settings: rates and block length.
+        sent: where to count the messages of each topic; then all are sent, also those without a
+            listener. None to count none.
     """
 
-    def __init__(self, node: Node, settings: Settings) -> None:
+    def __init__(self, node: Node, settings: Settings, sent: Counter[str] | None = None) -> None:
         self._node = node
+        self.sent = sent
         self._dropped = 0
         self._faults: object = None
         self._unacknowledged = Counter[str]()
@@ -106,7 +110,9 @@ class DrillPublishers:
             settings.telemetry_rate,
             settings.sample_rate,
             settings.block_duration,
-            wanted=lambda name: self._topics[name].get_subscription_count() > 0,
+            wanted=lambda name: (
+                self.sent is not None or self._topics[name].get_subscription_count() > 0
+            ),
         )
         if settings.publish_clock:
             self._topics["/clock"] = node.create_publisher(Clock, "/clock", CLOCK_QOS)
@@ -210,6 +216,8 @@ class DrillPublishers:
     def _publish(self, name: str, message: Any) -> None:
         try:
             self._topics[name].publish(message)
+            if self.sent is not None:
+                self.sent[name] += 1
             self._unacknowledged[name] += 1
             if self.patient and name in _COMPLETE:
                 self._await(name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import select
 import subprocess
 import sys
 import threading
@@ -15,6 +17,8 @@ from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
 from rclpy.validate_namespace import validate_namespace
 
+import rpud_sim.bag
+from rpud_sim.bag import BagError
 from rpud_sim.ros.arguments import MAX_LOSS
 from rpud_sim.ros.drill.drill_node import NAME, DrillNode, spin
 from rpud_sim.ros.drill.namesakes import NamesakeSearch
@@ -41,12 +45,16 @@ class RecorderProcess:
     """
 
     def __init__(self, bag: str, namespace: str, max_loss: float) -> None:
+        self._bag = bag
+        self._ready, ready = os.pipe()
         self._process = subprocess.Popen(
             [
                 *(sys.executable, "-m", "rpud_sim.cli.main", "record"),
                 *("--out", bag, "--namespace", namespace, "--until-eof"),
-                *("--max-loss", str(max_loss)),
+                # What it lacks is known here by numbers, not by whether there is anything.
+                *("--max-loss", str(max_loss), "--allow-empty", "--ready-fd", str(ready)),
             ],
+            pass_fds=(ready,),
             stdin=subprocess.PIPE,  # it ends with this process, whatever ends that
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -55,7 +63,7 @@ class RecorderProcess:
             # Ctrl-C must stop the drill first, and the recorder when it has everything.
             start_new_session=True,
         )
-        self._ready = threading.Event()
+        os.close(ready)
         self._errors: list[str] = []
         # Its errors are read here alone: communicate() would take some of them away.
         self._stream, self._process.stderr = self._process.stderr or (), None
@@ -65,11 +73,10 @@ class RecorderProcess:
     def wait_until_ready(self, stop: StopRequest) -> bool:
         """Wait until it records; tell whether it does."""
         end = time.monotonic() + _READY
-        while time.monotonic() < end and self._process.poll() is None:
-            if self._ready.wait(0.05):
-                return True
-            if stop.requested:
-                return False
+        while time.monotonic() < end and not stop.requested:
+            readable, _, _ = select.select([self._ready], [], [], 0.05)
+            if readable:
+                return bool(os.read(self._ready, 1))  # nothing is read where it has ended
         return False
 
     def close(self) -> int:
@@ -83,6 +90,7 @@ class RecorderProcess:
             self._process.kill()
             summary, _ = self._process.communicate()
         self._reader.join(1.0)
+        os.close(self._ready)
         if summary:
             print(summary, end="", flush=True)
         code = self._process.returncode
@@ -96,11 +104,22 @@ class RecorderProcess:
             return 1
         return code
 
+    def missing(self, sent: Mapping[str, int]) -> list[str]:
+        """Compare the closed bag with the messages that were sent on each topic; say what lacks."""
+        try:
+            with rpud_sim.bag.open(self._bag) as bag:
+                recorded = {item.topic.name: item.message_count for item in bag.topics}
+        except BagError as error:
+            return [str(error)]
+        return [
+            f"{name}: {count} messages were sent, {recorded.get(name, 0)} are in the bag"
+            for name, count in sorted(sent.items())
+            if recorded.get(name, 0) < count
+        ]
+
     def _read_errors(self) -> None:
         for line in self._stream:
             self._errors.append(line.rstrip("\n"))
-            if "recording" in line and "topics to" in line:
-                self._ready.set()
 
 
 def drill(
@@ -185,12 +204,17 @@ def _drill(
             code = recorder.close()
             return 0 if stop.requested and code == 0 else 1
         _await_recorder(node, stop)
+        node.count_sent()
     line = LiveLine(live)
     try:
         code = spin(node, stop, line.show)
     finally:
         line.end()
         recorded = recorder is None or recorder.close() == 0
+    if recorder is not None and recorded:
+        for text in recorder.missing(node.sent):
+            recorded = False
+            print(f"rpud run: {text}", file=sys.stderr)
     print(summary_text(node.totals.figures(), node.report), flush=True)
     if bag and recorded:
         print(f"bag: {printable(bag)}", flush=True)
