@@ -38,6 +38,10 @@ picture: install/.package ## Draw docs/images anew: record BAG for 3 s, and BAG_
 test: install/.package ## Run every test; PYTEST_ARGS passes on options
 	@$(WITH_ENV) python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
+.PHONY: test-busy
+test-busy: install/.package ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
+	@$(WITH_ENV) python test/busy.py -- python -m pytest $(PYTEST_ARGS)
+
 .PHONY: lint
 lint: install/.package .venv/.lint ## Check style, types, the rules of import and package.xml
 	@$(WITH_ENV) toolchain/lint.sh
@@ -82,7 +86,7 @@ distclean: clean ## Remove the virtual environment as well
 .PHONY: help
 help: ## Show this help
 	@awk 'BEGIN { FS = ":.*## " } /^##@/ { printf "\n%s\n", substr($$0, 5) } \
-	  /^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	  /^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 # Set-up leaves stamps, so that it happens once for each state of the files that it depends on. Python sources are
 # not among them: colcon links to them.

@@ -1,5 +1,6 @@
 # Source this in bash or zsh: puts rpud, drill_node, recorder, replayer and ROS 2 Jazzy into the shell.
-# It keeps a ROS_DOMAIN_ID, a ROS_AUTOMATIC_DISCOVERY_RANGE and a FASTRTPS_DEFAULT_PROFILES_FILE that are set already.
+# It keeps a ROS_DOMAIN_ID and a FASTRTPS_DEFAULT_PROFILES_FILE that are set already, and any
+# ROS_AUTOMATIC_DISCOVERY_RANGE but LOCALHOST: docs/security.md says which sockets a process opens.
 
 _rpud_env() {
   local shell=bash file root

@@ -54,9 +54,9 @@ setup(
     entry_points={
         "console_scripts": [
             "rpud = rpud_sim.cli.main:main",
-            "drill_node = rpud_sim.ros.drill.drill_node:main",
-            "recorder = rpud_sim.ros.record.recorder:main",
-            "replayer = rpud_sim.ros.replay.replayer:main",
+            "drill_node = rpud_sim.ros.executables:drill_node",
+            "recorder = rpud_sim.ros.executables:recorder",
+            "replayer = rpud_sim.ros.executables:replayer",
         ],
     },
 )

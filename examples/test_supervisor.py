@@ -23,10 +23,10 @@ from rpud_msgs.srv import InjectFault, ResetSimulation, StepSimulation
 
 SUPERVISOR = Path(__file__).parent / "supervisor.py"
 DOMAIN = int(os.environ.get("ROS_DOMAIN_ID", 0)) or 77  # one in which nothing else is
+os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 ENVIRONMENT = {
     **os.environ,
     "ROS_DOMAIN_ID": str(DOMAIN),
-    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
 }
 NAMESPACE = ("-r", "__ns:=/rpud")
 DRILL = {

@@ -2,14 +2,21 @@
 
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
+
+
+def find_packages(context: LaunchContext) -> None:
+    """Raise PackageNotFoundError if a package is missing, while nothing runs yet."""
+    get_package_prefix("robot_state_publisher")
+    if IfCondition(LaunchConfiguration("rviz")).evaluate(context):
+        get_package_prefix("rviz2")
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -26,6 +33,8 @@ def generate_launch_description() -> LaunchDescription:
                 choices=["true", "false"],
                 description="Whether to show the drill in RViz",
             ),
+            # A node whose package is missing ends the launch, and the nodes before it may go on.
+            OpaqueFunction(function=find_packages),
             # Declares namespace, config, log_level and use_sim_time for all that follows too.
             IncludeLaunchDescription(
                 PathJoinSubstitution([FindPackageShare("rpud_sim"), "launch", "drill.launch.py"])

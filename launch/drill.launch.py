@@ -39,11 +39,13 @@ def generate_launch_description() -> LaunchDescription:
                 package="rpud_sim",
                 executable="drill_node",
                 namespace=LaunchConfiguration("namespace"),
-                parameters=[
-                    LaunchConfiguration("config"),
-                    {"use_sim_time": LaunchConfiguration("use_sim_time")},
+                parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
+                # Not among the parameters: launch would start the drill without a file that is
+                # missing, where the drill itself ends with an error.
+                ros_arguments=[
+                    *("--params-file", LaunchConfiguration("config")),
+                    *("--log-level", LaunchConfiguration("log_level")),
                 ],
-                ros_arguments=["--log-level", LaunchConfiguration("log_level")],
                 output="screen",
             ),
         ]

@@ -2,11 +2,22 @@
 
 from datetime import datetime
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
+
+
+def end_with_recorder(event: ProcessExited, context: LaunchContext) -> list[Shutdown]:
+    """End the drill, which would go on unrecorded; a failure of the recorder is one of the launch.
+
+    Only an exception gives a launch a nonzero exit code.
+    """
+    if event.returncode != 0:
+        raise RuntimeError(f"the recorder failed with exit code {event.returncode}")
+    return [Shutdown(reason="the recorder has ended")]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -19,7 +30,10 @@ def generate_launch_description() -> LaunchDescription:
                 description="Folder of the new bag",
             ),
             DeclareLaunchArgument(
-                "compression", default_value="zstd", description="none, lz4 or zstd"
+                "compression",
+                default_value="zstd",
+                choices=["none", "lz4", "zstd"],
+                description="Compression of the bag",
             ),
             DeclareLaunchArgument(
                 "max_loss",
@@ -42,6 +56,7 @@ def generate_launch_description() -> LaunchDescription:
                 parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
                 ros_arguments=["--log-level", LaunchConfiguration("log_level")],
                 output="screen",
+                on_exit=end_with_recorder,
             ),
         ]
     )

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 
 import pytest
-from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from ament_index_python.packages import get_package_prefix
 from hypothesis import settings
-from support import Process, claim_ros_domain
+from support import LOOPBACK, Process, claim_ros_domain
 
 # `ros2 run` finds our executables, a shell without env.bash does not: `colcon test` has no other.
 _executables = os.path.join(get_package_prefix("rpud_sim"), "lib", "rpud_sim")
@@ -17,15 +17,11 @@ _log_folder = tempfile.TemporaryDirectory(prefix="rpud_sim_log_")
 os.environ.update(
     PATH=os.pathsep.join([_executables, os.environ["PATH"]]),
     ROS_DOMAIN_ID=str(_domain),
-    ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
     ROS_PYTHON_CHECK_FIELDS="1",  # without it a wrong type in a message field ends the process
     ROS_LOG_DIR=_log_folder.name,
     PYTHONUNBUFFERED="1",  # so that a line can be waited for
     MPLBACKEND="Agg",
-)
-os.environ.setdefault(
-    "FASTRTPS_DEFAULT_PROFILES_FILE",
-    os.path.join(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml"),
+    **LOOPBACK,
 )
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # deprecated, and it would overrule the discovery range
 

@@ -19,7 +19,7 @@ import threading
 import time
 from pathlib import Path
 
-from support import claim_ros_domain
+from support import LOOPBACK, claim_ros_domain
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, Topic
@@ -146,7 +146,7 @@ def main() -> None:
     talker = None
     if arguments.live:
         domain, _lock = claim_ros_domain()  # held until this ends: nobody else shall talk here
-        os.environ.update(ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST")
+        os.environ.update(ROS_DOMAIN_ID=str(domain), **LOOPBACK)
         program = str(HERE / "integration" / "talker.py")
         talker = subprocess.Popen(
             [sys.executable, program, "--count", str(10**9), "--rate", "1000"],

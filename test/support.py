@@ -14,6 +14,16 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO
 
+from ament_index_python.packages import get_package_share_directory
+
+_PROFILE = Path(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml")
+_FAST_DDS = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
+LOOPBACK = {
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT" if _FAST_DDS else "LOCALHOST",
+    "FASTRTPS_DEFAULT_PROFILES_FILE": str(_PROFILE),
+}
+"""Environment of processes that talk over loopback alone, as env.bash sets it."""
+
 GRACE = 5.0  # seconds that a process has to obey a signal
 
 

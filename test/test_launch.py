@@ -1,13 +1,22 @@
 """The launch files: what they declare, and that what they start exists and takes their flags."""
 
 import ast
+import contextlib
 import importlib.util
 import os
 import re
+import sys
 from pathlib import Path
 
 import pytest
-from ament_index_python.packages import get_package_prefix, get_package_share_directory
+from ament_index_python.packages import (
+    PackageNotFoundError,
+    get_package_prefix,
+    get_package_share_directory,
+)
+from drill_client import COMPILED
+
+from rpud_sim.ros.arguments import COMPRESSIONS
 
 ROOT = Path(__file__).resolve().parent.parent
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))
@@ -107,3 +116,86 @@ def test_launch_description_can_be_built(path):
     description = module.generate_launch_description()
     arguments = {argument.name for argument in description.get_launch_arguments()}
     assert {call.args[0].value for call in calls(path, "DeclareLaunchArgument")} <= arguments
+
+
+LAUNCH = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+source = PythonLaunchDescriptionSource(sys.argv[1])
+arguments = [word.split(":=", 1) for word in sys.argv[2:]]
+service = LaunchService(noninteractive=True)  # it interrupts what it started
+service.include_launch_description(
+    LaunchDescription([IncludeLaunchDescription(source, launch_arguments=arguments)])
+)
+sys.exit(service.run())
+"""
+"""What `ros2 launch` does, whose command line may be missing where the library is."""
+
+
+@pytest.fixture
+def launch(process):
+    """Launch a file for real, with arguments."""
+    pytest.importorskip("launch_ros", reason="launch comes with an installed ROS only")
+
+    def start(name, *arguments):
+        return process(sys.executable, "-c", LAUNCH, ROOT / "launch" / name, *arguments)
+
+    return start
+
+
+def left_behind(launched):
+    """Give the command lines of what still runs in the group of a launch that has ended."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(ProcessLookupError, FileNotFoundError):
+            if os.getpgid(int(folder.name)) == launched.pid:
+                found.append((folder / "cmdline").read_text().replace("\0", " "))
+    return found
+
+
+def test_display_starts_nothing_where_a_package_is_missing(launch):
+    try:
+        get_package_prefix("robot_state_publisher")
+    except PackageNotFoundError:
+        missing, arguments = "robot_state_publisher", []
+    else:
+        missing, arguments = "rviz2", ["rviz:=true"]
+        with pytest.raises(PackageNotFoundError):
+            get_package_prefix(missing)
+    launched = launch("display.launch.py", *arguments)
+    assert launched.wait() == 1
+    assert f"package '{missing}' not found" in launched.output
+    assert left_behind(launched) == []
+
+
+def test_a_recorded_drill_ends_when_its_recorder_fails(launch, tmp_path):
+    (tmp_path / "there").mkdir()
+    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'there'}")
+    assert launched.wait(COMPILED) == 1
+    assert "the recorder failed with exit code 1" in launched.output
+    assert left_behind(launched) == []
+
+
+def test_a_recorded_drill_and_its_recorder_end_well_at_an_interrupt(launch, tmp_path):
+    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}", "compression:=lz4")
+    launched.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+    launched.wait_for_line("recording [0-9]+ topics")
+    launched.interrupt()
+    assert launched.wait() == 0
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
+
+
+def test_a_compression_that_the_recorder_lacks_starts_nothing(launch, tmp_path):
+    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}", "compression:=zip")
+    assert launched.wait() == 1
+    assert "zip" in launched.output
+    assert left_behind(launched) == []
+
+
+def test_the_compressions_are_those_of_the_recorder():
+    calls_of = calls(ROOT / "launch" / "drill_record.launch.py", "DeclareLaunchArgument")
+    (compression,) = [call for call in calls_of if call.args[0].value == "compression"]
+    assert keyword(compression, "choices") == list(COMPRESSIONS)

@@ -22,7 +22,7 @@ _rpud_source() { # FILE: sources it without `set -u` and `set -e`, which ROS's o
 }
 
 _rpud_ros_env() {
-  local shell=bash file toolchain venv
+  local shell=bash file toolchain venv profile
   if [ -n "${ZSH_VERSION:-}" ]; then shell=zsh; fi
   file="${BASH_SOURCE[0]:-${(%):-%x}}"
   toolchain="$(cd "$(dirname "$file")" && pwd)"
@@ -46,11 +46,17 @@ _rpud_ros_env() {
   unset PYTHONHOME
   _rpud_prepend PATH "$venv/bin"
 
-  # A drill on the desk is nobody else's business: stay on this machine unless told otherwise.
-  export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
   export ROS_DOMAIN_ID="${ROS_DOMAIN_ID:-42}"
-  # On one machine there is no reason to wait seconds until two processes have found each other.
-  export FASTRTPS_DEFAULT_PROFILES_FILE="${FASTRTPS_DEFAULT_PROFILES_FILE:-$(dirname "$toolchain")/config/fastdds_loopback.xml}"
+  # Only processes of this machine may reach a drill on the desk. The range LOCALHOST still opens sockets on every
+  # interface, and does so beside a profile too; SYSTEM_DEFAULT leaves discovery to the profile.
+  export ROS_AUTOMATIC_DISCOVERY_RANGE="${ROS_AUTOMATIC_DISCOVERY_RANGE:-LOCALHOST}"
+  profile="$(dirname "$toolchain")/config/fastdds_loopback.xml"
+  case "$ROS_AUTOMATIC_DISCOVERY_RANGE ${RMW_IMPLEMENTATION:-rmw_fastrtps_cpp} ${FASTRTPS_DEFAULT_PROFILES_FILE:-$profile}" in
+    "LOCALHOST rmw_fastrtps"*" $profile")
+      export FASTRTPS_DEFAULT_PROFILES_FILE="$profile"
+      export ROS_AUTOMATIC_DISCOVERY_RANGE=SYSTEM_DEFAULT
+      ;;
+  esac
 }
 
 _rpud_ros_env

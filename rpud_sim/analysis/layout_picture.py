@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagReader
 from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.terminal import complain
 
 PANEL = (9.0, 1.9)  # width and height of one plot [inch]
 STAMP = "header.stamp"
@@ -31,7 +32,7 @@ def read_plots(path: Path) -> list[Mapping[str, Any]]:
         BagError: if the file is not a layout with plots.
     """
     try:
-        panels = json.loads(path.read_text())["configById"]
+        panels = json.loads(path.read_text(encoding="utf-8"))["configById"]
         plots = [panel for name, panel in panels.items() if name.startswith("Plot!")]
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise BagError(f"{path} is no layout of Foxglove: {error!r}") from error
@@ -94,7 +95,7 @@ def main() -> int:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(arguments.out)
     except (BagError, OSError) as error:
-        print(f"layout_picture: {error}", file=sys.stderr)
+        complain("layout_picture", error)
         return 1
     return 0
 

@@ -20,6 +20,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagError, BagReader
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.terminal import complain
 
 ZOOM = 0.010  # length of the middle panel [s]
 
@@ -173,7 +174,7 @@ def main() -> int:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)
         draw(run).savefig(arguments.out)
     except (BagError, OSError) as error:
-        print(f"picture: {error}", file=sys.stderr)
+        complain("picture", error)
         return 1
     return 0
 

@@ -124,7 +124,7 @@ def rebuild(
                     size=files.size,
                 )
                 content = json.dumps(vars(rebuilt), indent=2) + "\n"
-                (folder / "rebuilt.json").write_text(content)
+                (folder / "rebuilt.json").write_text(content, encoding="utf-8")
         except FileExistsError as error:
             raise RebuildError(f"{error.filename} exists already; nothing is overwritten") from None
         except OSError as error:

@@ -1,4 +1,4 @@
-"""A new folder of files: there when all of it is whole, and not at all when something fails."""
+"""New folders, and files in them: there when all is whole, and never written through a link."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+UNFINISHED = ".unfinished"
+"""Behind the name of a file until all of it is written."""
 
 
 @contextmanager
@@ -29,3 +32,16 @@ def whole_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         raise
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a path to write to, which becomes this one when all is written and on the disk."""
+    unfinished = path.with_name(path.name + UNFINISHED)
+    # A call that was killed may have left it; what a link of that name leads to is not ours.
+    unfinished.unlink(missing_ok=True)
+    unfinished.open("xb").close()
+    yield unfinished
+    with unfinished.open("rb") as file:
+        os.fsync(file.fileno())
+    unfinished.replace(path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from operator import attrgetter
 from typing import Any
@@ -21,7 +21,7 @@ COLUMNS_LIMIT = 10_000
 SECOND = 1_000_000_000
 
 RECEIVED = ("log_time", "publish_time")
-"""Columns that every table has; a field of that name gets an underscore behind it."""
+"""Columns that every table has; a field of that name gets underscores until no other has it."""
 
 _TIME, _DURATION = "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"
 _DTYPES = {"bool": np.dtype(bool), "byte": np.dtype(np.uint8), "char": np.dtype(np.uint8)}
@@ -95,9 +95,14 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
     than COLUMNS_LIMIT.
     """
     columns: list[Column] = []
+    taken = {*RECEIVED}
     comments = _comments(codec.type_name, definition)
     for column in _columns(codec, comments, codec.type_name, "", "", ""):
-        columns.append(column)
+        name = column.name
+        while name in taken:
+            name += "_"
+        taken.add(name)
+        columns.append(replace(column, name=name))
         if len(columns) > COLUMNS_LIMIT:
             raise BagFormatError(
                 f"{codec.type_name:.80} has more than {COLUMNS_LIMIT} fields, too many for a table"
@@ -118,7 +123,6 @@ def _columns(
         units = _UNIT.findall(comment)
         unit = units[0] if len(units) == 1 else outer_unit
         name, attribute = names + name, attributes + attribute
-        name = f"{name}_" if name in RECEIVED else name
 
         def column(
             kind: Kind,

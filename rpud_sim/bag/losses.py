@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from rpud_sim.bag.errors import BagFormatError
 
@@ -13,26 +13,25 @@ RECORD_NAME = "rpud_losses"
 
 @dataclass(frozen=True)
 class Losses:
-    """Lost messages of one topic: on the way to the recorder, and in its full queue.
+    """Lost messages of one topic: on the way to the recorder, in its full queue, and damaged ones.
 
-    `transport` is None where the middleware does not number its messages, so that nobody knows.
+    `damaged` arrived as what cannot be a message, or with a time that cannot be. `transport` is
+    None where the middleware does not number its messages, so that its losses are unknown.
     """
 
     transport: int | None = 0
     queue: int = 0
+    damaged: int = 0
 
     @property
     def total(self) -> int | None:
         """All lost messages, or None where that is unknown."""
-        return None if self.transport is None else self.transport + self.queue
+        return None if self.transport is None else self.transport + self.queue + self.damaged
 
 
 def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:
     """Give the content of the metadata record, one key for each topic."""
-    return {
-        topic: json.dumps({"transport": item.transport, "queue": item.queue})
-        for topic, item in losses.items()
-    }
+    return {topic: json.dumps(asdict(item)) for topic, item in losses.items()}
 
 
 def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
@@ -42,10 +41,21 @@ def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
     """
     try:
         return {topic: _losses(json.loads(text)) for topic, text in record.items()}
-    except (KeyError, OverflowError, RecursionError, TypeError, ValueError) as error:
+    except (
+        AttributeError,
+        KeyError,
+        OverflowError,
+        RecursionError,
+        TypeError,
+        ValueError,
+    ) as error:
         raise BagFormatError(f"the record {RECORD_NAME} is unreadable: {error!r:.200}") from error
 
 
 def _losses(value: Mapping[str, int | None]) -> Losses:
     transport = value["transport"]
-    return Losses(None if transport is None else int(transport), int(value["queue"] or 0))
+    return Losses(
+        None if transport is None else int(transport),
+        int(value["queue"] or 0),
+        int(value.get("damaged") or 0),
+    )

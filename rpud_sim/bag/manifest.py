@@ -25,9 +25,10 @@ class Manifest:
     """How a run came about, as far as its recorder knows.
 
     `node` is the drill's full name, empty where there was none, and `parameters` are all of its
-    parameters at `time` [ns since the epoch]. `scenario` is the text of its scenario's file, empty
-    where it has none, None where the file cannot be read here. `command` is the command line of
-    what wrote the bag, `versions` and `machine` (architecture and processor) are of the same.
+    parameters at `time` [ns since the epoch]. `scenario` is the text of its scenario (a recorder
+    has the faults as they were drawn), empty where it has none, None where it is unknown.
+    `command` is the command line of what wrote the bag, `versions` and `machine` (architecture and
+    processor) are of the same.
     """
 
     node: str = ""
@@ -46,7 +47,8 @@ class Manifest:
 
     def to_record(self) -> dict[str, str]:
         """Give the content of the metadata record: one key with a JSON object."""
-        return {_KEY: json.dumps(asdict(self), ensure_ascii=False, default=repr)}
+        content = _readable(asdict(self))
+        return {_KEY: json.dumps(content, ensure_ascii=False, default=repr)}
 
 
 def manifest_from_record(record: Mapping[str, str]) -> Manifest:
@@ -55,7 +57,7 @@ def manifest_from_record(record: Mapping[str, str]) -> Manifest:
     Raises BagFormatError where it is not one.
     """
     try:
-        value = json.loads(record[_KEY])
+        value = _readable(json.loads(record[_KEY]))
         scenario = value["scenario"]
         return Manifest(
             node=str(value["node"]),
@@ -75,6 +77,18 @@ def manifest_from_record(record: Mapping[str, str]) -> Manifest:
         ValueError,
     ) as error:
         raise BagFormatError(f"the record {RECORD_NAME} is unreadable: {error!r:.200}") from error
+
+
+def _readable(value: Any) -> Any:
+    """Give a value whose texts have an encoding: file names may be bytes that are no UTF-8."""
+    if isinstance(value, str):
+        try:
+            return value.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+        except UnicodeEncodeError:  # half of a pair, which JSON can have
+            return value.encode("utf-8", "backslashreplace").decode("utf-8")
+    if isinstance(value, Mapping):
+        return {_readable(key): _readable(item) for key, item in value.items()}
+    return [*map(_readable, value)] if isinstance(value, list | tuple) else value
 
 
 def installed_versions() -> dict[str, str]:

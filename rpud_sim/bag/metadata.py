@@ -32,6 +32,10 @@ _DEPTH_LIMIT = 32
 _LONG_NUMBER = re.compile(r"[-+0-9_.:]{65,}")  # in sixties, `1:1:1`, it takes very long to read
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+# What PyYAML lets through where a text is not what its tag says, such as `!!timestamp 1`.
+_YAML_ERRORS = (
+    AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError
+)  # fmt: skip
 _OUTER_KEY = "rosbag2_bagfile_information"
 
 
@@ -155,6 +159,28 @@ def load_offered_qos(text: str) -> tuple[QosProfile, ...]:
     return profiles_from_yaml(_load(text))
 
 
+def stored_name(path: Path) -> str:
+    """Give a file's name as the metadata has it, in UTF-8 whatever the locale is.
+
+    Raises BagFormatError where its bytes are something else.
+    """
+    try:
+        return os.fsencode(path.name).decode("utf-8")
+    except UnicodeDecodeError:
+        raise BagFormatError(f"the name {path.name!r} is not UTF-8, as a bag's must be") from None
+
+
+def local_name(name: str) -> str:
+    """Give a name out of the metadata as this process can open it, whatever the locale is.
+
+    Raises BagFormatError where it has no UTF-8.
+    """
+    try:
+        return os.fsdecode(name.encode("utf-8"))
+    except UnicodeEncodeError:
+        raise BagFormatError(f"the name {name!r:.200} is not UTF-8, as a bag's must be") from None
+
+
 def read_document(path: Path) -> BagMetadata:
     """Read the file `metadata.yaml` at `path`.
 
@@ -222,7 +248,7 @@ def _load(text: str) -> Any:
     try:
         _check_size(text)
         return yaml.load(text, Loader=_LOADER)
-    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+    except (yaml.YAMLError, *_YAML_ERRORS) as error:
         line = " ".join(str(error).split())
         raise BagFormatError(f"the rosbag2 metadata is not YAML: {line}") from error
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +12,8 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Schema
 from mcap.writer import CompressionType, Writer
 
-from rpud_sim.bag.metadata import FileInformation
+from rpud_sim.bag.metadata import FileInformation, stored_name
+from rpud_sim.bag.reserve import Reserve, ReservedFile
 
 COMPRESSIONS = {
     "none": CompressionType.NONE,
@@ -28,9 +30,11 @@ _END_SIZE = 16_384  # bytes at the end of a file beside its lists, and of what n
 class OutputFile:
     """A new file: channels, messages in chunks, records. Raises OSError where the disk fails."""
 
-    def __init__(self, path: Path, compression: str, chunk_size: int) -> None:
+    def __init__(
+        self, path: Path, compression: str, chunk_size: int, reserve: Reserve | None = None
+    ) -> None:
         self._path = path
-        self._stream = path.open("xb")
+        self._stream = io.BufferedWriter(ReservedFile(path, reserve))
         self._writer = Writer(
             self._stream, chunk_size=chunk_size, compression=COMPRESSIONS[compression]
         )
@@ -56,12 +60,17 @@ class OutputFile:
         """What the bag's metadata tells of it."""
         start = self._first if self._count else 0
         duration = self._last - start if self._count else 0
-        return FileInformation(self._path.name, start, duration, self._count)
+        return FileInformation(stored_name(self._path), start, duration, self._count)
 
     @property
     def size(self) -> int:
         """Bytes of the file so far, with what is in memory: at most, were it written now."""
         return self._written + self._pending
+
+    @property
+    def unwritten(self) -> int:
+        """Bytes at most that are still to be written, were it closed now."""
+        return self.closed_size - self._written
 
     @property
     def closed_size(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
 from functools import cached_property
 from pathlib import Path, PurePosixPath
@@ -14,7 +14,7 @@ from rpud_sim.bag.errors import BagFormatError, BagNotFoundError
 from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
 from rpud_sim.bag.losses import Losses, losses_from_record
 from rpud_sim.bag.messages import Message, merged
-from rpud_sim.bag.metadata import FILE_NAME, BagMetadata, read_document
+from rpud_sim.bag.metadata import FILE_NAME, BagMetadata, local_name, read_document
 from rpud_sim.bag.storage_file import StorageFile, TopicSummary, clear_errors
 
 if TYPE_CHECKING:
@@ -86,14 +86,42 @@ class BagReader:
 
     @cached_property
     def topics(self) -> tuple[TopicSummary, ...]:
-        """All topics in the order of their names, also those without a message."""
-        losses = {
-            topic: item
-            for record in self.records(LOSSES_RECORD)
-            for topic, item in losses_from_record(record).items()
-        }
+        """All topics in the order of their names, also those without a message.
+
+        Raises BagFormatError where one of them, or the record of losses, is damaged.
+        """
+        topics, errors = self._declared
+        for error in errors.values():
+            raise error
+        return topics
+
+    @property
+    def readable_topics(self) -> tuple[TopicSummary, ...]:
+        """The topics that are not damaged; `damages` names the others."""
+        return self._declared[0]
+
+    @property
+    def damages(self) -> dict[str, str]:
+        """Topics, and records beside them, that are damaged, with the reason."""
+        return {name: str(error) for name, error in self._declared[1].items()}
+
+    @cached_property
+    def _declared(self) -> tuple[tuple[TopicSummary, ...], dict[str, BagFormatError]]:
+        topics: list[TopicSummary] = []
+        errors: dict[str, BagFormatError] = {}
+        losses: dict[str, Losses] = {}
+        try:
+            for record in self.records(LOSSES_RECORD):
+                losses |= losses_from_record(record)
+        except BagFormatError as error:
+            errors[f"record {LOSSES_RECORD}"] = error
         names = {channel.topic for file in self._files for channel in file.channels.values()}
-        return tuple(self._summary(name, losses.get(name)) for name in sorted(names))
+        for name in sorted(names):
+            try:
+                topics.append(self._summary(name, losses.get(name)))
+            except BagFormatError as error:
+                errors[name] = error
+        return tuple(topics), errors
 
     def records(self, name: str) -> list[dict[str, str]]:
         """Give the metadata records of that name, in the order in which they were written."""
@@ -123,20 +151,22 @@ class BagReader:
         topics: str | Collection[str] | None = None,
         start: int = 0,
         duration: int | None = None,
+        leave_out: Callable[[str, str], object] | None = None,
     ) -> Iterator[Batch]:
         """Yield the messages of topics as tables, piece by piece, in bounded memory.
 
         `topics` is one or several, or None for all that can be tables: `left_out` names the
         others. `start` skips that many nanoseconds from the bag's beginning, `duration` limits
-        what follows. Raises BagError where a topic is not in the bag, BagFormatError where one
-        cannot be a table or is damaged.
+        what follows. Where `leave_out` is given, it gets topic and reason of each message that is
+        not of its type, and the others follow. Raises BagError where a topic is not in the bag,
+        BagFormatError where one cannot be a table or is damaged.
         """
         from rpud_sim.bag.tables import batches  # loads what listing a bag does not need
 
         names = [topics] if isinstance(topics, str) else topics
         tables, _ = self._tables(names)
         end = None if duration is None else self.start_time + start + duration
-        return batches(self._path, self.messages(tables, start), tables, end)
+        return batches(self._path, self.messages(tables, start), tables, end, leave_out)
 
     def arrays(
         self, topic: str, start: int = 0, duration: int | None = None
@@ -186,7 +216,11 @@ class BagReader:
     def _tables(self, topics: Collection[str] | None) -> tuple[dict[str, Table], dict[str, str]]:
         from rpud_sim.bag.tables import open_tables
 
-        return open_tables(self._path, self.topics, topics)
+        errors = self._declared[1]
+        for name in topics or ():
+            if name in errors:
+                raise errors[name]
+        return open_tables(self._path, self.readable_topics, topics)
 
     @property
     def _filled(self) -> list[StorageFile]:
@@ -258,7 +292,7 @@ def check_compression(metadata: BagMetadata, document: Path) -> None:
 
 
 def _inside(name: str, document: Path) -> PurePosixPath:
-    pure = PurePosixPath(name)
+    pure = PurePosixPath(local_name(name))
     if pure.is_absolute() or ".." in pure.parts:
         raise BagFormatError(f"{document}: the file {name!r:.200} is outside of the bag")
     return pure

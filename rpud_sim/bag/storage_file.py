@@ -42,6 +42,9 @@ from rpud_sim.bag.summary import complete_statistics, read_summary
 RECORDS_LIMIT = 64 * 2**20
 """Bytes that all metadata records of one name may have together."""
 
+RATE_MESSAGES = 10
+"""Fewer messages have no rate: two that arrive together would have one of many kHz."""
+
 _COMMENT = re.compile(r"#.*")
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
@@ -66,16 +69,15 @@ class TopicSummary:
 
     @property
     def rate(self) -> float | None:
-        """Mean rate from the first to the last message [Hz]; 0 where there are fewer than two.
+        """Mean rate from the first to the last message [Hz].
 
-        None where the file has no index that would tell their times.
+        None where fewer than RATE_MESSAGES would make a chance of it, or where the file has no
+        index of their times.
         """
-        if self.message_count and self.first_time is None:
+        if self.first_time is None or self.last_time is None:
             return None
-        if self.first_time is None or self.last_time is None or self.last_time <= self.first_time:
-            return 0.0
-        if self.message_count < 2:  # the statistics may contradict the message indexes
-            return 0.0
+        if self.message_count < RATE_MESSAGES or self.last_time <= self.first_time:
+            return None
         return (self.message_count - 1) * 1e9 / (self.last_time - self.first_time)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -120,11 +121,16 @@ def open_tables(
 
 
 def batches(
-    path: Path, messages: Iterable[Message], tables: Mapping[str, Table], end: int | None = None
+    path: Path,
+    messages: Iterable[Message],
+    tables: Mapping[str, Table],
+    end: int | None = None,
+    leave_out: Callable[[str, str], object] | None = None,
 ) -> Iterator[Batch]:
     """Yield the rows of messages before `end` [ns], in their order within each topic.
 
-    Raises BagFormatError where a message is not of its topic's type.
+    A message that is not of its topic's type is left out where `leave_out` is given, which gets
+    the topic and the reason. Raises BagFormatError otherwise.
     """
     waiting: dict[str, list[Message]] = {name: [] for name in tables}
     sizes = dict.fromkeys(tables, 0)
@@ -138,7 +144,9 @@ def batches(
         try:
             return tables[name].batch(taken)
         except BagFormatError as error:
-            raise BagFormatError(f"{path}: {name}: {error}") from error
+            if leave_out is None:
+                raise BagFormatError(f"{path}: {name}: {error}") from error
+        return tables[name].batch([*_readable(tables[name], taken, partial(leave_out, name))])
 
     for message in messages:
         if end is not None and message.log_time >= end:
@@ -155,6 +163,18 @@ def batches(
     for name, rest in waiting.items():
         if rest:
             yield batch(name)
+
+
+def _readable(
+    table: Table, messages: Iterable[Message], leave_out: Callable[[str], object]
+) -> Iterator[Message]:
+    for message in messages:
+        try:
+            table.batch([message])
+        except BagFormatError as error:
+            leave_out(str(error))
+        else:
+            yield message
 
 
 def joined(table: Table, pieces: Iterable[Batch]) -> dict[str, np.ndarray]:

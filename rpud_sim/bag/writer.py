@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -21,8 +21,10 @@ from rpud_sim.bag.metadata import (
     FileInformation,
     Topic,
     dump_offered_qos,
+    stored_name,
 )
 from rpud_sim.bag.output_file import COMPRESSIONS, LATEST, OutputFile
+from rpud_sim.bag.reserve import Reserve
 
 __all__ = ["COMPRESSIONS", "LATEST", "BagWriter"]
 
@@ -30,6 +32,7 @@ CHUNK_SIZE = 1 << 20
 """Uncompressed bytes after which a chunk is closed."""
 
 _SECOND = 1_000_000_000
+_END = 1 << 20  # bytes of a reserve for records at the end of a bag, its metadata and its folder
 _MOST_CHANNELS = 2**16 - 1
 
 
@@ -52,12 +55,14 @@ class BagWriter:
         custom_data: Mapping[str, str] | None = None,
         max_file_size: int | None = None,
         max_file_duration: float | None = None,
+        reserved: bool = False,
     ) -> None:
         """Create the directory and its first file.
 
         `compression` is one of COMPRESSIONS, `chunk_size` is in bytes; `custom_data` goes to the
         bag's metadata. A new file begins before one is larger than `max_file_size` bytes, as far
-        as single messages are not, or lasts `max_file_duration` [s]. Raises BagExistsError where
+        as single messages are not, or lasts `max_file_duration` [s]. Where it is `reserved`,
+        `reserve` keeps room on the disk to close it. Raises BagExistsError where
         anything exists at `path`, BagError where it cannot be created.
         """
         if compression not in COMPRESSIONS:
@@ -82,7 +87,9 @@ class BagWriter:
         self._listed_size = 0  # bytes that topics take in the metadata, at most
         self._failed = False
         self._file: OutputFile | None = None
+        stored_name(self._path)  # before anything is created
         self._create_directory()
+        self._reserve = Reserve(self._path) if reserved else None
         with self._guarded():
             self._file = self._open_file()
             _sync_folder(self._path.parent)
@@ -225,6 +232,18 @@ class BagWriter:
         with self._guarded():
             self._opened.add_record(name, content)
 
+    def reserve(self, size: int) -> bool:
+        """Tell whether a message of `size` bytes can be written and the bag then be closed.
+
+        The room for it is taken from other programs now. Raises BagError where the disk fails.
+        """
+        if self._reserve is None:
+            return True
+        with self._guarded():
+            return self._reserve.hold(
+                self._opened.unwritten + self._latched.size + 2 * self._listed_size + size + _END
+            )
+
     def flush(self) -> None:
         """Close the chunk in progress and wait until all that was written is on the disk.
 
@@ -242,6 +261,9 @@ class BagWriter:
         if self._file is None:
             return
         try:
+            if self._reserve is not None:
+                with self._guarded():
+                    self._reserve.release()
             if not self._failed:
                 with self._guarded():
                     self._complete_file()
@@ -249,7 +271,8 @@ class BagWriter:
         finally:
             if self._file is not None:
                 file, self._file = self._file, None
-                with self._guarded():
+                # After a failed write the rest of a buffer fails here again.
+                with suppress(OSError) if self._failed else self._guarded():
                     file.close()
 
     def abandon(self) -> None:
@@ -289,7 +312,7 @@ class BagWriter:
 
     def _open_file(self) -> OutputFile:
         name = f"{self._path.name}_{len(self._closed_files)}.mcap"
-        file = OutputFile(self._path / name, self._compression, self._chunk_size)
+        file = OutputFile(self._path / name, self._compression, self._chunk_size, self._reserve)
         self._numbers = [file.add_channel(*channel) for channel in self._channels]
         self._repeats: dict[str, int] = {}
         self._began = None

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rpud_sim.cli.progress import progress_bar
+from rpud_sim.terminal import complain, table
 
 if TYPE_CHECKING:
     from rpud_sim.analysis.export.export import Exported
@@ -19,12 +19,16 @@ EXAMPLE = "rpud export bags/first --out tables"
 _FORMATS = ("parquet", "csv", "numpy")
 _LONGEST = 1e9  # s
 
+DAMAGED = 3
+"""Exit code where something of the bag is damaged and left out."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `rpud export`."""
     parser.description = (
         f"{HELP[0].upper()}{HELP[1:]}: one table for each topic, and export.json, which tells "
-        "types, units, losses and how the run came about."
+        "types, units, losses and how the run came about. Exit codes: 0 done, "
+        f"{DAMAGED} done but for what is damaged, 1 failed, 2 wrong call."
     )
     parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
     parser.add_argument("--out", required=True, metavar="DIR", help="new folder for the files")
@@ -54,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         _check(arguments)
     except ParameterError as error:
-        print(f"rpud export: {error}", file=sys.stderr)
+        complain("rpud export", error)
         return 2
     try:
         with progress_bar(" messages", scaled=True) as bar:
@@ -70,15 +74,15 @@ def run(arguments: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         if error.name != "pyarrow":
             raise
-        print("rpud export: needs the Python module pyarrow: pip install pyarrow", file=sys.stderr)
+        complain("rpud export", "needs the Python module pyarrow: pip install pyarrow")
         return 1
     except (BagError, ExportError) as error:
-        print(f"rpud export: {error}", file=sys.stderr)
+        complain("rpud export", error)
         return 1
-    for name, reason in exported.left_out.items():
-        print(f"rpud export: left out {name}: {reason}", file=sys.stderr)
+    for name, reason in (*exported.left_out.items(), *exported.damaged.items()):
+        complain("rpud export", f"left out {name}: {reason}")
     print(json.dumps(asdict(exported), indent=2) if arguments.json else _account(exported))
-    return 0
+    return DAMAGED if exported.damaged else 0
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -101,14 +105,4 @@ def _account(exported: Exported) -> str:
         )
         for topic in exported.topics
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
-    return "\n".join(
-        "  ".join(
-            [
-                row[0].ljust(widths[0]),
-                *(cell.rjust(width) for cell, width in zip(row[1:4], widths[1:4], strict=True)),
-                row[4],
-            ]
-        )
-        for row in rows
-    )
+    return "\n".join(table(rows, left=1))

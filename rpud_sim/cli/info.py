@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from datetime import datetime, timezone
 from typing import Any
+
+from rpud_sim.terminal import complain, printable, table
 
 HELP = "list a bag's topics, counts, rates, times and losses"
 EXAMPLE = "rpud info bags/first"
@@ -25,7 +26,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         content = _content(arguments.bag)
     except BagError as error:
-        print(f"rpud info: {error}", file=sys.stderr)
+        complain("rpud info", error)
         return 1
     print(json.dumps(content, indent=2) if arguments.json else _table(content))
     return 0
@@ -59,13 +60,14 @@ def _content(path: str) -> dict[str, Any]:
 
 def _table(content: dict[str, Any]) -> str:
     held = content["message_count"] > 0
+    compression = printable(content["compression"])
     lines = [
-        f"bag       {content['path']}",
+        f"bag       {printable(content['path'])}",
         f"duration  {content['duration'] / 1e9:.3f} s",
         f"start     {_moment(content['start_time']) if held else '-'}",
         f"end       {_moment(content['end_time']) if held else '-'}",
         f"messages  {content['message_count']}",
-        f"size      {content['size'] / 1e6:.2f} MB, compression {content['compression']}",
+        f"size      {content['size'] / 1e6:.2f} MB, compression {compression}",
         "",
     ]
     head = ("topic", "type", "messages", "rate [Hz]", "lost")
@@ -74,17 +76,12 @@ def _table(content: dict[str, Any]) -> str:
             topic["name"],
             topic["type"],
             str(topic["message_count"]),
-            "unknown" if topic["rate"] is None else f"{topic['rate']:.2f}",
+            "-" if topic["rate"] is None else f"{topic['rate']:.2f}",
             "unknown" if topic["losses"] is None else str(topic["losses"]),
         )
         for topic in content["topics"]
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
-    for row in rows:
-        texts = [cell.ljust(width) for cell, width in zip(row[:2], widths[:2], strict=True)]
-        numbers = [cell.rjust(width) for cell, width in zip(row[2:], widths[2:], strict=True)]
-        lines.append("  ".join(texts + numbers))
-    return "\n".join(lines)
+    return "\n".join(lines + table(rows, left=2))
 
 
 def _moment(nanoseconds: int) -> str:

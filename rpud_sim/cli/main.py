@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
+
+from rpud_sim.terminal import end_with, printable
 
 COMMANDS = (
     "run",
@@ -30,7 +31,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Exit with 2."""
-        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+        self.exit(2, f"{self.prog}: {printable(message)}; see {self.prog} --help\n")
 
 
 class Help(argparse.HelpFormatter):
@@ -64,35 +65,15 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(words: Sequence[str] | None = None) -> None:
     """Run the command and exit: 0 when it did its work, 1 when it failed, 2 for a wrong call."""
-    code: int | str | None
-    try:
-        code = _run(words)
-        sys.stdout.flush()
-    except BrokenPipeError:
-        # Whoever read our output has gone, as `head` does; that is no failure of ours.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 0
-    except KeyboardInterrupt:
-        code = 130
-    sys.exit(code)
+    words = sys.argv[1:] if words is None else words
+    program = f"rpud {words[0]}" if words and words[0] in COMMANDS else "rpud"
+    end_with(program, lambda: _run(words))
 
 
-def _run(words: Sequence[str] | None) -> int | str | None:
-    try:
-        arguments = build_parser().parse_args(words)
-    except SystemExit as end:  # help was asked for, or the call is wrong
-        return end.code
-    try:
-        return arguments.run(arguments)
-    except ModuleNotFoundError as error:
-        if (error.name or "").startswith("rpud_sim"):
-            raise
-        print(
-            f"rpud {arguments.command}: needs the Python module {error.name}; "
-            "source ROS 2 Jazzy or env.bash first",
-            file=sys.stderr,
-        )
-        return 1
+def _run(words: Sequence[str]) -> int:
+    arguments = build_parser().parse_args(words)
+    code: int = arguments.run(arguments)
+    return code
 
 
 if __name__ == "__main__":

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from typing import TYPE_CHECKING
 
 from rpud_sim.cli.progress import progress_bar
+from rpud_sim.terminal import complain, printable
 
 if TYPE_CHECKING:
     from rpud_sim.analysis.rebuild import Rebuilt
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         _check(arguments)
     except ParameterError as error:
-        print(f"rpud rebuild: {error}", file=sys.stderr)
+        complain("rpud rebuild", error)
         return 2
     try:
         with progress_bar(" samples", scaled=True) as bar:
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
                 bar.update,
             )
     except (BagError, RebuildError) as error:
-        print(f"rpud rebuild: {error}", file=sys.stderr)
+        complain("rpud rebuild", error)
         return 1
     print(json.dumps(vars(rebuilt), indent=2) if arguments.json else _account(rebuilt))
     return 0
@@ -92,7 +92,7 @@ def _account(rebuilt: Rebuilt) -> str:
 
     lines = [
         f"rebuilt {rebuilt.count} samples of {len(CHANNELS)} channels at {rebuilt.rate} Hz "
-        f"to {rebuilt.path}: {rebuilt.size / 1e6:.2f} MB",
+        f"to {printable(rebuilt.path)}: {rebuilt.size / 1e6:.2f} MB",
         f"the bag's trajectory is {rebuilt.trajectory_size / 1e6:.2f} MB uncompressed",
     ]
     if rebuilt.runs > 1:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from typing import TYPE_CHECKING
 
 from rpud_sim.cli.progress import progress_bar
+from rpud_sim.terminal import complain, printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.bag.recovery_account import Recovery
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         with progress_bar("B", size, scaled=True) as bar:
             recovery = recover(arguments.torn, arguments.out, bar.update)
     except BagError as error:
-        print(f"rpud recover: {error}", file=sys.stderr)
+        complain("rpud recover", error)
         return 1
     if arguments.json:
         print(json.dumps(recovery.to_mapping(), indent=2))
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _account(recovery: Recovery) -> str:
-    lines = [f"recovered {recovery.message_count} messages to {recovery.path}", ""]
+    lines = [f"recovered {recovery.message_count} messages to {printable(recovery.path)}", ""]
     head = ("topic", "type", "recovered", "lost", "gaps")
     rows = [head] + [
         (
@@ -66,20 +66,16 @@ def _account(recovery: Recovery) -> str:
         )
         for _, topic in sorted(recovery.topics.items())
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
-    for row in rows:
-        texts = [cell.ljust(width) for cell, width in zip(row[:2], widths[:2], strict=True)]
-        numbers = [cell.rjust(width) for cell, width in zip(row[2:], widths[2:], strict=True)]
-        lines.append("  ".join(texts + numbers))
+    lines += table(rows, left=2)
     lines.append("")
     for topic in recovery.topics.values():
         if topic.unchecked:
-            lines.append(f"{topic.unchecked} messages on {topic.name} have no checksum")
+            lines.append(f"{topic.unchecked} messages on {printable(topic.name)} have no checksum")
         losses = topic.recording_losses
         if losses is not None and losses.total != 0:
             lost = "unknown" if losses.total is None else losses.total
-            lines.append(f"lost before they were written on {topic.name}: {lost}")
-    lines += recovery.damages
+            lines.append(f"lost before they were written on {printable(topic.name)}: {lost}")
+    lines += map(printable, recovery.damages)
     if recovery.damage_count > len(recovery.damages):
         lines.append(f"... {recovery.damage_count} damaged places in all")
     if recovery.size_lost:

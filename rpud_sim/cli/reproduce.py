@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from rpud_sim.cli.progress import progress_bar
+from rpud_sim.terminal import complain, printable
 
 HELP = "reproduce the paper's figures and numbers as a report"
 EXAMPLE = "rpud reproduce --out reproduction"
@@ -44,14 +44,14 @@ def run(arguments: argparse.Namespace) -> int:
         quick = " --quick" if arguments.quick else ""
         write_report(result, folder, f"rpud reproduce{quick} --out DIR")
     except OSError as error:
-        print(f"rpud reproduce: {error.filename}: {error.strerror}", file=sys.stderr)
+        complain("rpud reproduce", f"{error.filename}: {error.strerror}")
         return 1
     if arguments.json:
         print(json.dumps(result.numbers(), default=float))
         return 0
     for line in summary(result):
         print(f"- {line}")
-    print(f"{folder / REPORT} written in {time.perf_counter() - started:.0f} s")
+    print(f"{printable(folder / REPORT)} written in {time.perf_counter() - started:.0f} s")
     return 0
 
 

@@ -6,6 +6,7 @@ import argparse
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
 from rpud_sim.ros.arguments import DEFAULT_NAMESPACE, LONGEST, MAX_LOSS, number
+from rpud_sim.terminal import complain
 
 HELP = "drill in real time on ROS topics"
 EXAMPLE = "rpud run --duration 10 --record bags/first --set weight_on_bit=20"
@@ -38,19 +39,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=DEFAULT_NAMESPACE,
         help="namespace of the node (default: %(default)s)",
     )
+    parser.add_argument(
+        "--allow-duplicate",
+        action="store_true",
+        help="drill although a drill of the same name runs; both answer the same requests",
+    )
     parser.add_argument("--quiet", action="store_true", help="no live line of rate and forces")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Drill until the duration is over or a signal asks to stop; give the exit code."""
-    import sys
-
     from rpud_sim.foundation.quantities import ParameterError
 
     try:
         values = chosen_values(arguments)
     except ParameterError as error:
-        print(f"rpud run: {error}", file=sys.stderr)
+        complain("rpud run", error)
         return 2
     from rpud_sim.ros.drill.session import drill
 
@@ -61,4 +65,5 @@ def run(arguments: argparse.Namespace) -> int:
         bag=arguments.record,
         live=not arguments.quiet,
         max_loss=arguments.max_loss,
+        allow_duplicate=arguments.allow_duplicate,
     )

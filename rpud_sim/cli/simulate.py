@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
 from rpud_sim.cli.progress import progress_bar
+from rpud_sim.terminal import complain
 
 if TYPE_CHECKING:
     from rpud_sim.simulation.configuration import Configuration
@@ -208,9 +209,9 @@ def _table(figures: dict[str, Any]) -> str:
 def _tell(line: str) -> None:
     """Show what is going on, where somebody looks."""
     if sys.stderr.isatty():
-        print(f"rpud simulate: {line}", file=sys.stderr)
+        complain("rpud simulate", line)
 
 
 def _fail(error: Exception, code: int) -> int:
-    print(f"rpud simulate: {error}", file=sys.stderr)
+    complain("rpud simulate", error)
     return code

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import sys
 import time
 from pathlib import Path
 
 from rpud_sim.cli.progress import progress_bar
+from rpud_sim.terminal import complain, printable
 
 HELP = "run a design of experiments over any parameters"
 EXAMPLE = "rpud sweep config/sweep.yaml --out sweeps/first"
@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
         result.folder / "points.parquet",
         *result.pictures,
     ):
-        print(path)
+        print(printable(path))
     return 0
 
 
@@ -109,5 +109,5 @@ def _count(text: str) -> int:
 
 
 def _fail(message: str, code: int) -> int:
-    print(f"rpud sweep: {message}", file=sys.stderr)
+    complain("rpud sweep", message)
     return code

@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import sys
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.progress import progress_bar
+from rpud_sim.terminal import complain, printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.analysis.proof.verification import Verification
 
 HELP = "run a bag's simulation again and compare every message, bit for bit"
 EXAMPLE = "rpud verify bags/first"
+
+_COUNTS = ("equal", "different", "unexpected", "missing", "tail")
 
 DIFFERS = 3
 """Exit code where a message is not what the simulation gives."""
@@ -24,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of `rpud verify`."""
     parser.description = (
         f"{HELP[0].upper()}{HELP[1:]}. Exit codes: 0 proved, {DIFFERS} a message differs, "
-        "1 cannot be verified, 2 wrong call."
+        "1 it cannot be decided or messages are missing at the end, 2 wrong call."
     )
     parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
@@ -40,15 +42,16 @@ def run(arguments: argparse.Namespace) -> int:
         with progress_bar(" s") as bar:
             verification = verify(arguments.bag, bar.update)
     except (BagError, UnverifiableError) as error:
-        print(f"rpud verify: {error}", file=sys.stderr)
+        complain("rpud verify", error)
         return 1
     for warning in verification.warnings:
-        print(f"rpud verify: {warning}", file=sys.stderr)
+        complain("rpud verify", warning)
     print(json.dumps(_content(verification)) if arguments.json else _account(verification))
     if verification.proved:
         return 0
     # What another version gives is no proof to the contrary.
-    return 1 if verification.other_versions else DIFFERS
+    differs = verification.first_difference and not verification.other_versions
+    return DIFFERS if differs else 1
 
 
 def _content(verification: Verification) -> dict[str, Any]:
@@ -61,45 +64,51 @@ def _content(verification: Verification) -> dict[str, Any]:
             for name, counts in sorted(verification.topics.items())
         },
         "first_difference": dataclasses.asdict(difference) if difference else None,
+        "undecided": verification.undecided,
         "warnings": list(verification.warnings),
     }
 
 
 def _account(verification: Verification) -> str:
-    head = ("topic", "equal", "different", "unexpected", "missing", "lost")
+    head = ("topic", *_COUNTS, "lost")
     rows = [head] + [
         (
             name,
-            *(str(n) for n in (counts.equal, counts.different, counts.unexpected, counts.missing)),
+            *(str(getattr(counts, count)) for count in _COUNTS),
             "unknown" if verification.lost[name] is None else str(verification.lost[name]),
         )
         for name, counts in sorted(verification.topics.items())
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
-    lines = [
-        "  ".join(
-            [row[0].ljust(widths[0])]
-            + [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
-        )
-        for row in rows
-    ]
-    lines.append("")
+    lines = [*table(rows, left=1), ""]
     difference = verification.first_difference
     if difference is not None:
-        at = f"{difference.topic} at {difference.stamp / 1e9:.9f} s"
+        at = f"{printable(difference.topic)} at {difference.stamp / 1e9:.9f} s"
         if difference.computed is None:
             lines.append(f"first difference: {at} is a message that the simulation does not give")
         else:
             lines.append(
                 f"first difference: {at}: {difference.field or 'the message'} "
-                f"is {difference.recorded}, computed {difference.computed}"
+                f"is {printable(difference.recorded)}, computed {printable(difference.computed)}"
             )
-    simulated = f"{verification.simulated / 1e9:.3f} s simulated again"
-    if verification.proved:
-        equal = sum(counts.equal for counts in verification.topics.values())
-        lines.append(f"proved: {equal} messages are equal bit for bit, {simulated}")
-    elif verification.other_versions:
-        lines.append(f"not proved: it differs, and other versions made it, {simulated}")
-    else:
-        lines.append(f"not proved: it differs, {simulated}")
+    lines.extend(
+        f"{name}: {counts.tail} messages are missing at the end, while the drill went on"
+        for name, counts in sorted(verification.topics.items())
+        if counts.tail
+    )
+    lines.append(f"{_verdict(verification)}, {verification.simulated / 1e9:.3f} s simulated again")
     return "\n".join(lines)
+
+
+def _verdict(verification: Verification) -> str:
+    equal = sum(counts.equal for counts in verification.topics.values())
+    if verification.proved:
+        return f"proved: {equal} messages are equal bit for bit"
+    if verification.first_difference and verification.other_versions:
+        return "not proved: it differs, and other versions made it"
+    if verification.first_difference:
+        return "not proved: it differs"
+    if verification.undecided:
+        return f"not decided: {verification.undecided}"
+    return (
+        f"not proved: {equal} messages are equal bit for bit, and {verification.tail} are missing"
+    )

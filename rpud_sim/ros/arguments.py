@@ -158,6 +158,17 @@ def add_record_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="stop also where standard input ends, as it does with the program that holds it open",
     )
+    parser.add_argument(
+        "--allow-empty",
+        action="store_true",
+        help="exit code 0 also where a topic that was named never appears, or nothing comes",
+    )
+    parser.add_argument(
+        "--ready-fd",
+        type=int,
+        metavar="N",
+        help="write one line to this open file descriptor as soon as it records",
+    )
 
 
 def remapping(text: str) -> str:

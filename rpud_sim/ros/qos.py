@@ -15,6 +15,9 @@ RECORDING_DEPTH = 10_000
 REPLAY_DEPTH = 5_000
 """Messages of a replayed topic that may wait for acknowledgement; Fast DDS keeps no more."""
 
+DEPTH_LIMIT = 2**31 - 1
+"""Greatest depth that the middleware takes."""
+
 LATCHED_DEPTH = 10
 """Messages that a replayed latched topic keeps; discovery does not tell how many it was."""
 
@@ -70,7 +73,11 @@ def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
     replayed reliable and volatile.
     """
     latched = any(profile.durability == "transient_local" for profile in recorded)
-    depths = [profile.depth for profile in recorded if profile.history == "keep_last"]
+    depths = [
+        min(max(profile.depth, 1), DEPTH_LIMIT)
+        for profile in recorded
+        if profile.history == "keep_last"
+    ]
     default_depth = LATCHED_DEPTH if latched else REPLAY_DEPTH
     reliable = not recorded or any(profile.reliability != "best_effort" for profile in recorded)
     manual = any(profile.liveliness == "manual_by_topic" for profile in recorded)

@@ -6,9 +6,11 @@ import dataclasses
 import math
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
+from numba.core import event
 
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
@@ -80,17 +82,38 @@ def compile_kernels(
 
     Args:
         configuration: of the drill, or its parameters alone.
-        tell: called in another thread with a line that says so, if it takes long.
+        tell: called in another thread with a line that says so, if compiling takes long.
     """
-    notice = threading.Timer(_LONG, tell, [COMPILING])
-    notice.start()
-    try:
+    with _notice(tell):
         simulation = Simulation(configuration)
         block = simulation.advance_to(1000)
         Statistics().add(block)
         block.sample(Times.from_nanoseconds(0))
         simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
         simulation.advance_to(2000)  # changes are told to the engine when time goes on
+
+
+class _CompilationListener(event.Listener):
+    """Starts a timer at the first kernel that is compiled; loading one from the cache does not."""
+
+    def __init__(self, notice: threading.Timer) -> None:
+        self._notice = notice
+
+    def on_start(self, event: event.Event) -> None:
+        """Numba begins to compile."""
+        if self._notice.ident is None:
+            self._notice.start()
+
+    def on_end(self, event: event.Event) -> None:
+        """Numba has compiled."""
+
+
+@contextmanager
+def _notice(tell: Callable[[str], object]) -> Iterator[None]:
+    notice = threading.Timer(_LONG, tell, [COMPILING])
+    try:
+        with event.install_listener("numba:compile", _CompilationListener(notice)):
+            yield
     finally:
         notice.cancel()
 

@@ -71,3 +71,15 @@ def test_versions_and_machine_are_those_of_this_process(monkeypatch):
     assert {"rpud_sim", "numba"} <= versions.keys()
     assert machine_name().startswith(platform.machine())
     assert platform.node() not in machine_name().split()
+
+
+def test_texts_without_an_encoding_are_escaped(tmp_path):
+    """As names of files that are no UTF-8, and halves of pairs that JSON can have."""
+    manifest = Manifest(command=("rpud", "\udcff"), parameters={"scenario": "\ud800"})
+    record = manifest.to_record()
+    assert "".join(record.values()).encode("utf-8")
+    found = manifest_from_record(record)
+    assert found.command == ("rpud", "\\xff")
+    assert found.parameters == {"scenario": "\\ud800"}
+    text = json.dumps(json.loads(record["manifest"]) | {"node": "\udc80\ud800"})
+    assert manifest_from_record({"manifest": text}).node.encode("utf-8")

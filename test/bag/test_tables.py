@@ -361,3 +361,20 @@ def test_without_pandas_a_frame_is_one_clear_line(tmp_path, monkeypatch):
         with pytest.raises(BagError, match=r"^a frame needs the Python module pandas: pip install"):
             bag.frame(TALK.name)
         assert len(bag.arrays(TALK.name)["data"]) == 10
+
+
+def test_no_two_columns_share_a_name(tmp_path):
+    definition = "int32 log_time\nint32 log_time_\nint32 publish_time\n"
+    values = {"log_time": 1, "log_time_": 2, "publish_time": 3}
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic("/a", "pkg/msg/Times"), definition)
+        bag.write("/a", serialized("pkg/msg/Times", definition, values), START, START)
+    with rpud_sim.bag.open(tmp_path / "bag") as bag:
+        found = {name: values.tolist() for name, values in bag.arrays("/a").items()}
+    assert found == {
+        "log_time": [START],
+        "publish_time": [START],
+        "log_time_": [1],
+        "log_time__": [2],
+        "publish_time_": [3],
+    }

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from sample_bags import STRING_DEFINITION, TALK, write_bag
+from sample_bags import DAMAGED, STRING_DEFINITION, TALK, write_bag, write_damaged
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.cli.main import main
@@ -63,6 +63,24 @@ def test_what_is_left_out_is_named(tmp_path, rpud):
     assert err == (
         "rpud export: left out /untold: the bag does not hold the definition of its type\n"
     )
+
+
+@pytest.mark.parametrize("file_format", ["csv", "parquet", "numpy"])
+def test_what_is_damaged_is_left_out_and_all_else_is_there(tmp_path, rpud, file_format):
+    path = write_damaged(tmp_path / "bag")
+    words = ("--out", tmp_path / "out", "--format", file_format, "--json")
+    code, out, err = rpud("export", path, *words)
+    content = json.loads(out)
+    assert (code, content["left_out"]) == (3, {})
+    [talk] = content["topics"]
+    assert (talk["name"], talk["messages"], talk["rows"]) == (TALK.name, 3, 3)
+    damaged = dict(content["damaged"])
+    assert [*damaged] == [name for name in DAMAGED if name in damaged]
+    for name, reason in DAMAGED.items():
+        if name != "record rpud_manifest":  # it is kept as it is
+            assert reason in damaged[name]
+            assert f"rpud export: left out {name}: " in err
+    assert json.loads((tmp_path / "out" / "export.json").read_text())["damaged"] == damaged
 
 
 @pytest.mark.parametrize(

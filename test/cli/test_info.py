@@ -7,6 +7,9 @@ import pytest
 from mcap.writer import Writer
 from sample_bags import CHAT, START, STRING, TALK, write_bag
 
+import rpud_sim.bag
+from rpud_sim.analysis.bag_report.rows import topic_rows
+from rpud_sim.analysis.bag_report.survey import survey
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.cli import info
@@ -34,7 +37,7 @@ def test_json_has_the_figures(tmp_path, capsys):
                 "name": CHAT.name,
                 "type": STRING,
                 "message_count": 0,
-                "rate": 0.0,
+                "rate": None,
                 "losses": None,
             },
             {
@@ -70,18 +73,29 @@ def test_the_table_has_a_line_for_each_topic(tmp_path, capsys):
     assert talk == [TALK.name, STRING, "11", "1000.00", "unknown"]
 
 
-def test_rates_that_no_index_tells_are_unknown(tmp_path, capsys):
+def test_fewer_than_ten_messages_have_no_rate(tmp_path, capsys):
+    path = write_bag(tmp_path / "run", 9)
+    assert run(path) == 0
+    [talk] = [line.split() for line in capsys.readouterr().out.splitlines() if TALK.name in line]
+    assert talk == [TALK.name, STRING, "9", "-", "unknown"]
+    assert run(path, "--json") == 0
+    assert [topic["rate"] for topic in json.loads(capsys.readouterr().out)["topics"]] == [None] * 2
+    with rpud_sim.bag.open(path) as bag:
+        assert [row[3] for row in topic_rows(survey(bag))] == ["–", "–"]
+
+
+def test_rates_that_no_index_tells_are_no_rates(tmp_path, capsys):
     """As of the bags of `ros2 bag record --storage-preset-profile fastwrite`."""
     file = tmp_path / "fast.mcap"
     with file.open("wb") as stream:
         writer = Writer(stream, use_chunking=False)
         writer.start()
         channel = writer.register_channel("/a", "cdr", writer.register_schema(STRING, "", b""))
-        for number in range(3):
+        for number in range(20):
             writer.add_message(channel, START + number, b"", START)
         writer.finish()
     assert run(file) == 0
-    assert capsys.readouterr().out.splitlines()[-1].split() == ["/a", STRING, "3", *["unknown"] * 2]
+    assert capsys.readouterr().out.splitlines()[-1].split() == ["/a", STRING, "20", "-", "unknown"]
     assert run(file, "--json") == 0
     assert json.loads(capsys.readouterr().out)["topics"][0]["rate"] is None
 

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from sample_bags import write_bag
 
 import rpud_sim
 from rpud_sim.cli.main import COMMANDS, build_parser, main
@@ -36,10 +37,11 @@ def without_ros(tmp_path_factory):
         if found is not None:
             (folder / name).symlink_to(found)
     (folder / "rpud_sim").symlink_to(Path(rpud_sim.__file__).parent)
-    script = f"import sys; sys.path.append({str(folder)!r})\n"
-    script += "from rpud_sim.cli.main import main; main(sys.argv[1:])"
 
-    def run(*words):
+    def run(*words, program="rpud_sim.cli.main:main"):
+        module, name = program.split(":")
+        script = f"import sys; sys.path.append({str(folder)!r}); from {module} import {name}\n"
+        script += f"{name}()"
         return subprocess.run(
             [sys.executable, "-I", "-S", "-c", script, *map(str, words)],
             env={"PATH": os.environ["PATH"], "HOME": str(folder)},
@@ -146,15 +148,91 @@ def test_a_reader_that_has_gone_is_no_failure(words):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_missing_module_of_our_own_is_no_matter_of_the_user_s(monkeypatch):
+def test_what_is_unexpected_is_one_line_that_says_how_to_see_the_rest(monkeypatch, capsys):
     from rpud_sim.cli import simulate
 
     def fail(arguments):
         importlib.import_module("rpud_sim.missing")
 
     monkeypatch.setattr(simulate, "run", fail)
-    with pytest.raises(ModuleNotFoundError, match=r"rpud_sim\.missing"):
-        main(["simulate"])
+    monkeypatch.delenv("RPUD_TRACEBACK", raising=False)
+    code, output, errors = called(capsys, "simulate")
+    line = (
+        "rpud simulate: unexpected ModuleNotFoundError: No module named 'rpud_sim.missing' "
+        "(RPUD_TRACEBACK=1 shows where)\n"
+    )
+    assert (code, output, errors) == (1, "", line)
+    monkeypatch.setenv("RPUD_TRACEBACK", "1")
+    code, output, errors = called(capsys, "simulate")
+    assert (code, output) == (1, "")
+    assert errors.startswith("Traceback (most recent call last):\n")
+    assert errors.endswith(line)
+
+
+@pytest.mark.parametrize("name", ["drill_node", "recorder", "replayer"])
+def test_an_executable_says_in_one_line_that_there_is_no_ros(without_ros, name):
+    done = without_ros(program=f"rpud_sim.ros.executables:{name}")
+    assert (done.returncode, done.stdout) == (1, "")
+    reason = r"needs the Python module \w+; source ROS 2 Jazzy or env.bash first\n"
+    assert re.fullmatch(rf"{name}: {reason}", done.stderr)
+
+
+@pytest.mark.parametrize("buffered", [True, False])
+@pytest.mark.parametrize(
+    ("redirection", "reason"),
+    [("> /dev/full", "No space left on device"), (">&-", "Bad file descriptor")],
+)
+def test_output_that_cannot_be_written_is_one_line(tmp_path, redirection, reason, buffered):
+    bag = write_bag(tmp_path / "bag")
+    done = subprocess.run(
+        ["bash", "-c", f'rpud info "$1" {redirection}', "bash", bag],
+        capture_output=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"},
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"rpud info: {reason}\n")
+
+
+INTERRUPTED_IMPORT = """
+import signal, sys, types
+from rpud_sim.cli import info, main
+
+class Interrupted(types.ModuleType):
+    def __getattr__(self, name):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("half of it is loaded")
+
+sys.modules["rpud_sim.bag"] = Interrupted("rpud_sim.bag")
+main.main(["info", "bag"])
+"""
+
+INTERRUPTED_CALLBACK = """
+import signal, threading
+from rpud_sim.cli import info, main
+
+class Dying:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+
+def run(arguments):
+    Dying()
+    threading.Event().wait(20.0)
+    print("it went on")
+
+info.run = run
+main.main(["info", "bag"])
+"""
+
+
+@pytest.mark.parametrize("script", [INTERRUPTED_IMPORT, INTERRUPTED_CALLBACK])
+def test_ctrl_c_ends_quietly_where_no_exception_can_pass(script):
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
 def test_ctrl_c_ends_a_long_run_without_a_trace(process):

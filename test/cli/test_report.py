@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from sample_bags import STRING_DEFINITION, TALK, write_bag
+from sample_bags import DAMAGED, STRING_DEFINITION, TALK, write_bag, write_damaged
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.cli.main import main
@@ -37,7 +37,7 @@ def test_json_is_one_object_and_what_is_left_out_is_named(tmp_path, rpud):
     with BagWriter(tmp_path / "bag") as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
         bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
-    out_file = tmp_path / "new" / "out.html"
+    out_file = tmp_path / "out.html"
     code, out, err = rpud("report", tmp_path / "bag", "--out", out_file, "--json")
     reason = "the bag does not hold the definition of its type"
     assert code == 0
@@ -47,7 +47,23 @@ def test_json_is_one_object_and_what_is_left_out_is_named(tmp_path, rpud):
         "topics": 1,
         "messages": 0,
         "left_out": {"/untold": reason},
+        "damaged": {},
     }
+
+
+def test_what_is_damaged_is_left_out_and_all_else_is_told(tmp_path, rpud):
+    path = write_damaged(tmp_path / "bag")
+    code, out, err = rpud("report", path, "--out", tmp_path / "out.html", "--json")
+    content = json.loads(out)
+    assert (code, content["topics"], content["left_out"]) == (3, 1, {})
+    assert [*content["damaged"]] == [*DAMAGED]
+    lines = err.splitlines()
+    assert len(lines) == len(DAMAGED)
+    for line, (name, reason) in zip(lines, DAMAGED.items(), strict=True):
+        assert line.startswith(f"rpud report: left out {name}: ")
+        assert reason in line
+    page = (tmp_path / "out.html").read_text(encoding="utf-8")
+    assert "Not in this report: /rpud/talk: 2 of its messages: " in page
 
 
 def test_an_error_is_one_line(tmp_path, rpud):

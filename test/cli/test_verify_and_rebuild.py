@@ -33,7 +33,7 @@ def rpud(capsys):
 def test_a_proved_bag_gives_0(bag, rpud):
     code, out, err = rpud("verify", bag)
     assert (code, err) == (0, "")
-    head = ["topic", "equal", "different", "unexpected", "missing", "lost"]
+    head = ["topic", "equal", "different", "unexpected", "missing", "tail", "lost"]
     assert out.splitlines()[0].split() == head
     assert "messages are equal bit for bit, 0.200 s simulated again" in out
 
@@ -68,6 +68,24 @@ def test_a_bag_that_cannot_be_verified_gives_1(bag, tmp_path, rpud):
     )
     assert rpud("verify", tmp_path / "none")[0] == 1
     assert rpud("verify")[0] == 2
+
+
+def test_a_bag_that_lacks_its_tail_gives_1_and_the_number(bag, tmp_path, rpud):
+    def change(message):
+        deaf = message.topic == "/rpud/wrench" and message.log_time > 50_000_000
+        return [] if deaf else [message.data]
+
+    altered(bag, tmp_path / "bag", change)
+    code, out, err = rpud("verify", tmp_path / "bag")
+    assert (code, err) == (1, "")
+    *_, missing, verdict = out.splitlines()
+    assert missing == "/rpud/wrench: 15 messages are missing at the end, while the drill went on"
+    assert verdict.startswith("not proved: ")
+    assert "messages are equal bit for bit, and 15 are missing, 0.200 s simulated" in verdict
+    code, out, err = rpud("verify", tmp_path / "bag", "--json")
+    content = json.loads(out)
+    assert (code, content["proved"], content["undecided"]) == (1, False, "")
+    assert content["topics"]["/rpud/wrench"]["tail"] == 15
 
 
 def test_a_rebuilt_waveform_and_its_size(bag, tmp_path, rpud):

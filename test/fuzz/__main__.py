@@ -8,7 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from support import claim_ros_domain
+from support import LOOPBACK, claim_ros_domain
 from tqdm import tqdm
 
 
@@ -21,8 +21,8 @@ def main() -> int:
     domain, _lock = claim_ros_domain()
     os.environ.update(
         ROS_DOMAIN_ID=str(domain),
-        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
         ROS_PYTHON_CHECK_FIELDS="1",  # our own messages are well-formed, as those that DDS brings
+        **LOOPBACK,
     )
     from fuzz.campaign import Outcome, run
     from fuzz.drill import Drill

@@ -13,6 +13,7 @@ import rclpy
 from rclpy.logging import LoggingSeverity, get_logger
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from rpud_msgs.srv import SetSimulationState
 
 from rpud_sim.ros.drill.drill_node import DrillNode
@@ -76,7 +77,7 @@ class Drill:
 
     def command(self, topic: str, message: Any) -> None:
         """Give a command, as if it had come over DDS."""
-        self.topics[topic].callback(message)
+        self.topics[topic].callback(serialize_message(message))
 
     def call(self, name: str, request: Any) -> Any:
         """Call a service, as if the request had come over DDS."""

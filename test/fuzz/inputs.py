@@ -57,7 +57,7 @@ def _command(make: Callable[[random.Random], Any], topic: str) -> Send:
     def send(random: random.Random, drill: Drill) -> Reason:
         message = make(random)
         message.header.stamp = _stamp(random) if random.random() < 0.5 else Time()
-        message.header.frame_id = hostile.text(random)
+        message.header.frame_id = hostile.text(random, surrogates=False)
         rejected = drill.rejected
         drill.reasons.clear()
         drill.command(topic, message)

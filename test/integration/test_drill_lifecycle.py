@@ -79,6 +79,16 @@ def test_without_autostart_it_waits_and_says_so_to_whoever_asks(client):
     assert client.node.count_publishers("/managed/nodal_plane") == 0
 
 
+def test_it_says_what_it_waits_for_and_when_it_is_active(client, drill):
+    drill.wait_for_line("waiting for the transitions configure and activate")
+    assert change(client, CONFIGURE)
+    # At least the latched one, and one for each of two seconds.
+    client.until(lambda: len(client.status) >= 3)
+    assert {status.state for status in client.status} == {Status.STATE_INACTIVE}
+    assert change(client, ACTIVATE)
+    drill.wait_for_line("the drill is active")
+
+
 def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
     def last():
         status = client.status[-1]

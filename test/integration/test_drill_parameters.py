@@ -1,15 +1,21 @@
 """Parameters of a drill at work: those that may change do so all or none."""
 
+import re
+
 import pytest
 from drill_client import COMPILED, Client, stamps, start_drill
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
     SetParameters,
     SetParametersAtomically,
 )
-from rpud_msgs.msg import Status
+from rclpy.qos import qos_profile_parameter_events
+from rpud_msgs.msg import Result, SimulationState, Status
+from rpud_msgs.srv import ResetSimulation
 from std_srvs.srv import SetBool
 
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS
@@ -159,6 +165,44 @@ def test_the_regime_by_parameter_and_by_engage_are_the_same(client):
     assert forces[0] == forces[1]
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ["-p", "wieght_on_bit:=18.0"],
+            "drill_node: wieght_on_bit is not a parameter; did you mean weight_on_bit?",
+        ),
+        (["--params-file", "nowhere.yaml"], "drill_node: .*nowhere.yaml.*"),
+    ],
+)
+def test_a_start_with_what_is_no_parameter_or_no_file_is_one_line(process, words, said):
+    started = process("drill_node", "--ros-args", *words)
+    assert started.wait(COMPILED) == 2
+    assert re.fullmatch(re.escape(said) if "?" in said else said, started.output)
+
+
+def test_a_parameter_file_may_have_sections_of_other_nodes(process, tmp_path):
+    path = tmp_path / "parameters.yaml"
+    path.write_text(
+        "/**:\n  ros__parameters: {use_sim_time: false}\n"
+        "/sectioned/drill_node:\n  ros__parameters: {weight_on_bit: 7.0}\n"
+        "/sectioned/another:\n  ros__parameters: {of_another: 1}\n"
+    )
+    started = process(
+        *("drill_node", "--ros-args", "-r", "__ns:=/sectioned", "--params-file", path)
+    )
+    started.wait_for_line("weight on bit 7 N", timeout=COMPILED)
+
+
+@pytest.mark.parametrize("whole", [5, 0])
+def test_a_whole_number_is_taken_for_a_number(client, whole):
+    value = ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=whole)
+    request = SetParameters.Request(parameters=[Parameter(name="gravity", value=value)])
+    [result] = client.call(SetParameters, f"{NODE}/set_parameters", request).results
+    assert result.successful, result.reason
+    assert get(client, "gravity") == [whole]
+
+
 def test_what_is_no_parameter_or_has_another_type_is_refused_and_ends_nothing(client, drill):
     for values in ({"no_such": 1.0}, {"gravity": "much"}, {"regime": 1.0}, {"gravity": True}):
         [result] = set_each(client, **values)
@@ -166,3 +210,74 @@ def test_what_is_no_parameter_or_has_another_type_is_refused_and_ends_nothing(cl
         assert result.reason
     assert get(client, "gravity", "regime") == [9.81, "drilling"]
     assert drill.running
+
+
+CHANGED = {
+    "gravity": 3.7,
+    "drill_tool_restitution": 0.5,
+    "command_timeout": 9.0,
+    "command_loss_ramp": 0.25,
+}
+
+
+@pytest.mark.parametrize(
+    "begin_again",
+    [
+        lambda client: client.reset(ResetSimulation.Request.SCOPE_STATE),
+        lambda client: client.reset(),
+        lambda client: client.set_state(SimulationState.STATE_STOPPED),
+    ],
+    ids=["state", "all", "stop"],
+)
+def test_a_reset_of_the_state_restores_the_parameters_of_the_start(client, begin_again):
+    before = get(client, *CHANGEABLE)
+    heard = []
+    events = "/parameter_events"
+    client.node.create_subscription(
+        ParameterEvent, events, heard.append, qos_profile_parameter_events
+    )
+    client.until(lambda: client.node.count_publishers(events))
+    assert all(result.successful for result in set_each(client, **CHANGED, real_time_factor=2.0))
+    engage(client, False)
+    client.until(lambda: client.status[-1].regime == "free")
+    assert client.reset(ResetSimulation.Request.SCOPE_TIME).result == Result.RESULT_OK
+    assert get(client, "regime", *CHANGED) == ["free", *CHANGED.values()]
+    heard.clear()
+    assert begin_again(client).result == Result.RESULT_OK
+    # Who sets the pace of the simulation keeps it.
+    assert get(client, "real_time_factor") == [2.0]
+    assert set_each(client, real_time_factor=1.0)[0].successful
+    assert get(client, *CHANGEABLE) == before
+    client.until(lambda: client.status[-1].regime == "drilling")
+
+    def restored():
+        mine = [event for event in heard if event.node == NODE]
+        return {parameter.name for event in mine for parameter in event.changed_parameters}
+
+    client.until(lambda: restored() >= {"regime", *CHANGED})
+    client.set_state(SimulationState.STATE_PAUSED)
+
+
+def test_what_is_set_before_the_activation_is_in_force_and_restored():
+    drill = start_drill("/early", autostart=False, start_paused=True)
+    client = Client("/early")
+    try:
+        client.status = client.listen("status")
+        node = "/early/drill_node"
+
+        def change(transition):
+            request = ChangeState.Request(transition=Transition(id=transition))
+            assert client.call(ChangeState, f"{node}/change_state", request).success
+
+        change(Transition.TRANSITION_CONFIGURE)
+        engage(client, False)
+        change(Transition.TRANSITION_ACTIVATE)
+        client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
+        assert client.status[-1].regime == "free"
+        engage(client, True)
+        client.until(lambda: client.status[-1].regime == "drilling")
+        assert client.reset().result == Result.RESULT_OK
+        client.until(lambda: client.status[-1].regime == "free")
+    finally:
+        client.close()
+        drill.stop()

@@ -155,7 +155,10 @@ def test_a_bag_is_never_overwritten_and_that_is_said_in_one_line(tmp_path):
     [
         (["--set", "weight_on_bit=-1"], "weight_on_bit = -1 N is outside its range [0, 1000] N"),
         (["--set", "weight_on_bit=nan"], "weight_on_bit = 'nan' N is outside its range"),
-        (["--set", "wieght_on_bit=1"], "wieght_on_bit is not a parameter; known are "),
+        (
+            ["--set", "wieght_on_bit=1"],
+            "wieght_on_bit is not a parameter; did you mean weight_on_bit",
+        ),
         (["--set", "weight_on_bit"], "'weight_on_bit' is not of the form name=value"),
         (["--set", "telemetry_rate=33.3"], "telemetry_rate = 33.3 Hz is not a whole number"),
         (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
@@ -248,6 +251,33 @@ def test_a_recorder_that_ends_does_not_stop_the_drill_but_is_told_at_the_end(
     assert running.wait() == 1
     assert complaint in running.output
     assert "drilled " in running.output
+    assert "bag: " not in running.output
+
+
+def test_what_a_frozen_recorder_lacks_of_what_was_sent_is_told(process, tmp_path):
+    running = process("rpud", "run", "--record", tmp_path / "bag", "--quiet")
+    client = Client("/rpud")
+    try:
+        waveforms = client.listen("waveform")
+        client.until(lambda: len(waveforms) > 10)
+        recorder = int(recorder_of(running))
+        os.kill(recorder, signal.SIGSTOP)
+        count = len(waveforms) + 100  # the drill keeps 40 for those that fall behind
+        client.until(lambda: len(waveforms) > count)
+        os.kill(recorder, signal.SIGCONT)
+        client.until(lambda: len(waveforms) > count + 10)
+    finally:
+        client.close()
+    running.interrupt()
+    assert running.wait() == 1
+    told = running.wait_for_line(
+        r"rpud run: /rpud/waveform: (\d+) messages were sent, (\d+) are in the bag"
+    )
+    with rpud_sim.bag.open(tmp_path / "bag") as bag:
+        counts = {summary.topic.name: summary.message_count for summary in bag.topics}
+    assert counts["/rpud/waveform"] == int(told[2]) < int(told[1])
+    assert "data was on the disk" in running.output
+    assert "too slow" not in running.output
     assert "bag: " not in running.output
 
 

@@ -87,7 +87,7 @@ def use(client, recorder):
     assert client.inject("stuck", "reacting_force").success
     command(Drive(enabled=True, voltage=80.0, frequency=16050.0), "drive_frequency", 16050.0)
     client.step(0.1)
-    for engaged in (False, True):
+    for engaged in (False, True, False):  # the reset puts it into the rock again
         assert client.call(SetBool, "engage", SetBool.Request(data=engaged)).success
         client.step(0.05)
     client.step(0.2)  # the commands are lost, and go down to nothing
@@ -188,3 +188,92 @@ def test_each_run_is_rebuilt_as_it_was_published(bag, tmp_path):
         found = np.load(tmp_path / str(run) / "reacting_force.npy")
         assert len(found) > 0.9 * len(published)
         assert found.tobytes() == published[: len(found)].tobytes()
+
+
+def from_a_late_recorder(source, out, begin, published, change=lambda message: message.data):
+    """Write the bag of a recorder that starts at a time, and gets the whole journal at once.
+
+    `published` is whether it keeps when messages were published; not every recorder does.
+    """
+    with rpud_sim.bag.open(source) as reader, rpud_sim.bag.BagWriter(out) as writer:
+        for summary in reader.topics:
+            writer.add_topic(summary.topic, summary.definition)
+        heard = [m for m in reader.messages() if m.topic == JOURNAL or m.publish_time > begin]
+        for message in sorted(heard, key=lambda message: max(message.log_time, begin)):
+            log_time = max(message.log_time, begin)
+            publish_time = message.publish_time if published else log_time
+            writer.write(message.topic, change(message), log_time, publish_time)
+    return out
+
+
+def beginnings(bag):
+    """Give when each origin of time was published [ns]."""
+    codec = Codec("rpud_msgs/msg/JournalEntry", find_definition("rpud_msgs/msg/JournalEntry"))
+    with rpud_sim.bag.open(bag) as reader:
+        entries = [(m.publish_time, codec.decode(m.data).kind) for m in reader.messages({JOURNAL})]
+    return [time for time, kind in entries if kind == "origin"]
+
+
+@pytest.mark.parametrize("number", [-1, -2])
+def test_a_recorder_that_started_after_a_reset_proves_what_it_heard(bag, tmp_path, number):
+    begin = beginnings(bag)[number] + 1
+    verification = verify(from_a_late_recorder(bag, tmp_path / "bag", begin, published=True))
+    assert verification.proved, verification
+    assert verification.warnings == ()
+    assert verification.topics["/rpud/nodal_plane"].equal > 5
+    assert all(counts.missing == 0 for counts in verification.topics.values())
+
+
+@pytest.mark.parametrize("number", [-1, -2])
+def test_without_times_of_publishing_nothing_is_called_different(bag, tmp_path, number):
+    begin = beginnings(bag)[number] + 1
+    verification = verify(from_a_late_recorder(bag, tmp_path / "bag", begin, published=False))
+    assert verification.first_difference is None
+
+
+@pytest.mark.parametrize("published", [True, False])
+def test_a_flipped_bit_is_named_whichever_run_it_is_of(bag, tmp_path, published):
+    numbers = itertools.count()
+
+    def change(message):
+        if message.topic != "/rpud/nodal_plane" or next(numbers) != 7:
+            return message.data
+        return message.data[:-8] + bytes([message.data[-8] ^ 1]) + message.data[-7:]
+
+    begin = beginnings(bag)[-2] + 1
+    out = from_a_late_recorder(bag, tmp_path / "bag", begin, published, change)
+    verification = verify(out)
+    assert verification.first_difference.topic == "/rpud/nodal_plane"
+
+
+def test_a_recorder_that_is_started_after_a_reset(tmp_path):
+    """Both runs begin at stamp 0, and the recorder hears the second one only."""
+    from support import Process
+
+    drill = start_drill("/rpud", start_paused="true", publish_clock="true", seed="5")
+    client = Client()
+    recorder = None
+    try:
+        statuses = client.listen("status")
+        client.step(0.6)
+        client.command(WeightOnBit(force=20.0))
+        client.until(lambda: statuses and statuses[-1].weight_on_bit == 20.0)
+        client.step(0.4)
+        client.reset()
+        recorder = Process("rpud", "record", "--out", tmp_path / "bag")
+        for topic in (*PROVED, "journal"):
+            recorder.wait_for_line(f"subscribed /rpud/{topic} ")
+            client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
+        client.step(1.5)
+        drill.interrupt()
+        assert drill.wait() == 0, drill.output
+        recorder.interrupt()
+        recorder.wait()
+    finally:
+        client.close()
+        drill.stop()
+        if recorder:
+            recorder.stop()
+    verification = verify(tmp_path / "bag")
+    assert verification.proved, verification
+    assert verification.topics["/rpud/nodal_plane"].equal == 150

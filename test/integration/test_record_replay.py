@@ -231,7 +231,7 @@ def test_a_recorder_ends_with_the_one_that_holds_its_input_open(process, program
     parent = process(
         "bash",
         "-c",
-        'sleep 1000 | (echo "pipe $BASHPID"; exec recorder --until-eof --out "$0")',
+        'sleep 1000 | (echo "pipe $BASHPID"; exec recorder --until-eof --allow-empty --out "$0")',
         tmp_path / "run",
     )
     program("talker", "--count", 100_000, "--rate", 500)

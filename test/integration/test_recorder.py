@@ -1,5 +1,6 @@
 """What the recorder does beside recording, with real processes over DDS."""
 
+import os
 import re
 import shlex
 import sys
@@ -7,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
+import yaml
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
@@ -16,6 +18,7 @@ import rpud_sim.bag
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
 from rpud_sim.ros.record.recorder_services import service_type
+from rpud_sim.simulation.scenario import parse_scenario, read_scenario
 
 HERE = Path(__file__).parent
 CONTACT_FORCE = "/rpud/contact_force"
@@ -48,17 +51,96 @@ def test_a_bag_tells_what_it_is_a_recording_of(process, tmp_path):
     assert {name: manifest.parameters[name] for name in settings} == settings
     assert manifest.parameters["drive_enabled"] is True
     assert manifest.seed == 7
-    assert manifest.scenario == scenario.read_text()
+    planned = parse_scenario(yaml.safe_load(manifest.scenario), "manifest")
+    assert planned.faults == read_scenario(scenario).faults
     assert shlex.join(manifest.command).endswith(f"contact_force --out {tmp_path / 'run'}")
     assert manifest.versions.keys() >= {"rpud_sim", "python", "numpy", "numba", "ros_distro"}
 
 
 def test_a_bag_without_a_drill_has_a_manifest_too(process, tmp_path):
-    recorder = process("recorder", "--out", tmp_path / "run", "--duration", "0.1")
-    assert recorder.wait() == 0
+    words = ("--out", tmp_path / "run", "--duration", "0.1", "--allow-empty")
+    assert process("recorder", *words).wait() == 0
     [manifest] = manifests(tmp_path / "run")
     assert (manifest.node, manifest.parameters, manifest.seed) == ("", {}, None)
     assert manifest.machine
+
+
+def test_a_stranger_s_scenario_is_no_file_of_this_machine(process, tmp_path):
+    secret = tmp_path / "secret"
+    secret.write_text("secret of this machine")
+    words = ("status", "--out", tmp_path / "run", "--compression", "none")
+    recorder = process("recorder", *words)
+    process(sys.executable, HERE / "stranger.py", secret)
+    recorder.wait_for_line("knows the parameters of /rpud/stranger")
+    recorder.wait_for_line("recording 1 topics")
+    recorder.interrupt()
+    assert recorder.wait() == 0
+    [manifest] = manifests(tmp_path / "run")
+    assert manifest.node == "/rpud/stranger"
+    assert manifest.parameters["scenario"] == str(secret)
+    assert manifest.scenario == ""
+    assert all(b"secret of" not in file.read_bytes() for file in (tmp_path / "run").iterdir())
+
+
+def test_answers_that_no_drill_gives_end_no_recording(process, talker, tmp_path):
+    recorder = process("recorder", "--out", tmp_path / "run")
+    process(sys.executable, HERE / "stranger.py", "x", "--odd").wait_for_line("answered")
+    recorder.wait_for_line("an answer of /rpud/stranger cannot be used: ")
+    talker("--count", 100, "--rate", 500).wait_for_line("published 100")
+    recorder.interrupt()
+    assert recorder.wait() == 0
+    assert re.search(r"\d things that arrived could not be used", recorder.output)
+    assert sequences(tmp_path / "run") == list(range(100))
+
+
+def test_a_topic_that_never_came_is_a_failure_with_the_nearest_name(process, talker, tmp_path):
+    talker("--count", 0, "--subscribers", 0).wait_for_line("published 0")
+    words = ("--out", tmp_path / "run", "--duration", "0.1")
+    recorder = process("recorder", "status", "contact_forse", *words)
+    assert recorder.wait() == 1
+    assert recorder.output.splitlines()[-1] == (
+        "rpud record: never appeared: /rpud/contact_forse (did you mean /rpud/contact_force?)"
+    )
+    words = ("--out", tmp_path / "empty", "--duration", "0.1", "--namespace", "rpd")
+    recorder = process("recorder", *words)
+    assert recorder.wait() == 1
+    assert recorder.output.splitlines()[-1] == (
+        "rpud record: nothing came on 0 topics in /rpd (did you mean /rpud?)"
+    )
+
+
+def test_a_publisher_that_is_there_and_not_heard_is_subscribed_again(process, tmp_path):
+    # In another partition it is in the graph, and connected to no one.
+    profile = tmp_path / "partition.xml"
+    profile.write_text(
+        '<profiles xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles">'
+        '<data_writer profile_name="apart" is_default_profile="true"><qos><partition><names>'
+        "<name>apart</name></names></partition></qos></data_writer></profiles>"
+    )
+    settings = {
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(profile),
+        "RMW_FASTRTPS_USE_QOS_FROM_XML": "1",
+    }
+    words = (sys.executable, HERE / "talker.py", "--count", "0", "--subscribers", "0")
+    process(*words, env={**os.environ, **settings}).wait_for_line("published 0")
+    recorder = process("recorder", "contact_force", "--out", tmp_path / "run")
+    recorder.wait_for_line(
+        "subscribed /rpud/contact_force again, as a publisher that is there was not heard"
+    )
+    recorder.interrupt()
+    assert recorder.wait() == 1
+    assert re.search("subscribed /rpud/contact_force again 1 times", recorder.output)
+
+
+def test_it_says_when_it_records_where_that_is_wanted(process, talker, tmp_path):
+    talker("--count", 0, "--subscribers", 0).wait_for_line("published 0")
+    reading, writing = os.pipe()
+    words = ("--out", tmp_path / "run", "--duration", "0.1", "--ready-fd", str(writing))
+    recorder = process("recorder", *words, pass_fds=(writing,))
+    os.close(writing)
+    with open(reading, "rb") as pipe:
+        assert pipe.read() == b"recording\n"
+    assert recorder.wait() == 0
 
 
 @pytest.fixture
@@ -96,14 +178,16 @@ def sequences(path):
 def test_services_pause_go_on_and_split(process, talker, ask, tmp_path):
     recorder = process("recorder", "--out", tmp_path / "run", "--start-paused")
     talker("--count", 100_000, "--rate", 500).wait_for_line("talking")
+    assert ask("is_paused", "IsPaused").paused
     ask("resume", "Resume")
+    assert not ask("is_paused", "IsPaused").paused
     ask("split_bagfile", "SplitBagfile")
     ask("pause", "Pause")
     ask("toggle_paused", "TogglePaused")
     ask("toggle_paused", "TogglePaused")
     recorder.interrupt()
     assert recorder.wait() == 0
-    said = re.findall(r"paused|resumed|goes on in a new file", recorder.output)
+    said = re.findall(r": (paused|resumed|goes on in a new file)", recorder.output)
     assert said == ["resumed", "goes on in a new file", "paused", "resumed", "paused"]
     recorded = sequences(tmp_path / "run")
     assert recorded[0] > 0

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 
+import numba
 import pytest
 
 from rpud_sim.simulation import ensemble, preset
@@ -174,6 +175,7 @@ def test_a_compilation_that_takes_long_is_told(monkeypatch, long):
 
     class Compiling(Statistics):
         def add(self, block):
+            assert numba.njit(lambda: 1)() == 1
             assert told.wait(10.0)
 
     def tell(line):
@@ -187,3 +189,17 @@ def test_a_compilation_that_takes_long_is_told(monkeypatch, long):
     monkeypatch.setattr(ensemble, "_LONG", 0.01 if long else 3600.0)
     compile_kernels(PARAMETERS, tell)
     assert lines == [COMPILING] * long
+
+
+def test_kernels_that_are_cached_are_not_told_however_busy_the_machine_is(monkeypatch):
+    told = threading.Event()
+
+    class Slow(Statistics):
+        def add(self, block):
+            told.wait(0.5)  # longer than the notice needs
+
+    compile_kernels(PARAMETERS)
+    monkeypatch.setattr(ensemble, "Statistics", Slow)
+    monkeypatch.setattr(ensemble, "_LONG", 0.0)
+    compile_kernels(PARAMETERS, lambda line: told.set())
+    assert not told.is_set()

@@ -60,7 +60,7 @@ def test_sourcing_survives_and_keeps_strict_options(shell):
 @shells
 def test_ros_stays_on_this_machine_unless_told_otherwise(shell):
     script = '. "$ENV"; echo $ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE'
-    assert run(shell, script).stdout == "42 LOCALHOST\n"
+    assert run(shell, script).stdout == "42 SYSTEM_DEFAULT\n"
     own = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
     assert run(shell, script, **own).stdout == "7 SUBNET\n"
 
@@ -71,6 +71,29 @@ def test_processes_find_each_other_quickly_unless_told_otherwise(shell):
     assert run(shell, script).stdout == f"{ROOT}/config/fastdds_loopback.xml\n"
     own = {"FASTRTPS_DEFAULT_PROFILES_FILE": "/my/profiles.xml"}
     assert run(shell, script, **own).stdout == "/my/profiles.xml\n"
+
+
+@shells
+@pytest.mark.parametrize(
+    ("own", "expected"),
+    [
+        ({}, f"SYSTEM_DEFAULT {ROOT}/config/fastdds_loopback.xml"),
+        (
+            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+            f"SYSTEM_DEFAULT {ROOT}/config/fastdds_loopback.xml",
+        ),
+        (
+            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
+            "SUBNET",
+        ),  # the profile would keep it to loopback
+        ({"FASTRTPS_DEFAULT_PROFILES_FILE": "/my/profiles.xml"}, "LOCALHOST /my/profiles.xml"),
+        ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, "LOCALHOST"),  # it reads no such profile
+    ],
+    ids=["default", "localhost", "subnet", "own_profile", "other_middleware"],
+)
+def test_discovery_is_left_to_the_profile_only_where_it_is_read(shell, own, expected):
+    script = '. "$ENV"; echo $ROS_AUTOMATIC_DISCOVERY_RANGE $FASTRTPS_DEFAULT_PROFILES_FILE'
+    assert run(shell, script, **own).stdout == f"{expected}\n"
 
 
 def test_sourcing_before_set_up_says_what_to_do(tmp_path):

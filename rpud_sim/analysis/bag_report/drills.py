@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.analysis.bag_report.streams import Distribution, Envelope, Spectrum, usable
+from rpud_sim.analysis.bag_report.streams import Envelope, Intervals, Spectrum, usable
 from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.statistics import count_events
 
@@ -42,7 +42,7 @@ class Impacts:
     """
 
     def __init__(self, duration: float) -> None:
-        self.intervals = Distribution()
+        self.intervals = Intervals()
         self.power = Envelope(duration)
         self._last: float | None = None
 

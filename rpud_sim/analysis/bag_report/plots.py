@@ -10,12 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from rpud_sim.analysis.bag_report.drills import CHANNELS, Fault, Impacts, Waveform
-from rpud_sim.analysis.bag_report.streams import Distribution, Envelope
+from rpud_sim.analysis.bag_report.streams import Distribution, Envelope, Intervals
 from rpud_sim.analysis.bag_report.topics import Series, TopicSurvey
+from rpud_sim.terminal import printable
 
 _WIDTH = 10.0  # inches
 _RESOLUTION = 100  # dots per inch
@@ -50,7 +52,8 @@ def series(shown: Sequence[Series], span: float) -> Figure:
         _draw_envelope(axis, item.envelope)
         unit = f"\n[{item.column.unit}]" if item.column.unit else ""
         name = item.column.name.replace("_", " ")
-        axis.set_ylabel(f"{name:.{_NAME}}{unit}", fontsize="small", rotation=0, ha="right")
+        name = printable(f"{name:.{_NAME}}")
+        axis.set_ylabel(f"{name}{unit}", fontsize="small", rotation=0, ha="right")
     _share_time(axes, span)
     return figure
 
@@ -60,6 +63,8 @@ def closer(waveform: Waveform) -> Figure:
     figure, (positions, force) = _panels(2, 2.4)
     found = waveform.closer
     times = 1e3 * (found["times"] - found["times"][0])
+    steps = np.diff(times, prepend=times[0])
+    times = np.where(steps > 1.5 * np.median(steps), np.nan, times)  # no line across missing ones
     for name, colour, label in (
         ("actuator_position", LINE, "actuator tip"),
         ("free_mass_position", MARK, "free mass"),
@@ -122,9 +127,7 @@ def spectra(waveform: Waveform, densities: tuple[np.ndarray, np.ndarray]) -> Fig
         unit = "N²/Hz" if name.endswith("force") else "m²/Hz"
         axis.set_title(name.replace("_", " "), loc="left", fontsize="medium")
         axis.set_ylabel(unit)
-        for scale in (axis.xaxis, axis.yaxis):  # the usual labels are formulas
-            scale.set_major_formatter(lambda value, _: f"{value:g}")
-            scale.set_minor_formatter(NullFormatter())
+        _plain_labels(axis.xaxis, axis.yaxis)
         _decorate(axis)
     for axis in figure.axes[-2:]:
         axis.set_xlabel("frequency [Hz]")
@@ -136,7 +139,8 @@ def delays(topics: Sequence[TopicSurvey], span: float) -> Figure:
     figure, axes = _panels(len(topics), 1.35)
     for axis, topic in zip(axes, topics, strict=True):
         _draw_envelope(axis, topic.timing.delays, 1e3)
-        axis.set_ylabel(f"{topic.name[-_NAME:]}\n[ms]", fontsize="small", rotation=0, ha="right")
+        name = printable(topic.name[-_NAME:])
+        axis.set_ylabel(f"{name}\n[ms]", fontsize="small", rotation=0, ha="right")
     _share_time(axes, span)
     return figure
 
@@ -150,7 +154,9 @@ def faults(log: Mapping[tuple[int, int], Fault], span: float) -> Figure:
         end = span if fault.clear is None else fault.clear
         colour = LINE if fault.channel else MARK
         axis.barh(row, max(end - fault.onset, span / 500), left=fault.onset, color=colour)
-    names = [f"{f.number}: {f.kind:.{_NAME}} {f.channel:.{_NAME}}".strip() for f in shown]
+    names = [
+        printable(f"{f.number}: {f.kind:.{_NAME}} {f.channel:.{_NAME}}".strip()) for f in shown
+    ]
     axis.set_yticks(range(len(shown)), names, fontsize="small")
     axis.invert_yaxis()
     _decorate(axis)
@@ -172,6 +178,12 @@ def _decorate(axis: Axes) -> None:
     axis.spines[["top", "right"]].set_visible(False)
 
 
+def _plain_labels(*scales: Axis) -> None:
+    for scale in scales:  # the usual labels of logarithms are formulas
+        scale.set_major_formatter(lambda value, _: f"{value:g}")
+        scale.set_minor_formatter(NullFormatter())
+
+
 def _share_time(axes: Sequence[Axes], span: float) -> None:
     for axis in axes:
         axis.set_xlim(0.0, max(span, 1e-3))
@@ -181,22 +193,18 @@ def _share_time(axes: Sequence[Axes], span: float) -> None:
 
 
 def _draw_envelope(axis: Axes, envelope: Envelope, scale: float = 1.0) -> None:
-    used = np.flatnonzero(envelope.count)
-    times = envelope.times[used]
-    axis.fill_between(
-        times,
-        scale * envelope.least[used],
-        scale * envelope.greatest[used],
-        color=BAND,
-        linewidth=0,
-    )
-    mean = scale * envelope.total[used] / envelope.count[used]
-    axis.plot(times, mean, color=LINE, linewidth=0.9, marker="." if len(used) < 40 else "")
+    times, values = envelope.steps()
+    least, mean, greatest = scale * values
+    axis.fill_between(times, least, greatest, step="post", color=BAND, linewidth=0)
+    axis.plot(times, mean, color=LINE, linewidth=0.9, drawstyle="steps-post")
 
 
 def _draw_distribution(axis: Axes, values: Distribution, scale: float) -> None:
     counts, edges = values.classes(_CLASSES)
     axis.stairs(counts, scale * edges, color=LINE, fill=True)
+    if isinstance(values, Intervals):
+        axis.set_xscale("log")
+        _plain_labels(axis.xaxis)
     if values.count:
         axis.axvline(scale * values.mean, color=MARK, linewidth=1.2, label="mean")
         axis.legend(frameon=False)

@@ -14,6 +14,7 @@ from rpud_sim.analysis.bag_report import plots, rows
 from rpud_sim.analysis.bag_report.page import HEADINGS, HTML
 from rpud_sim.analysis.bag_report.survey import Survey, survey
 from rpud_sim.analysis.bag_report.topics import MOST_SERIES, TopicSurvey
+from rpud_sim.terminal import printable
 
 _MOST_DRAWN = 20  # topics
 _MOST_PANELS = 12  # of a picture
@@ -47,32 +48,46 @@ def write_report(
 
     Raises:
         BagError: if the bag cannot be read.
-        ReportError: if the file is there already or cannot be written.
+        ReportError: if the file is there already, its folder is not, or it cannot be written.
     """
     target = Path(out)
     if os.path.lexists(target):
-        raise ReportError(f"{out} exists already; nothing is overwritten")
+        raise _failure(out, FileExistsError())
+    if not target.parent.is_dir():
+        raise ReportError(f"cannot write {out}: there is no folder {target.parent}")
     with rpud_sim.bag.open(path) as bag:
         seen = survey(bag, report)
     page = render(seen)
-    part = target.with_name(f"{target.name}.part")
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            part.write_text(page, encoding="utf-8")
-            part.rename(target)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
+        file = target.open("x", encoding="utf-8")
     except OSError as error:
-        raise ReportError(f"cannot write {out}: {error.strerror or error}") from error
+        raise _failure(out, error) from error
+    try:
+        with file:
+            file.write(page)
+    except BaseException as error:
+        target.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise _failure(out, error) from error
+        raise
     return seen
+
+
+def _failure(out: str | os.PathLike[str], error: OSError) -> ReportError:
+    if isinstance(error, FileExistsError):
+        return ReportError(f"{out} exists already; nothing is overwritten")
+    return ReportError(f"cannot write {out}: {error.strerror or error}")
 
 
 def render(seen: Survey) -> str:
     """Return the page of what was seen of a bag."""
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        # Of plain texts alone: what macros give is HTML already, with its line breaks.
+        finalize=lambda value: printable(value) if type(value) is str else value,
     )
     return environment.from_string(HTML).render(headings=HEADINGS, **_context(seen))
 
@@ -88,7 +103,10 @@ def _context(seen: Survey) -> dict[str, Any]:
     return {
         "title": Path(seen.path).resolve().name,
         "tiles": _tiles(seen),
-        "warnings": [f"Not in this report: {n}: {reason}" for n, reason in seen.left_out.items()],
+        "warnings": [
+            f"Not in this report: {name}: {reason}"
+            for name, reason in (*seen.left_out.items(), *seen.damaged.items())
+        ],
         "bag": rows.bag_rows(seen),
         "runs": rows.run_rows(seen),
         "topics": rows.topic_rows(seen),

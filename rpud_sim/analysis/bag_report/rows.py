@@ -79,7 +79,7 @@ def topic_rows(seen: Survey) -> Rows:
             summary.topic.name,
             summary.topic.type,
             str(summary.message_count),
-            "unknown" if summary.rate is None else f"{summary.rate:.2f}",
+            _UNSET if summary.rate is None else f"{summary.rate:.2f}",
             _lost(summary.losses.total if summary.losses else None),
         )
         for summary in seen.summaries[:MOST_ROWS]

@@ -14,6 +14,9 @@ _CLASSES = 2048  # of a distribution
 _GREATEST = 1e150  # squares of values beyond would overflow
 _BACK = NANOSECONDS  # a step back of a clock that is more than lateness
 _AHEAD = 60 * NANOSECONDS  # a step ahead that is more than time that went by
+_OLDEST = 86_400 * NANOSECONDS  # that a latched message may be; others have another clock
+_GAP = 3  # times the usual distance between messages
+_INSTANT = 1e-9  # s; log times are integer nanoseconds
 
 
 def usable(values: np.ndarray) -> np.ndarray:
@@ -26,13 +29,17 @@ class Timeline:
 
     Args:
         begin: log time at which the bag begins [ns].
+        zero: the stamp at that time, where another topic of the same clock tells it [ns].
+        latched: whether the first messages may be older than the bag.
 
     Attributes:
         jumps: how often the clock was set, as by a reset.
     """
 
-    def __init__(self, begin: int) -> None:
+    def __init__(self, begin: int, zero: int | None = None, *, latched: bool = False) -> None:
         self._begin = begin
+        self._zero = zero
+        self._latched = latched
         self._offset: int | None = None
         self._stamp = 0
         self._log_time = 0
@@ -48,10 +55,15 @@ class Timeline:
         if not len(stamps):
             return np.empty(0)
         if self._offset is None:
+            old = self._old(stamps)
+            if old:
+                rest = self.elapsed(stamps[old:], log_times[old:])
+                return np.append((stamps[:old] - self._zero) / NANOSECONDS, rest)
             self._stamp, self._log_time = int(stamps[0]), int(log_times[0])
-            # A block is recorded after its last row.
-            last = int(np.argmax(log_times != log_times[0])) - 1
-            self._offset = int(stamps[last]) - (self._log_time - self._begin)
+            self._offset = zero_stamp(stamps, log_times, self._begin)
+            # Far from the others it has a clock of its own, or that was set before its first.
+            if self._zero is not None and -_AHEAD < self._zero - self._offset < _BACK:
+                self._offset = self._zero
         steps = np.diff(stamps, prepend=self._stamp)
         passed = np.maximum(np.diff(log_times, prepend=self._log_time), 0)
         jumped = (steps < -_BACK) | (steps - passed > _AHEAD)
@@ -60,6 +72,26 @@ class Timeline:
         self._offset = int(offsets[-1])
         self.jumps += int(np.count_nonzero(jumped))
         return (stamps - offsets) / NANOSECONDS
+
+    def _old(self, stamps: np.ndarray) -> int:
+        """Return how many stamps of a latched topic are older than the bag, before all others."""
+        if self._zero is None or not self._latched:
+            return 0
+        older = (stamps < self._zero) & (self._zero - stamps < _OLDEST)
+        return len(stamps) if older.all() else int(np.argmin(older))
+
+
+def zero_stamp(stamps: np.ndarray, log_times: np.ndarray, begin: int) -> int:
+    """Return what a clock showed when the bag began [ns], by the first message of a topic.
+
+    Args:
+        stamps: shape (n,) [ns].
+        log_times: of the same messages, shape (n,) [ns].
+        begin: log time at which the bag begins [ns].
+    """
+    others = np.flatnonzero(log_times != log_times[0])
+    last = int(others[0]) - 1 if len(others) else -1  # a block is recorded after its last row
+    return int(stamps[last]) - (int(log_times[0]) - begin)
 
 
 class Envelope:
@@ -104,6 +136,27 @@ class Envelope:
     def times(self) -> np.ndarray:
         """The middle of each part since the beginning [s]."""
         return (np.arange(_BINS) + 0.5) * self.width
+
+    def steps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return times, shape (n,) [s], and least, mean and greatest from each on, shape (3, n).
+
+        A value holds until the next; where that is much later than usual, it holds as long as
+        usual, and NaN follow.
+        """
+        used = np.flatnonzero(self.count)
+        values = np.array(
+            [self.least[used], self.total[used] / self.count[used], self.greatest[used]]
+        )
+        apart = np.diff(used)
+        usual = int(np.quantile(apart, 0.9, method="lower")) if len(apart) else 1
+        ends = np.flatnonzero(np.append(apart > _GAP * usual, [True] * min(len(used), 1)))
+        held = (used[ends] + usual) * self.width
+        places = np.repeat(ends + 1, 2)
+        more = np.array([values[:, ends], np.full((3, len(ends)), np.nan)])
+        return (
+            np.insert(used * self.width, places, np.repeat(held, 2)),
+            np.insert(values, places, more.transpose(1, 2, 0).reshape(3, -1), axis=1),
+        )
 
     @property
     def rate(self) -> np.ndarray:
@@ -194,6 +247,31 @@ class Distribution:
         counts = np.add.reduceat(self._counts, range(first, int(used[-1]) + 1, step))
         edges = self._low + self._width * (first + step * np.arange(len(counts) + 1))
         return counts, edges
+
+
+class Intervals(Distribution):
+    """How intervals are distributed: their classes are equal in the logarithm.
+
+    So a gap that is a thousand times as long as the others leaves these as exact as they were.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._logarithms = Distribution()
+
+    def add(self, values: np.ndarray) -> None:
+        """Add intervals, shape (n,) [s]."""
+        super().add(values)
+        self._logarithms.add(np.log10(np.maximum(values[usable(values)], _INSTANT)))
+
+    def quantile(self, part: float) -> float:
+        """Return the interval below which a part of all are, to about a hundredth of it."""
+        return min(max(10.0 ** self._logarithms.quantile(part), self.least), self.greatest)
+
+    def classes(self, most: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return what ``Distribution.classes`` does, with edges in equal ratios."""
+        counts, edges = self._logarithms.classes(most)
+        return counts, 10.0**edges
 
 
 class Spectrum:

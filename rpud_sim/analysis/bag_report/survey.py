@@ -13,8 +13,10 @@ from rpud_sim.analysis.bag_report.drills import (
     Segments,
     Waveform,
 )
-from rpud_sim.analysis.bag_report.topics import TopicSurvey
-from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.analysis.bag_report.streams import zero_stamp
+from rpud_sim.analysis.bag_report.topics import TopicSurvey, is_latched, stamp_column
+from rpud_sim.analysis.damages import Damages
+from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
@@ -54,6 +56,7 @@ class Survey:
         summaries: of all topics.
         left_out: topics that were not followed, with the reason.
         topics: those that were, by name; and the drill's own.
+        damaged: what was left out because it is damaged, by topic or record: how much, and why.
     """
 
     path: str
@@ -71,6 +74,7 @@ class Survey:
     waveforms: dict[str, Waveform] = field(default_factory=dict)
     faults: dict[str, FaultLog] = field(default_factory=dict)
     journals: dict[str, Journal] = field(default_factory=dict)
+    damaged: dict[str, str] = field(default_factory=dict)
 
     @property
     def span(self) -> float:
@@ -82,9 +86,8 @@ class Survey:
 
     def beside(self, topic: str, kind: str) -> TopicSurvey | None:
         """Return the topic of a type in the namespace of another."""
-        namespace = topic.rpartition("/")[0]
         for name, found in self.topics.items():
-            if name.rpartition("/")[0] == namespace and found.type == kind:
+            if _namespace(name) == _namespace(topic) and found.type == kind:
                 return found
         return None
 
@@ -100,6 +103,7 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
         BagError: if the bag is damaged.
     """
     left_out = bag.left_out
+    damages = Damages(bag)
     duration = bag.duration / NANOSECONDS
     seen = Survey(
         str(bag.path),
@@ -108,11 +112,12 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
         bag.size,
         bag.message_count,
         bag.compression,
-        [manifest_from_record(record) for record in bag.records(MANIFEST)],
-        bag.topics,
+        _manifests(bag, damages),
+        bag.readable_topics,
         left_out,
     )
-    for summary in bag.topics:
+    zeros = _zeros(bag)
+    for summary in bag.readable_topics:
         name = summary.topic.name
         if name in left_out:
             continue
@@ -120,9 +125,10 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
             left_out[name] = f"the bag has more than {MOST_TOPICS} topics"
             continue
         columns = bag.columns(name)
-        seen.topics[name] = TopicSurvey(summary, columns, bag.start_time, duration)
+        zero = zeros.get(_namespace(name))
+        seen.topics[name] = TopicSurvey(summary, columns, bag.start_time, duration, zero)
         _follow(seen, summary, columns)
-    for batch in bag.batches([*seen.topics]):
+    for batch in bag.batches([*seen.topics], leave_out=damages.add):
         times = seen.topics[batch.topic].add(batch)
         for followed in (seen.impacts, seen.segments, seen.waveforms, seen.journals):
             if batch.topic in followed:
@@ -131,7 +137,50 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
             jumps = seen.topics[batch.topic].timeline.jumps
             seen.faults[batch.topic].add(batch.columns, times, jumps)
         report(batch.message_count)
+    seen.damaged.update(damages.texts)
     return seen
+
+
+def _namespace(topic: str) -> str:
+    return topic.rpartition("/")[0]
+
+
+def _zeros(bag: BagReader) -> dict[str, int]:
+    """Return what the clock of each namespace showed when the bag began [ns].
+
+    It is that of the first message which was sent then: latched ones may be older.
+    """
+    begin = bag.start_time
+    stamped = [
+        summary
+        for summary in bag.readable_topics
+        if summary.topic.name not in bag.left_out
+        and summary.first_time is not None
+        and not is_latched(summary)
+        and stamp_column(bag.columns(summary.topic.name)) != "log_time"
+    ]
+    zeros: dict[str, int] = {}
+    for summary in sorted(stamped, key=lambda summary: summary.first_time or 0):
+        name = summary.topic.name
+        if _namespace(name) in zeros:
+            continue
+        skipped = (summary.first_time or 0) - begin
+        for batch in bag.batches(name, skipped, 1, leave_out=lambda topic, reason: None):
+            if len(batch):
+                columns = batch.columns
+                stamps = columns[stamp_column(bag.columns(name))]
+                zeros[_namespace(name)] = zero_stamp(stamps, columns["log_time"], begin)
+    return zeros
+
+
+def _manifests(bag: BagReader, damages: Damages) -> list[Manifest]:
+    found = []
+    for record in damages.records(bag, MANIFEST):
+        try:
+            found.append(manifest_from_record(record))
+        except BagFormatError as error:
+            damages.leave_out_record(MANIFEST, error)
+    return found
 
 
 def _follow(seen: Survey, summary: TopicSummary, columns: Sequence[Column]) -> None:

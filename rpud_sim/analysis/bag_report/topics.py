@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from rpud_sim.analysis.bag_report.streams import Distribution, Envelope, Timeline, usable
+from rpud_sim.analysis.bag_report.streams import (
+    Distribution,
+    Envelope,
+    Intervals,
+    Timeline,
+    usable,
+)
 from rpud_sim.bag import TopicSummary
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.tables import Batch
@@ -42,9 +48,22 @@ class Timing:
 
     delays: Envelope
     delay: Distribution = field(default_factory=Distribution)
-    intervals: Distribution = field(default_factory=Distribution)
+    intervals: Intervals = field(default_factory=Intervals)
     missing: int | None = None
     stamped: bool = False
+
+
+def stamp_column(columns: Sequence[Column]) -> str:
+    """Name the column by which a topic's rows are drawn: log_time where there is no stamp."""
+    if columns[0].name == "time":
+        return "time"
+    stamped = any(column.name == "header.stamp" and column.kind is Kind.TIME for column in columns)
+    return "header.stamp" if stamped else "log_time"
+
+
+def is_latched(summary: TopicSummary) -> bool:
+    """Tell whether a topic's first messages may be older than the bag."""
+    return any(offer.durability == "transient_local" for offer in summary.topic.offered_qos)
 
 
 class TopicSurvey:
@@ -55,6 +74,7 @@ class TopicSurvey:
         columns: of its table.
         begin: log time at which the bag begins [ns].
         duration: of the bag [s].
+        zero: what the clock of its stamps showed then, where another topic tells it [ns].
 
     Attributes:
         timeline: that turns its stamps into time since the bag began.
@@ -62,17 +82,25 @@ class TopicSurvey:
     """
 
     def __init__(
-        self, summary: TopicSummary, columns: tuple[Column, ...], begin: int, duration: float
+        self,
+        summary: TopicSummary,
+        columns: tuple[Column, ...],
+        begin: int,
+        duration: float,
+        zero: int | None = None,
     ) -> None:
         self.summary = summary
-        self.timeline = Timeline(begin)
         self.end = 0.0
         self.timing = Timing(Envelope(duration))
-        times = {column.name for column in columns if column.kind is Kind.TIME}
         self._blocks = columns[0].name == "time"
+        times = {column.name for column in columns if column.kind is Kind.TIME}
         self._stamped_blocks = self._blocks and "header.stamp" in times
-        stamp = "header.stamp" if "header.stamp" in times else "log_time"
-        self._stamp = "time" if self._blocks else stamp
+        self._stamp = stamp_column(columns)
+        self.timeline = (
+            Timeline(begin)
+            if self._stamp == "log_time"
+            else Timeline(begin, zero, latched=is_latched(summary))
+        )
         self.timing.stamped = self._stamp != "log_time"
         numbers = [
             column

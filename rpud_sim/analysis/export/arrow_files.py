@@ -52,7 +52,7 @@ class CsvFile:
     """One table as a CSV file with a line of names.
 
     Times and durations are integer nanoseconds; arrays, sequences and what else there is in them
-    are JSON text.
+    are JSON text. A text that a spreadsheet would take for a formula gets an apostrophe before it.
 
     Args:
         path: of the new file, without its ending.
@@ -69,7 +69,12 @@ class CsvFile:
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
         """Add rows."""
-        self._writer.write_batch(_batch(self._columns, self._schema, values))
+        plain: dict[str, Any] = {
+            column.name: [_no_formula(text) for text in values[column.name]]
+            for column in self._columns
+            if column.kind is Kind.TEXT
+        }
+        self._writer.write_batch(_batch(self._columns, self._schema, {**values, **plain}))
 
     def close(self) -> None:
         """Complete the file."""
@@ -77,6 +82,10 @@ class CsvFile:
             self._writer.close()
         finally:
             self._stream.close()
+
+
+def _no_formula(text: str) -> str:
+    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
 # How Arrow has what CSV only has as numbers and texts.

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import rpud_sim.bag
+from rpud_sim.analysis.damages import Damages
 from rpud_sim.analysis.export.names import file_stem
 from rpud_sim.analysis.whole_folder import whole_folder
 from rpud_sim.bag import BagReader, TopicSummary
@@ -64,12 +65,14 @@ class Exported:
         format: one of ``FORMATS``.
         topics: in the order of their names.
         left_out: topics that cannot be tables, with the reason.
+        damaged: what was left out because it is damaged, by topic or record: how much, and why.
     """
 
     path: str
     format: str
     topics: tuple[ExportedTopic, ...]
     left_out: dict[str, str]
+    damaged: dict[str, str]
 
 
 def export(
@@ -101,9 +104,10 @@ def export(
             held = bag.duration / NANOSECONDS
             raise ExportError(f"--start = {start:g} s is not in the {held:g} s that the bag holds")
         left_out = bag.left_out if topics is None else {}
+        damages = Damages(bag)
         chosen = [
             summary
-            for summary in bag.topics
+            for summary in bag.readable_topics
             if summary.topic.name not in left_out
             and (topics is None or summary.topic.name in topics)
         ]
@@ -113,17 +117,20 @@ def export(
             [summary.topic.name for summary in chosen] if topics is None else topics,
             round(start * NANOSECONDS),
             length,
+            damages.add,
         )
         with _whole(out) as folder:
-            files = _Files(bag, folder, file_format, chosen)
+            files = _Files(bag, folder, file_format, chosen, damages)
             with files:
                 for batch in batches:
                     files.write(batch.topic, batch.columns, len(batch), batch.message_count)
                     report(batch.message_count)
-            exported = Exported(os.fspath(out), file_format, files.exported(), left_out)
+            exported = Exported(
+                os.fspath(out), file_format, files.exported(), left_out, damages.texts
+            )
             account = {**asdict(exported), **files.account}
             text = json.dumps(account, indent=2, ensure_ascii=False)
-            (folder / ACCOUNT).write_text(text + "\n", encoding="utf-8")
+            (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
     return exported
 
 
@@ -142,7 +149,12 @@ class _Files:
     """The open files of all topics."""
 
     def __init__(
-        self, bag: BagReader, folder: Path, file_format: str, topics: Collection[TopicSummary]
+        self,
+        bag: BagReader,
+        folder: Path,
+        file_format: str,
+        topics: Collection[TopicSummary],
+        damages: Damages,
     ) -> None:
         module, name = FORMATS[file_format]
         self._make = getattr(import_module(f"rpud_sim.analysis.export.{module}"), name)
@@ -155,7 +167,7 @@ class _Files:
         self._about = {
             "bag": str(bag.path),
             "bag_start_time": bag.start_time,
-            "manifests": bag.records(MANIFEST),
+            "manifests": damages.records(bag, MANIFEST),
         }
 
     def __enter__(self) -> _Files:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 from array import array
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from rpud_sim.analysis.proof.runs import Position, Span, Stretches
 from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.simulation.fields import Fields, stamp_of
@@ -51,25 +52,45 @@ class Counts:
         different: in at least one bit.
         missing: computed between two recorded ones, and not in the bag.
         unexpected: in the bag, and not computed.
+        tail: computed after the last recorded one, while the recording went on.
     """
 
     equal: int = 0
     different: int = 0
     missing: int = 0
     unexpected: int = 0
+    tail: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Suspect:
+    """A recorded message that is not what its run gives.
+
+    Args:
+        difference: how it differs.
+        key: stamp [ns] and number.
+        data: its bytes, zero between fields.
+    """
+
+    difference: Difference
+    key: Key
+    data: bytes
 
 
 @dataclasses.dataclass(frozen=True)
 class _Computed:
     key: Key
     fields: Fields
-    stretch: int
+    position: Position
+    last_stretch: int  # in which it was computed again, with nothing between
 
 
 @dataclasses.dataclass(frozen=True)
 class _Recorded:
     key: Key
     message: Message
+    first_stretch: int
+    last_stretch: int
 
 
 class TopicComparison:
@@ -83,23 +104,29 @@ class TopicComparison:
         topic: name of the topic.
         codec: of its type.
         recorded: its messages in the bag.
-        stretches: when each stretch of one origin of time began by the bag's clock [ns]. Stamps
-            may begin anew in the next one.
+        stretches: of the journal; stamps may repeat in the next one.
+        span: what the bag covers.
     """
 
     def __init__(
-        self, topic: str, codec: Codec, recorded: Iterator[Message], stretches: Sequence[int]
+        self,
+        topic: str,
+        codec: Codec,
+        recorded: Iterator[Message],
+        stretches: Stretches,
+        span: Span,
     ) -> None:
         self._topic = topic
         self._codec = codec
-        self._recorded = _without_repeats(recorded)
+        self._recorded = without_repeats(recorded)
         self._stretches = stretches
+        self._span = span
         self._ahead: deque[_Recorded] = deque()
         self._computed: deque[_Computed] = deque()
         self._last: tuple[Key, Fields] = (_UNREADABLE, {})
         self._counts = Counts()
         self._missing = 0  # since the last one that is there
-        self.first_difference: Difference | None = None
+        self.suspects: list[Suspect] = []
 
     @property
     def counts(self) -> Counts:
@@ -111,13 +138,15 @@ class TopicComparison:
         """Whether there is no recorded message any more."""
         return self._peek(0) is None
 
-    def add(self, computed: Fields, stretch: int) -> None:
-        """Add the next computed message, of a stretch of one origin of time, counted from 0."""
-        key = (stamp_of(computed), int(computed.get("sequence", 0)))
+    def add(self, computed: Fields, position: Position) -> None:
+        """Add the next computed message, and where the drill stands when it gives it."""
+        key = computed_key(computed)
         if key == self._last[0] and computed == self._last[1]:
-            return  # it says nothing new, and neither does a repeated one in the bag
+            # It says nothing new, and neither does a repeated one in the bag.
+            self._computed[-1] = dataclasses.replace(self._computed[-1], last_stretch=position[0])
+            return
         self._last = (key, computed)
-        self._computed.append(_Computed(key, computed, stretch))
+        self._computed.append(_Computed(key, computed, position, position[0]))
         while len(self._computed) > 1:
             self._settle()
 
@@ -133,7 +162,8 @@ class TopicComparison:
             message = next(self._recorded, None)
             if message is None:
                 return None
-            self._ahead.append(_Recorded(self._key(message), message))
+            key = recorded_key(message, self._codec)
+            self._ahead.append(_Recorded(key, message, *self._stretches.of(message)))
         return self._ahead[index]
 
     def _settle(self) -> None:
@@ -141,7 +171,14 @@ class TopicComparison:
         computed = self._computed[0]
         recorded = self._peek(0)
         if recorded is None:
-            self._computed.popleft()  # the recording has ended
+            self._computed.popleft()  # the recording of this topic has ended
+            self._count_tail(computed)
+            return
+        if computed.last_stretch < recorded.first_stretch:
+            self._pass_over()
+            return
+        if computed.position[0] > recorded.last_stretch:
+            self._unexpected(recorded)
             return
         after = self._computed[1].key if len(self._computed) > 1 else None
         follower = self._peek(1)
@@ -157,7 +194,9 @@ class TopicComparison:
                 self._there(computed, recorded, expected)
         elif after == follower_key:
             self._there(computed, recorded, self._codec.encode(computed.fields))
-        elif follower_key == computed.key or not self._is_later(recorded, computed):
+        elif recorded.key != after and (
+            follower_key == computed.key or not self._is_later(recorded, computed)
+        ):
             self._unexpected(recorded)
         else:
             self._pass_over()
@@ -178,6 +217,16 @@ class TopicComparison:
         if not same:
             self._note(computed.key[0], recorded, *self._first_field(recorded, expected))
 
+    def _count_tail(self, computed: _Computed) -> None:
+        heard = self._counts.equal + self._counts.different
+        if computed.position <= self._span.reached and (
+            heard or computed.position > self._span.begun
+        ):
+            # Those that were passed over lay before an unexpected one.
+            tail = self._counts.tail + self._missing * bool(heard) + 1
+            self._missing = 0
+            self._counts = dataclasses.replace(self._counts, tail=tail)
+
     def _pass_over(self) -> None:
         self._computed.popleft()
         self._missing += 1
@@ -195,33 +244,21 @@ class TopicComparison:
 
     def _may_follow(self, recorded: _Recorded, computed: _Computed) -> bool:
         """Whether a recorded message may be of a later stretch than a computed one."""
-        following = self._stretches[computed.stretch + 1 :][:1]
-        return any(recorded.message.log_time >= begin - _DELAY for begin in following)
+        return recorded.last_stretch > computed.last_stretch
 
     def _note(
         self, stamp: int, recorded: _Recorded, field: str, value: str, computed: str | None
     ) -> None:
-        if self.first_difference is None:
-            self.first_difference = Difference(
-                self._topic, stamp, recorded.message.log_time, field, value, computed
-            )
+        if len(self.suspects) < _MOST_SUSPECTS:
+            message = recorded.message
+            difference = Difference(self._topic, stamp, message.log_time, field, value, computed)
+            data = without_padding(message, self._codec)
+            self.suspects.append(Suspect(difference, recorded.key, data))
 
     def _same(self, recorded: _Recorded, expected: bytes) -> bool:
         """Whether all fields are equal bit for bit; what is between them is nobody's."""
-        if recorded.message.data == expected:
-            return True
-        try:
-            return self._codec.without_padding(recorded.message.data) == expected
-        except BagFormatError:
-            return False
-
-    def _key(self, recorded: Message) -> Key:
-        try:
-            message = self._codec.decode(recorded.data)
-        except BagFormatError:
-            return _UNREADABLE
-        stamp = message.header.stamp
-        return stamp.sec * 1_000_000_000 + stamp.nanosec, getattr(message, "sequence", 0)
+        message = recorded.message
+        return message.data == expected or without_padding(message, self._codec) == expected
 
     def _first_field(self, recorded: _Recorded, expected: bytes) -> tuple[str, str, str]:
         try:
@@ -231,11 +268,34 @@ class TopicComparison:
         return next(_differing("", found, self._codec.decode(expected)))
 
 
-# Topics reach a recorder one a little before the other [ns].
-_DELAY = 1_000_000_000
+# So many are kept of a topic: more of them show nothing that these do not.
+_MOST_SUSPECTS = 10_000
 
 
-def _without_repeats(recorded: Iterator[Message]) -> Iterator[Message]:
+def computed_key(fields: Fields) -> Key:
+    """Return stamp [ns] and number of a computed message."""
+    return stamp_of(fields), int(fields.get("sequence", 0))
+
+
+def recorded_key(recorded: Message, codec: Codec) -> Key:
+    """Return stamp [ns] and number of a recorded message; below zero if it cannot be decoded."""
+    try:
+        message = codec.decode(recorded.data)
+    except BagFormatError:
+        return _UNREADABLE
+    stamp = message.header.stamp
+    return stamp.sec * 1_000_000_000 + stamp.nanosec, getattr(message, "sequence", 0)
+
+
+def without_padding(message: Message, codec: Codec) -> bytes:
+    """Return a message's bytes with zeros between fields, or as they are if not decodable."""
+    try:
+        return codec.without_padding(message.data)
+    except BagFormatError:
+        return message.data
+
+
+def without_repeats(recorded: Iterator[Message]) -> Iterator[Message]:
     """Leave out messages that stand there twice, as latched ones where a bag's next file begins."""
     last = None
     for message in recorded:

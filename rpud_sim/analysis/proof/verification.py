@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import rpud_sim.bag
-from rpud_sim.analysis.proof.comparison import Counts, Difference, TopicComparison
+from rpud_sim.analysis.proof.comparison import Counts, Difference, Suspect, TopicComparison
+from rpud_sim.analysis.proof.content import ContentComparison
+from rpud_sim.analysis.proof.coverage import find_coverage
 from rpud_sim.analysis.proof.entries import UnverifiableError, entries
-from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
+from rpud_sim.analysis.proof.runs import BEGINNINGS, Position, Stretches
+from rpud_sim.bag import BagFormatError, BagReader, Message, Topic, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import EngineError
+from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.topics import PROVED, TOPICS
 from rpud_sim.simulation.versions import engine_and_processor
 
 _JOURNAL = TOPICS["journal"].type
-_BEGINNINGS = ("begin", "origin")
 # The simulation goes on this long after the last stamp: a block may end later [ns].
 _TAIL = 2 * NANOSECONDS
-# Of the bag, in which that stamp is looked for [ns].
-_LAST = 10 * NANOSECONDS
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,8 @@ class Verification:
     Args:
         topics: what was found on each topic, by its name.
         lost: what its recorder knows to have lost on each of them, None where nobody counted.
-        first_difference: by the bag's clock; None if there is none.
+        first_difference: by the bag's clock, of a message that no run gives; None if there is none.
+        undecided: why it cannot be decided whether messages differ, a line; empty if it can.
         simulated: simulation time that was run again [ns].
         warnings: what else is to be said, a line each.
         other_versions: whether something else made the bag than what verified it.
@@ -44,14 +47,20 @@ class Verification:
     topics: dict[str, Counts]
     lost: dict[str, int | None]
     first_difference: Difference | None
+    undecided: str
     simulated: int
     warnings: tuple[str, ...]
     other_versions: bool
 
     @property
     def proved(self) -> bool:
-        """Whether every message is what the simulation gives."""
-        return self.first_difference is None
+        """Whether every message is what the simulation gives, and none is missing at the end."""
+        return not (self.first_difference or self.undecided or self.tail)
+
+    @property
+    def tail(self) -> int:
+        """Number of messages that are missing at the end, of all topics."""
+        return sum(counts.tail for counts in self.topics.values())
 
 
 def verify(
@@ -80,6 +89,7 @@ def verify(
         {name: counts for part in parts for name, counts in part.topics.items()},
         {name: lost for part in parts for name, lost in part.lost.items()},
         min(differences, key=lambda difference: difference.log_time, default=None),
+        next((part.undecided for part in parts if part.undecided), ""),
         sum(part.simulated for part in parts),
         tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
         any(part.other_versions for part in parts),
@@ -102,97 +112,147 @@ class _Proof:
         self._names = [
             name
             for name in PROVED
-            if name in self._summaries and self._summaries[name].message_count
+            if name in self._summaries
+            and (self._summaries[name].message_count or _fits(self._summaries[name].topic))
         ]
-        if not self._names:
+        if not any(self._summaries[name].message_count for name in self._names):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
         self._warnings: dict[str, None] = {}
+        self._other_versions = False
         self._simulated = 0
 
     def run(self, report: Callable[[float], object]) -> Verification:
-        stretches = self._stretches()
-        comparisons = {
-            name: TopicComparison(
-                self._summaries[name].topic.name,
-                _codec(self._summaries[name]),
-                self._bag.messages({self._summaries[name].topic.name}),
-                stretches,
-            )
-            for name in self._names
+        self._stretches = Stretches(self._entries())
+        codecs = {
+            self._summaries[name].topic.name: _codec(self._summaries[name]) for name in self._names
         }
-        try:
-            for name, values, stretch in self._computed(report):
-                if name in comparisons:
-                    comparisons[name].add(values, stretch)
-                    if all(comparison.exhausted for comparison in comparisons.values()):
-                        break
-        except (JournalError, EngineError) as error:
-            raise UnverifiableError(f"{self._journal}: {error}") from error
-        for comparison in comparisons.values():
-            comparison.finish()
-        found = [c.first_difference for c in comparisons.values() if c.first_difference]
-        losses = {name: self._summaries[name].losses for name in self._names}
+        status = self._summaries.get("status")
+        if status and status.topic.type == TOPICS["status"].type and status.definition:
+            with contextlib.suppress(BagFormatError):
+                # Any version of it shows how far the drill has come.
+                codecs[status.topic.name] = Codec(TOPICS["status"].type, status.definition)
+        self._coverage = find_coverage(self._bag, codecs, self._stretches)
+        comparisons = self._compare(report)
+        counts = {name: comparison.counts for name, comparison in comparisons.items()}
+        suspects = {name: c.suspects for name, c in comparisons.items() if c.suspects}
+        found = [group[0].difference for group in suspects.values()]
+        undecided = ""
+        if suspects and self._stretches.runs > 1:
+            found = self._decide(suspects, counts, report)
+            left = [name for name in suspects if counts[name].different + counts[name].unexpected]
+            if left and not found:
+                undecided = (
+                    f"the bag holds {self._stretches.runs} runs, and it cannot be decided which "
+                    f"of them messages of {self._summaries[left[0]].topic.name} belong to"
+                )
+        held = [
+            name for name in self._names if self._summaries[name].message_count or counts[name].tail
+        ]
+        losses = {name: self._summaries[name].losses for name in held}
         return Verification(
-            {self._summaries[name].topic.name: comparisons[name].counts for name in self._names},
+            {self._summaries[name].topic.name: counts[name] for name in held},
             {
                 self._summaries[name].topic.name: None if lost is None else lost.total
                 for name, lost in losses.items()
             },
             min(found, key=lambda difference: difference.log_time, default=None),
+            undecided,
             self._simulated,
             tuple(self._warnings),
-            bool(self._warnings),
+            self._other_versions,
         )
+
+    def _compare(self, report: Callable[[float], object]) -> dict[str, TopicComparison]:
+        """Compare each message with those of the run that it was published in."""
+        comparisons = {
+            name: TopicComparison(
+                self._summaries[name].topic.name,
+                _codec(self._summaries[name]),
+                self._messages(name),
+                self._stretches,
+                self._coverage.span,
+            )
+            for name in self._names
+        }
+        for name, values, position in self._computed(report):
+            if name in comparisons:
+                comparisons[name].add(values, position)
+                if position > self._coverage.span.reached and all(
+                    comparison.exhausted for comparison in comparisons.values()
+                ):
+                    break
+        for comparison in comparisons.values():
+            comparison.finish()
+        return comparisons
+
+    def _decide(
+        self,
+        suspects: Mapping[str, Sequence[Suspect]],
+        counts: dict[str, Counts],
+        report: Callable[[float], object],
+    ) -> list[Difference]:
+        """Look for suspects in all runs; return the differences of those that no run gives.
+
+        Times may mislead: another recorder does not keep when messages were published, or the
+        clock was set back. The counts of a topic are corrected if its messages prove themselves.
+        """
+        simulated = self._simulated
+        contents = {
+            name: ContentComparison(group, _codec(self._summaries[name]), self._messages(name))
+            for name, group in suspects.items()
+        }
+        for name, values, _ in self._computed(report):
+            if name in contents:
+                contents[name].add(values)
+        self._simulated = simulated
+        for name, content in contents.items():
+            if content.in_order:
+                counts[name] = Counts(equal=content.equal)
+                self._warnings[
+                    "times in the bag do not show which run messages belong to: they are matched "
+                    "by content, and missing ones are not counted"
+                ] = None
+        return [
+            difference
+            for content in contents.values()
+            if not content.in_order
+            for difference in content.strangers
+        ]
 
     def _computed(
         self, report: Callable[[float], object]
-    ) -> Iterator[tuple[str, dict[str, Any], int]]:
-        """Yield what the simulation gives: topic, message, and number of the stretch."""
+    ) -> Iterator[tuple[str, dict[str, Any], Position]]:
+        """Yield what the simulation gives: topic, message, and where the drill stands then."""
         rerun = Rerun()
         stretch = -1
-        for _, entry in self._entries():
-            before = rerun.time
-            if entry.kind in _BEGINNINGS:
-                stretch += 1
-            if entry.kind == "begin":
-                self._check_versions(entry.content)
-                before = 0
-            for item in rerun.do(entry):
-                yield item[1], item[2], stretch
-            self._count(rerun.time - before, report)
-        if entry.kind == "end":
-            return
-        # The recording ended before the drill did.
-        last = self._last_stamp() + _TAIL - rerun.origin
-        while rerun.time < last:
-            before = rerun.time
-            for item in rerun.advance_to(min(before + NANOSECONDS, last)):
-                yield item[1], item[2], stretch
-            self._count(rerun.time - before, report)
+        try:
+            for _, entry in self._entries():
+                before = rerun.time
+                if entry.kind in BEGINNINGS:
+                    stretch += 1
+                if entry.kind == "begin":
+                    self._check_versions(entry.content)
+                    before = 0
+                for _, name, values in rerun.do(entry):
+                    yield name, values, (stretch, rerun.origin + rerun.time)
+                self._count(rerun.time - before, report)
+            if entry.kind == "end":
+                return
+            # The recording ended before the drill did.
+            last = self._coverage.last_stamp + _TAIL - rerun.origin
+            while rerun.time < last:
+                before = rerun.time
+                for _, name, values in rerun.advance_to(min(before + NANOSECONDS, last)):
+                    yield name, values, (stretch, rerun.origin + rerun.time)
+                self._count(rerun.time - before, report)
+        except (JournalError, EngineError) as error:
+            raise UnverifiableError(f"{self._journal}: {error}") from error
 
-    def _entries(self) -> Iterator[Any]:
+    def _entries(self) -> Iterator[tuple[Message, JournalEntry]]:
         return entries(self._bag.messages({self._journal}), self._codec)
 
-    def _stretches(self) -> tuple[int, ...]:
-        """When each stretch of one origin of time began, by the bag's clock [ns]."""
-        return tuple(
-            message.log_time for message, entry in self._entries() if entry.kind in _BEGINNINGS
-        )
-
-    def _last_stamp(self) -> int:
-        """The last stamp that at least two topics come to, so that an altered one is not it."""
-        latest: dict[str, int] = {}
-        codecs = {
-            self._summaries[name].topic.name: _codec(self._summaries[name]) for name in self._names
-        }
-        start = max(0, self._bag.duration - _LAST)
-        for message in self._bag.messages(codecs.keys(), start):
-            try:
-                stamp = codecs[message.topic].decode(message.data).header.stamp
-            except BagFormatError:
-                continue
-            latest[message.topic] = stamp.sec * NANOSECONDS + stamp.nanosec
-        return min(sorted(latest.values())[-2:], default=0)
+    def _messages(self, name: str) -> Iterator[Message]:
+        return self._bag.messages({self._summaries[name].topic.name})
 
     def _count(self, simulated: int, report: Callable[[float], object]) -> None:
         self._simulated += simulated
@@ -204,18 +264,30 @@ class _Proof:
         for name, version in own.items():
             other = made_by.get(name, "unknown") if isinstance(made_by, dict) else "unknown"
             if other != version:
+                self._other_versions = True
                 self._warnings[f"made by {name} {other!s:.80}, verified by {version}"] = None
 
 
 def _codec(summary: TopicSummary) -> Codec:
     """The codec of a topic whose type is the one that is installed here."""
     topic = summary.topic
-    expected = TOPICS[topic.name.rpartition("/")[2]].type if topic.type != _JOURNAL else topic.type
+    expected = _expected_type(topic)
     if topic.type != expected:
         raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
-    if topic.type_hash not in ("", find_type_hash(expected)):
+    if not _fits(topic):
         raise UnverifiableError(f"{topic.name} is of another version of {expected}")
     return _own_codec(expected)
+
+
+def _expected_type(topic: Topic) -> str:
+    own = TOPICS.get(topic.name.rpartition("/")[2])
+    return _JOURNAL if topic.type == _JOURNAL or own is None else own.type
+
+
+def _fits(topic: Topic) -> bool:
+    """Whether a topic's type is the one that is installed here."""
+    expected = _expected_type(topic)
+    return topic.type == expected and topic.type_hash in ("", find_type_hash(expected))
 
 
 @cache

@@ -22,6 +22,7 @@ from rpud_sim.analysis.reproduction.study_plots import (
     plot_studies,
 )
 from rpud_sim.analysis.reproduction.templates import HEADINGS, HOW_TO_READ, HTML, MARKDOWN
+from rpud_sim.analysis.whole_folder import whole_file
 from rpud_sim.simulation import preset
 
 REPORT = "report.html"
@@ -47,15 +48,20 @@ def write_report(result: Reproduction, folder: Path, command: str) -> None:
     images = {}
     for name, figure in _figures(result).items():
         picture = _png(figure)
-        (folder / f"{name}.png").write_bytes(picture)
+        _write(folder / f"{name}.png", picture)
         images[name] = base64.b64encode(picture).decode("ascii")
     context = _context(result, command)
     numbers = json.dumps(result.numbers(), indent=1, allow_nan=False, default=float)
-    (folder / NUMBERS_FILE).write_text(numbers + "\n", encoding="utf-8")
+    _write(folder / NUMBERS_FILE, f"{numbers}\n".encode())
     page = _environment(autoescape=True).from_string(HTML).render(images=images, **context)
-    (folder / REPORT).write_text(page, encoding="utf-8")
+    _write(folder / REPORT, page.encode())
     text = _environment(autoescape=False).from_string(MARKDOWN).render(**context)
-    (folder / VALIDATION).write_text(text.rstrip() + "\n", encoding="utf-8")
+    _write(folder / VALIDATION, f"{text.rstrip()}\n".encode())
+
+
+def _write(path: Path, content: bytes) -> None:
+    with whole_file(path) as unfinished:
+        unfinished.write_bytes(content)
 
 
 def _environment(*, autoescape: bool) -> Environment:

@@ -24,12 +24,12 @@ from rpud_sim.analysis.sweep.errors import SweepError
 from rpud_sim.analysis.sweep.specification import Specification
 from rpud_sim.analysis.sweep.tables import PointTables, simulation_table
 from rpud_sim.analysis.sweep.versions import all_versions
+from rpud_sim.analysis.whole_folder import UNFINISHED, whole_file
 
 MANIFEST = "manifest.json"
 SIMULATIONS = "simulations.parquet"
 POINTS = "points.parquet"
 _CHUNKS = "chunks"
-_UNFINISHED = ".unfinished"
 
 
 def make_manifest(specification: Specification) -> dict[str, Any]:
@@ -91,7 +91,7 @@ class SweepFolder:
         if self.complete:
             return frozenset(range(self.manifest["chunks"]))
         return frozenset(
-            number for number in range(self.manifest["chunks"]) if self._is_whole(number)
+            number for number in range(self.manifest["chunks"]) if self._iswhole_file(number)
         )
 
     def add(self, chunk: Chunk, outcome: Outcome) -> None:
@@ -99,7 +99,7 @@ class SweepFolder:
         table = simulation_table(chunk, outcome)
         path = self._chunk_path(chunk.number)
         path.parent.mkdir(exist_ok=True)
-        with _whole(path) as unfinished:
+        with whole_file(path) as unfinished:
             pq.write_table(table, unfinished)
 
     def complete_tables(self) -> None:
@@ -107,8 +107,8 @@ class SweepFolder:
         if not self.complete:
             tables = PointTables(self._specification)
             with (
-                _whole(self.path / SIMULATIONS) as simulations,
-                _whole(self.path / POINTS) as points,
+                whole_file(self.path / SIMULATIONS) as simulations,
+                whole_file(self.path / POINTS) as points,
                 _Writer(simulations) as all_simulations,
                 _Writer(points) as all_points,
             ):
@@ -141,15 +141,15 @@ class SweepFolder:
             if difference := _difference(found, self.manifest):
                 raise SweepError(f"{path}: is of another sweep: {difference}; choose another --out")
             return
-        if any(not name.name.endswith(_UNFINISHED) for name in self.path.iterdir()):
+        if any(not name.name.endswith(UNFINISHED) for name in self.path.iterdir()):
             raise SweepError(f"{self.path}: is not empty and holds no sweep; choose another --out")
-        with _whole(path) as unfinished:
+        with whole_file(path) as unfinished:
             unfinished.write_text(json.dumps(self.manifest, indent=2) + "\n", encoding="utf-8")
 
     def _chunk_path(self, number: int) -> Path:
         return self.path / _CHUNKS / f"{number:08}.parquet"
 
-    def _is_whole(self, number: int) -> bool:
+    def _iswhole_file(self, number: int) -> bool:
         """Tell whether a chunk has all its rows: a machine may have lost power while writing."""
         size = chunk_size(self._specification)
         rows = min(size, self._specification.simulations - number * size)
@@ -179,16 +179,6 @@ class _Writer:
             self._writer = pq.ParquetWriter(self._path, table.schema)
         if table.num_rows:
             self._writer.write_table(table)
-
-
-@contextlib.contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """Give a path to write to, which becomes this one when all is written and on the disk."""
-    unfinished = path.with_name(path.name + _UNFINISHED)
-    yield unfinished
-    with unfinished.open("rb") as file:
-        os.fsync(file.fileno())
-    unfinished.replace(path)
 
 
 def _difference(found: Any, wanted: Any, entry: str = "") -> str:

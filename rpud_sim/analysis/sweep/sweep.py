@@ -15,6 +15,7 @@ from rpud_sim.analysis.sweep.folder import SweepFolder
 from rpud_sim.analysis.sweep.plots import plot_points
 from rpud_sim.analysis.sweep.processes import run_on_processes
 from rpud_sim.analysis.sweep.specification import Specification
+from rpud_sim.analysis.whole_folder import whole_file
 from rpud_sim.simulation.ensemble import compile_kernels
 
 
@@ -83,7 +84,8 @@ def run_sweep(
         pictures = []
         for name, figure in plot_points(specification, folder.points()).items():
             pictures.append(out / f"{name}.png")
-            figure.savefig(pictures[-1], dpi=110)
+            with whole_file(pictures[-1]) as unfinished:
+                figure.savefig(unfinished, format="png", dpi=110)
         return Result(
             out,
             folder.manifest,

@@ -8,6 +8,7 @@ from rclpy.node import Node
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.namesakes import Namesakes
 from rpud_sim.ros.drill.pacer import NO_TIMING, Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import Report, report_to_diagnostics
@@ -32,16 +33,23 @@ class Account:
         telemetry_rate: of the node [Hz].
         publishers: to publish with.
         inbox: of commands.
+        namesakes: of the node.
     """
 
     def __init__(
-        self, node: Node, telemetry_rate: int, publishers: DrillPublishers, inbox: Inbox
+        self,
+        node: Node,
+        telemetry_rate: int,
+        publishers: DrillPublishers,
+        inbox: Inbox,
+        namesakes: Namesakes,
     ) -> None:
         self.scheduling = "time-sharing"
         self._node = node
         self._telemetry_rate = telemetry_rate
         self._publishers = publishers
         self._inbox = inbox
+        self._namesakes = namesakes
         self._command_topics = [node.resolve_topic_name(topic) for topic in _COMMAND_TOPICS]
         self._last: Report | None = None
         self._blocks: list[Block] = []
@@ -125,6 +133,7 @@ class Account:
             bookkeeping=bookkeeping,
             requests_refused=self._inbox.requests_refused,
             last_refusal=self._inbox.last_refusal,
+            namesakes=self._namesakes.count(),
             scheduling=self.scheduling,
             timing=timing,
             figures=figures,

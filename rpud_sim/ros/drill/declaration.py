@@ -12,6 +12,9 @@ from rpud_sim.foundation.parameters import Declaration
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Settings, to_settings
 
+# Parameters that every ROS node may be started with; some are declared later than ours.
+_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+
 
 def declare_settings(node: Node) -> Settings:
     """Declare all parameters on the node and return the settings that they hold.
@@ -27,11 +30,18 @@ def declare_settings(node: Node) -> Settings:
     for name in PARAMETERS:
         if name not in values:
             values[name] = _declare(node, name, defaults[name])
-    settings = to_settings(values)
+    settings = to_settings({**_unknown(node), **values})
     checked = settings.values()
     for declaration in PARAMETERS.values():
         _describe(node, declaration, checked[declaration.name])
+    node.add_pre_set_parameters_callback(_to_numbers)
     return settings
+
+
+def description_of(quantity: Quantity) -> str:
+    """Return the description of a number with its unit; a count or a seed has none."""
+    unit = quantity.unit or ("" if quantity.whole else "1")
+    return f"{quantity.description} [{unit}]" if unit else quantity.description
 
 
 def check_changes(settings: Settings, changes: list[Parameter]) -> SetParametersResult:
@@ -55,6 +65,29 @@ def _declare(node: Node, name: str, default: Any) -> Any:
     return node.declare_parameter(name, default, ParameterDescriptor(dynamic_typing=True)).value
 
 
+def _unknown(node: Node) -> dict[str, Any]:
+    """Return the values that the node was started with under names that it does not declare."""
+    return {
+        name: parameter.value
+        for name, parameter in node._parameter_overrides.items()
+        if not (node.has_parameter(name) or name.startswith(_OF_ROS))
+    }
+
+
+def _to_numbers(changes: list[Parameter]) -> list[Parameter]:
+    """Convert whole numbers to the floating-point numbers that the parameters are declared as."""
+    return [
+        Parameter(change.name, value=float(change.value))
+        if change.type_ == Parameter.Type.INTEGER and _is_number(change.name)
+        else change
+        for change in changes
+    ]
+
+
+def _is_number(name: str) -> bool:
+    return name in PARAMETERS and isinstance(PARAMETERS[name].allowed, Quantity)
+
+
 def _describe(node: Node, declaration: Declaration, value: Any) -> None:
     """Give a declared parameter its checked value and its final descriptor."""
     allowed = declaration.allowed
@@ -66,7 +99,7 @@ def _describe(node: Node, declaration: Declaration, value: Any) -> None:
     )
     if isinstance(allowed, Quantity):
         value = float(value)
-        descriptor.description += f" [{allowed.unit or '1'}]"
+        descriptor.description = description_of(allowed)
         descriptor.additional_constraints = f"in {allowed.range}"
         limits = FloatingPointRange(from_value=allowed.minimum, to_value=allowed.maximum)
         descriptor.floating_point_range = [limits]

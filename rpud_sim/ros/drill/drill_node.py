@@ -6,38 +6,45 @@ import argparse
 import contextlib
 import gc
 import sys
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import rclpy
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
+from rpud_sim.ros.drill.account import REPORT_PERIOD, Account
 from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.fault_services import FaultServices
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.managed_node import ManagedNode, told
+from rpud_sim.ros.drill.namesakes import Namesakes
 from rpud_sim.ros.drill.pacing_thread import PacingThread
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
 from rpud_sim.ros.requests import StoppedError
+from rpud_sim.ros.serving import serve
+from rpud_sim.ros.starting import start_ros
 from rpud_sim.ros.stopping import StopRequest
-from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.configuration import CHANGEABLE, Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.terminal import complain
 
+NAME = "drill_node"
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listeners [s]
 _THREADS = 3  # a step, a short request, and whatever else comes
 
@@ -75,19 +82,24 @@ class DrillNode(ManagedNode):
     """
 
     def __init__(self, duration: float | None = None, **options: Any) -> None:
-        super().__init__("drill_node", **options)
+        super().__init__(NAME, **options)
         self._settings = declare_settings(self)
         self._end = sys.maxsize if duration is None else round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
+        self._namesakes = Namesakes(self)
         self._outputs: DrillPublishers | None = None
         self._pacing: PacingThread | None = None
         self._started = False
         self._quit = False
+        self._sent: Counter[str] | None = None
         self._gate = Gate(self, self._settings, self._inbox, self._now)
         self._simulation_services = SimulationServices(self, self)
         if standard_services.INSTALLED:
             StandardServices(self, self._simulation_services, self._settings.telemetry_rate)
         FaultServices(self, self)
+        self.create_timer(
+            REPORT_PERIOD, self._report_before_start, clock=Clock(clock_type=ClockType.STEADY_TIME)
+        )
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
 
@@ -126,6 +138,21 @@ class DrillNode(ManagedNode):
         """Topics of its namespace that have no subscriber."""
         return self._outputs.unheard if self._outputs else []
 
+    @property
+    def sent(self) -> Mapping[str, int]:
+        """Messages of each topic of its namespace, by absolute name, since `count_sent`."""
+        return {
+            self.resolve_topic_name(name): count
+            for name, count in (self._sent or {}).items()
+            if not name.startswith("/")
+        }
+
+    def count_sent(self) -> None:
+        """Count what is sent from now on; all of it is sent, whether heard or not."""
+        self._sent = Counter()
+        if self._outputs is not None:
+            self._outputs.sent = self._sent
+
     def request(self, action: Callable[[Drilling], Any]) -> Any:
         """Have something done between two blocks; return what it returns, raise what it raises.
 
@@ -158,6 +185,8 @@ class DrillNode(ManagedNode):
         self.prepare()
         if self._settings.autostart:
             self._succeed(self.trigger_activate)
+        else:
+            self.get_logger().info("waiting for the transitions configure and activate")
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and let listeners have the last messages."""
@@ -170,8 +199,13 @@ class DrillNode(ManagedNode):
         """Prepare everything; nothing moves yet."""
         settings = self._settings
         compile_kernels(settings.configuration.parameters, self.get_logger().info)
-        self._outputs = DrillPublishers(self, settings.publish_clock)
-        self._pacing = PacingThread(self, settings, self._outputs, self._inbox, self._end)
+        self._outputs = DrillPublishers(self, settings.publish_clock, self._sent)
+        account = Account(
+            self, settings.telemetry_rate, self._outputs, self._inbox, self._namesakes
+        )
+        self._pacing = PacingThread(
+            self, settings, self._outputs, account, self._inbox, self._restore_parameters, self._end
+        )
         # To look through all that lives by now, again and again, would make blocks late.
         gc.collect()
         gc.freeze()
@@ -185,9 +219,10 @@ class DrillNode(ManagedNode):
         if self._started:
             self._pacing.request(lambda drilling: drilling.activate(True))
         else:
-            self._pacing.start()
+            self._pacing.start(self._settings)
             self._started = True
         self._gate.open(True)
+        self.get_logger().info("the drill is active")
         return TransitionCallbackReturn.SUCCESS
 
     @told
@@ -232,6 +267,15 @@ class DrillNode(ManagedNode):
         """Count a request that is refused, and log why."""
         self._inbox.refuse_request(reason)
 
+    def _report_before_start(self) -> None:
+        """Publish the status, as the drilling does once it has started, or at least count names."""
+        if self._started:
+            return
+        if self._pacing is None:
+            self._namesakes.count()
+        else:
+            self._pacing.drilling.announce()
+
     def _now(self) -> int:
         """The stamp that a command has if it is given now [ns]."""
         if self._settings.publish_clock and self._pacing is not None:
@@ -246,12 +290,24 @@ class DrillNode(ManagedNode):
         return check_changes(self._settings, changes)
 
     def _take_parameters(self, changes: list[Parameter]) -> None:
-        values = changed_values(changes)
-        if not values:
+        if not changed_values(changes):
             return
-        settings = self._settings = self._gate.settings = self._settings.replace(values)
-        with contextlib.suppress(StoppedError):  # nothing runs: the next beginning has them
-            self.request(lambda drilling: drilling.configure(settings))
+        # All of them: a reset may set others back at the same time.
+        values = {name: self.get_parameter(name).value for name in CHANGEABLE}
+        self._settings = self._gate.settings = self._settings.replace(values)
+        if self.drilling is not None and self.drilling.settings != self._settings:
+            with contextlib.suppress(StoppedError):  # there is nothing left to change
+                self.request(lambda drilling: drilling.configure(self._settings))
+
+    def _restore_parameters(self, settings: Settings) -> None:
+        """Set the parameters back to the settings with which the drill goes on after a reset."""
+        self.set_parameters_atomically(
+            [
+                Parameter(name, value=settings.value(name))
+                for name in CHANGEABLE
+                if self.get_parameter(name).value != settings.value(name)
+            ]
+        )
 
 
 def main() -> None:
@@ -265,7 +321,7 @@ def main() -> None:
         words = remove_ros_args(sys.argv)[1:]
     except RuntimeError as error:  # RCLError
         reason = str(error).partition(", at ")[0]
-        print(f"drill_node: ROS arguments that cannot be used: {reason}", file=sys.stderr)
+        complain("drill_node", f"ROS arguments that cannot be used: {reason}")
         sys.exit(2)
     parser.parse_args(words)
     sys.exit(_main())
@@ -274,11 +330,12 @@ def main() -> None:
 def _main() -> int:
     with StopRequest() as stop:
         try:
-            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+            start_ros(sys.argv)
             node = DrillNode()
-        # rcl's errors are RuntimeErrors; the other is of use_sim_time, which rclpy declares.
+        # StartError and rcl's errors are RuntimeErrors; ParameterException is of use_sim_time,
+        # which rclpy declares.
         except (ParameterError, ParameterException, RuntimeError) as error:
-            print(f"drill_node: {error}", file=sys.stderr)
+            complain("drill_node", error)
             rclpy.try_shutdown()
             return 2
         try:
@@ -304,16 +361,16 @@ def spin(
     try:
         node.start()
         while not (stop.requested or node.finished):
-            executor.spin_once(timeout_sec=0.1)
+            serve(executor, node.refuse_request)
             show(node.report)
     except RuntimeError as error:
-        print(f"drill_node: {error}", file=sys.stderr)
+        complain("drill_node", error)
         return 1
     finally:
         node.stop()
         executor.shutdown(timeout_sec=1.0)
     if node.failure is not None:
-        print(f"drill_node: {node.failure}", file=sys.stderr)
+        complain("drill_node", node.failure)
         return 1
     return 0
 

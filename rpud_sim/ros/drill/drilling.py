@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import threading
 import time
@@ -24,7 +25,7 @@ from rpud_sim.simulation.simulation import Simulation
 # A block is computed this long before its deadline, at most half a block [s]. Until then requests
 # and parameters still act at the beginning of the block, so that services answer at once.
 _LEAD = 0.005
-_STANDSTILL_PERIOD = 0.1  # between looks at commands while time stands still [s]
+_STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
 _STREAMS = ("waveform", "trajectory")
 
 
@@ -42,8 +43,10 @@ class Drilling:
         node: for its clock, its logger and the graph.
         settings: to begin with.
         publishers: to publish with.
+        account: of what it does.
         inbox: of commands.
         wake: called when the time source has moved.
+        restored: called with the settings to which a reset went back.
         end: simulation time after which it has finished [ns].
 
     Raises:
@@ -55,12 +58,16 @@ class Drilling:
         node: Node,
         settings: Settings,
         publishers: DrillPublishers,
+        account: Account,
         inbox: Inbox,
         wake: Callable[[], None],
+        restored: Callable[[Settings], None],
         end: int = sys.maxsize,
     ) -> None:
-        self._settings = settings
+        self._settings = self._first_settings = settings
+        self._restored = restored
         self._publishers = publishers
+        self._account = account
         self._inbox = inbox
         self._end = end
         self._logger = node.get_logger()
@@ -68,11 +75,11 @@ class Drilling:
         self._journal: Journal | None = None
         self._playing = False
         self._at_start = False
+        self._clock_due = 0.0
         self._goal: int | None = None
         self._step: Future[int] = Future()
         self._source = TimeSource(node, settings.publish_clock, wake)
-        self._account = Account(node, settings.telemetry_rate, publishers, inbox)
-        self._use(self._new_run(self._seed, active=False), 0)
+        self._use(self._new_run(self._seed, settings, active=False), 0)
 
     @property
     def run(self) -> Run:
@@ -83,6 +90,11 @@ class Drilling:
     def account(self) -> Account:
         """What it has done so far."""
         return self._account
+
+    @property
+    def settings(self) -> Settings:
+        """What it runs with."""
+        return self._settings
 
     @property
     def finished(self) -> bool:
@@ -110,19 +122,21 @@ class Drilling:
         return self._source.follows
 
     def announce(self) -> None:
-        """Publish the first status: it is there, and inactive."""
+        """Publish status and diagnostics of a drilling that has not started."""
         self._run.place(self._source.begin())
         self._account.report("inactive", self._run)
 
-    def begin(self) -> None:
-        """Begin, active and with a journal; nothing moves yet.
+    def begin(self, settings: Settings) -> None:
+        """Begin, active and with a journal, with settings that may have changed.
 
         Raises:
             ParameterError: if the scenario cannot be used; nothing changes then.
         """
         origin = self._run.origin
         self._journal = Journal()
-        self._use(self._new_run(self._seed, active=True), origin)
+        run = self._new_run(self._seed, settings, active=True)
+        self._settings = self._first_settings = settings
+        self._use(run, origin)
 
     def start(self, stop: threading.Event, serve: Callable[[], None]) -> None:
         """Let simulation time begin, now or with the first ``/clock``.
@@ -231,30 +245,37 @@ class Drilling:
 
         Args:
             time: whether stamps begin again.
-            state: whether the drill begins again: its motion, commands and faults.
+            state: whether the drill begins again: its motion, commands, faults, and parameters as
+                they were when it started, but for its pace.
             seed: in place of the present one.
 
         Raises:
             ParameterError: if the scenario cannot be used; nothing changes then.
         """
         seed = self._seed if seed is None else seed
+        settings = self._settings
+        if state:
+            settings = dataclasses.replace(
+                self._first_settings, real_time_factor=settings.real_time_factor
+            )
         # First what can fail, as the scenario's file may be another one by now.
-        new = self._new_run(seed, self._run.control.active) if state else None
+        new = self._new_run(seed, settings, self._run.control.active) if state else None
         self.interrupt("the simulation was reset")
-        self._seed = seed
+        self._seed, self._settings = seed, settings
         old = self._run
         self._publishers.publish(old.flush())
         if new is not None:
             self._use(new, self._source.begin(None if time else old.origin + old.time))
             self._account.begin()
+            self._restored(settings)
         elif time:
             old.place(self._source.begin() - old.time)
         self._pace()
         self._report()
 
-    def _new_run(self, seed: int, active: bool) -> Run:
+    def _new_run(self, seed: int, settings: Settings, active: bool) -> Run:
         return Run(
-            Beginning.drawn(self._settings, seed),
+            Beginning.drawn(settings, seed),
             self._journal,
             self._publishers.wanted,
             active,
@@ -271,7 +292,10 @@ class Drilling:
     def _stand_still(self) -> None:
         if self._take_commands() or self._account.due():
             self._report()
-        self._publishers.publish_clock(self._run.origin + self._run.time)
+        now = time.monotonic()
+        if now >= self._clock_due:
+            self._publishers.publish_clock(self._run.origin + self._run.time)
+            self._clock_due = now + _STANDSTILL_PERIOD
 
     def _factor(self) -> float:
         return 1.0 if self._source.follows else self._settings.real_time_factor

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
@@ -36,10 +38,14 @@ class Gate:
         self._inbox = inbox
         self._now = now
         self._open = threading.Event()
-        node.create_subscription(
-            WeightOnBitMessage, "command/weight_on_bit", self._on_weight_on_bit, COMMAND_QOS
-        )
-        node.create_subscription(DriveMessage, "command/drive", self._on_drive, COMMAND_QOS)
+        for name, kind, handler in (
+            ("weight_on_bit", WeightOnBitMessage, self._on_weight_on_bit),
+            ("drive", DriveMessage, self._on_drive),
+        ):
+            # Raw: the middleware would drop a malformed payload without a count.
+            node.create_subscription(
+                kind, f"command/{name}", self._reading(name, kind, handler), COMMAND_QOS, raw=True
+            )
 
     def open(self, opened: bool) -> None:
         """Take commands from now on, or refuse all of them."""
@@ -47,6 +53,21 @@ class Gate:
             self._open.set()
         else:
             self._open.clear()
+
+    def _reading(
+        self, name: str, kind: type, handler: Callable[[Any], None]
+    ) -> Callable[[bytes], None]:
+        def read(payload: bytes) -> None:
+            try:
+                message = deserialize_message(payload, kind)
+            except Exception:  # RMWError, or what the conversion to Python raises
+                self._inbox.refuse_malformed(
+                    f"{name}: a payload of {len(payload)} bytes is malformed"
+                )
+            else:
+                handler(message)
+
+        return read
 
     def _on_weight_on_bit(self, message: WeightOnBitMessage) -> None:
         try:

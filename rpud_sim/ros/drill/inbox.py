@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rpud_sim.simulation.commands import Drive, WeightOnBit
 
 _LOGGED_PER_SECOND = 10
+_MALFORMED_PERIOD = 10.0  # between two log lines about malformed commands [s]
 
 
 class Inbox:
@@ -60,10 +61,13 @@ class Inbox:
 
     def refuse(self, reason: str) -> None:
         """Count a command that cannot be used and log why."""
-        self.rejected += 1
-        self.last_refusal = reason
+        self._reject(reason)
         self._log(f"command refused: {reason}")
-        self._notify()
+
+    def refuse_malformed(self, reason: str) -> None:
+        """Count a command that cannot be read; log one in ten seconds."""
+        self._reject(reason)
+        self._logger.warning(f"command refused: {reason}", throttle_duration_sec=_MALFORMED_PERIOD)
 
     def refuse_request(self, reason: str) -> None:
         """Count a service's request that cannot be met and log why; its client hears of it."""
@@ -71,6 +75,11 @@ class Inbox:
             self.requests_refused += 1
             self.last_refusal = reason
             self._log(f"request refused: {reason}")
+
+    def _reject(self, reason: str) -> None:
+        self.rejected += 1
+        self.last_refusal = reason
+        self._notify()
 
     def _log(self, text: str) -> None:
         """Log a refusal; of a flood, only the first ones."""

@@ -13,6 +13,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.service import Service
 
 from rpud_sim.foundation.quantities import shown
+from rpud_sim.ros.serving import raised
 
 Node = TypeVar("Node", bound="ManagedNode")
 Transition = Callable[[Node, LifecycleState], TransitionCallbackReturn]
@@ -26,12 +27,17 @@ class ManagedNode(LifecycleNode):
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Handler, **options: Any
     ) -> Service:
-        """Create a service; those that set parameters refuse what has an unknown type."""
+        """Create a service that always answers.
+
+        A handler that raises an error answers with an empty response. Services that set parameters
+        refuse values of unknown types.
+        """
         # rclpy raises ValueError out of the executor there.
         guards = {SetParameters: _each_known, SetParametersAtomically: _all_known}
         if srv_type in guards:
             callback = _tells_refusals(guards[srv_type](callback), self.refuse_request)
-        return super().create_service(srv_type, srv_name, callback, **options)
+        answer = _always_answers(callback, srv_type, self.refuse_request)
+        return super().create_service(srv_type, srv_name, answer, **options)
 
     def destroy_node(self) -> None:
         """Destroy the node, with the topic of its transitions, which rclpy leaves in the graph."""
@@ -71,6 +77,17 @@ def told(transition: Transition[Node]) -> Transition[Node]:
 
     tell.__name__, tell.__doc__ = transition.__name__, transition.__doc__
     return tell
+
+
+def _always_answers(callback: Handler, srv_type: Any, refused: Refused) -> Handler:
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            return callback(request, response)
+        except Exception as error:  # out of the executor it would leave the client without answer
+            refused(f"{srv_type.__name__}: {raised(error)}")
+            return srv_type.Response()
+
+    return answer
 
 
 def _each_known(callback: Handler) -> Handler:

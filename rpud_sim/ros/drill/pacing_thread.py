@@ -9,6 +9,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.publishers import DrillPublishers
@@ -25,7 +26,9 @@ class PacingThread:
         node: for its clock, its logger and the graph.
         settings: to begin with.
         publishers: to publish with.
+        account: of what it does.
         inbox: of commands.
+        restored: called with the settings to which a reset went back.
         end: simulation time after which it has finished [ns].
 
     Raises:
@@ -37,7 +40,9 @@ class PacingThread:
         node: Node,
         settings: Settings,
         publishers: DrillPublishers,
+        account: Account,
         inbox: Inbox,
+        restored: Callable[[Settings], None],
         end: int = sys.maxsize,
     ) -> None:
         self._wake = threading.Event()
@@ -45,7 +50,9 @@ class PacingThread:
         self._finished = threading.Event()
         self._failure: BaseException | None = None
         self._requests = Requests(self._wake.set)
-        self._drilling = Drilling(node, settings, publishers, inbox, self._wake.set, end)
+        self._drilling = Drilling(
+            node, settings, publishers, account, inbox, self._wake.set, restored, end
+        )
         self._thread = threading.Thread(target=self._run, name="pacing")
         inbox.notify(self._wake.set)
         self._drilling.announce()
@@ -65,13 +72,13 @@ class PacingThread:
         """What ended it before it was asked to stop, if anything did."""
         return self._failure
 
-    def start(self) -> None:
-        """Begin, active: simulation time zero is now.
+    def start(self, settings: Settings) -> None:
+        """Begin, active, with settings that may have changed: simulation time zero is now.
 
         Raises:
             ParameterError: if the scenario cannot be used.
         """
-        self._drilling.begin()
+        self._drilling.begin(settings)
         self._thread.start()
 
     def stop(self) -> None:
@@ -88,11 +95,14 @@ class PacingThread:
     def request(self, action: Callable[[Drilling], Any]) -> Any:
         """Have something done between two blocks; return what it returns, raise what it raises.
 
-        Of an action that returns a Future it is the Future's result.
+        Of an action that returns a Future it is the Future's result. The pacing thread does at once
+        what it asks for itself.
 
         Raises:
             StoppedError: if the drilling has ended.
         """
+        if threading.current_thread() is self._thread:
+            return action(self._drilling)
         return self._requests.do(lambda: action(self._drilling))
 
     def _run(self) -> None:

@@ -33,17 +33,21 @@ class DrillPublishers:
     """All publishers of the drill node.
 
     Attributes:
+        sent: where the messages of each topic are counted, None for no count. With a count all of
+            them are sent, also those without a subscriber.
         patient: whether to wait for reliable subscribers rather than to overwrite what they lack.
 
     Args:
         node: that owns them.
         publish_clock: whether the node is the source of ``/clock``.
+        sent: as the attribute.
     """
 
-    def __init__(self, node: Node, publish_clock: bool) -> None:
+    def __init__(self, node: Node, publish_clock: bool, sent: Counter[str] | None = None) -> None:
         self._node = node
         self._dropped = 0
         self._unacknowledged = Counter[str]()
+        self.sent = sent
         self.patient = False
         topics = {**TOPICS, **({"/clock": CLOCK} if publish_clock else {})}
         self._encoders = {
@@ -62,11 +66,11 @@ class DrillPublishers:
     @property
     def unheard(self) -> list[str]:
         """Topics of the node's namespace that have no subscriber."""
-        return [name for name in self._publishers if name in TOPICS and not self.wanted(name)]
+        return [name for name in TOPICS if not self._is_heard(name)]
 
     def wanted(self, topic: str) -> bool:
-        """Whether a topic has a subscriber."""
-        return self._publishers[topic].get_subscription_count() > 0
+        """Whether a topic is to be sent: it has a subscriber, or all messages are counted."""
+        return self.sent is not None or self._is_heard(topic)
 
     def encode(self, entries: Iterable[tuple[int, str, Fields]]) -> list[Encoded]:
         """Serialize messages: ``(time, topic, fields)`` as a run yields them."""
@@ -108,9 +112,14 @@ class DrillPublishers:
             self._node.destroy_publisher(publisher)
         self._publishers.clear()
 
+    def _is_heard(self, topic: str) -> bool:
+        return self._publishers[topic].get_subscription_count() > 0
+
     def _send(self, name: str, message: Any) -> None:
         try:
             self._publishers[name].publish(message)
+            if self.sent is not None:
+                self.sent[name] += 1
             self._unacknowledged[name] += 1
             if self.patient and name in TOPICS and TOPICS[name].complete:
                 self._await(name)

@@ -25,6 +25,7 @@ class Report:
         bookkeeping: counts and timing, as in the status.
         requests_refused: of services, since the start.
         last_refusal: why the latest command or request was refused.
+        namesakes: other nodes of the same name.
         scheduling: how the system schedules the drilling.
         timing: how well the schedule was kept.
         figures: of the interval since the report before.
@@ -35,6 +36,7 @@ class Report:
     bookkeeping: Bookkeeping
     requests_refused: int
     last_refusal: str
+    namesakes: int
     scheduling: str
     timing: Timing
     figures: Figures
@@ -45,7 +47,6 @@ def report_to_diagnostics(
 ) -> DiagnosticArray:
     """Convert to diagnostics of timing and of commands; the stamp is that of the node's clock."""
     timing, status, counts = report.timing, report.status, report.bookkeeping
-    faults = status["active_faults"]
     if timing.lag > LAG_ERROR:
         level, text = DiagnosticStatus.ERROR, f"simulation time lags {timing.lag:.3f} s behind"
     elif timing.lateness_max * telemetry_rate > 1.0:
@@ -90,8 +91,7 @@ def report_to_diagnostics(
             ),
             _diagnostic(
                 f"{node_name}: drill",
-                DiagnosticStatus.WARN if faults else DiagnosticStatus.OK,
-                f"{faults} faults injected" if faults else status["state"],
+                *_drill_health(report),
                 {
                     "state": status["state"],
                     "regime": status["regime"],
@@ -102,7 +102,8 @@ def report_to_diagnostics(
                     "electrical_power [W]": f"{status['electrical_power']:g}",
                     "depth [m]": f"{status['depth']:g}",
                     "penetration_rate [m/s]": f"{status['penetration_rate']:g}",
-                    "active_faults": faults,
+                    "active_faults": status["active_faults"],
+                    "namesakes": report.namesakes,
                 },
             ),
         ],
@@ -115,6 +116,14 @@ def _command_health(counts: Bookkeeping) -> tuple[bytes, str]:
     if counts.commanders > 1:
         return DiagnosticStatus.WARN, f"{counts.commanders} publishers command at once"
     return DiagnosticStatus.OK, f"{counts.commands_rejected} refused"
+
+
+def _drill_health(report: Report) -> tuple[bytes, str]:
+    if report.namesakes:
+        return DiagnosticStatus.WARN, f"{report.namesakes + 1} nodes have this name"
+    if faults := report.status["active_faults"]:
+        return DiagnosticStatus.WARN, f"{faults} faults injected"
+    return DiagnosticStatus.OK, report.status["state"]
 
 
 def _diagnostic(name: str, level: bytes, text: str, values: dict[str, object]) -> DiagnosticStatus:

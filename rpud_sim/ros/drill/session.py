@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import select
 import subprocess
 import sys
 import threading
@@ -11,17 +13,22 @@ from typing import Any
 
 import rclpy
 from rclpy.exceptions import InvalidNamespaceException
+from rclpy.logging import get_logger
 from rclpy.parameter import Parameter
-from rclpy.signals import SignalHandlerOptions
 from rclpy.validate_namespace import validate_namespace
 
+import rpud_sim.bag
+from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.arguments import MAX_LOSS
-from rpud_sim.ros.drill.drill_node import DrillNode, spin
+from rpud_sim.ros.drill.drill_node import NAME, DrillNode, spin
+from rpud_sim.ros.drill.namesakes import NamesakeSearch
 from rpud_sim.ros.drill.report import Report
+from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import to_settings
-from rpud_sim.simulation.ensemble import Figures
+from rpud_sim.simulation.ensemble import Figures, compile_kernels
+from rpud_sim.terminal import complain, printable
 
 _READY = 15.0  # that the recorder may take to be ready [s]
 _HEARD = 5.0  # that the middleware may then take to tell each of the other [s]
@@ -38,20 +45,25 @@ class RecorderProcess:
     """
 
     def __init__(self, bag: str, namespace: str, max_loss: float) -> None:
+        self._bag = bag
+        self._ready, ready = os.pipe()
         self._process = subprocess.Popen(
             [
                 *(sys.executable, "-m", "rpud_sim.cli.main", "record"),
                 *("--out", bag, "--namespace", namespace, "--until-eof"),
-                *("--max-loss", str(max_loss)),
+                # What it lacks is known here by numbers, not by whether there is anything.
+                *("--max-loss", str(max_loss), "--allow-empty", "--ready-fd", str(ready)),
             ],
+            pass_fds=(ready,),
             stdin=subprocess.PIPE,  # it ends with this process, whatever ends that
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            errors="backslashreplace",
             # Ctrl-C must stop the drill first, and the recorder when it has everything.
             start_new_session=True,
         )
-        self._ready = threading.Event()
+        os.close(ready)
         self._errors: list[str] = []
         # Its errors are read here alone: communicate() would take some of them away.
         self._stream, self._process.stderr = self._process.stderr or (), None
@@ -61,11 +73,10 @@ class RecorderProcess:
     def wait_until_ready(self, stop: StopRequest) -> bool:
         """Wait until it records; tell whether it does."""
         end = time.monotonic() + _READY
-        while time.monotonic() < end and self._process.poll() is None:
-            if self._ready.wait(0.05):
-                return True
-            if stop.requested:
-                return False
+        while time.monotonic() < end and not stop.requested:
+            readable, _, _ = select.select([self._ready], [], [], 0.05)
+            if readable:
+                return bool(os.read(self._ready, 1))  # nothing is read where it has ended
         return False
 
     def close(self) -> int:
@@ -79,6 +90,7 @@ class RecorderProcess:
             self._process.kill()
             summary, _ = self._process.communicate()
         self._reader.join(1.0)
+        os.close(self._ready)
         if summary:
             print(summary, end="", flush=True)
         code = self._process.returncode
@@ -88,15 +100,26 @@ class RecorderProcess:
                 shown = [f"rpud run: the recorder was ended by signal {-code}; its bag is torn"]
             print("\n".join(shown or self._errors[-3:]), file=sys.stderr)
         elif early:
-            print("rpud run: the recorder was stopped before the drill", file=sys.stderr)
+            complain("rpud run", "the recorder was stopped before the drill")
             return 1
         return code
+
+    def missing(self, sent: Mapping[str, int]) -> list[str]:
+        """Compare the closed bag with the messages that were sent on each topic; say what lacks."""
+        try:
+            with rpud_sim.bag.open(self._bag) as bag:
+                recorded = {item.topic.name: item.message_count for item in bag.topics}
+        except BagError as error:
+            return [str(error)]
+        return [
+            f"{name}: {count} messages were sent, {recorded.get(name, 0)} are in the bag"
+            for name, count in sorted(sent.items())
+            if recorded.get(name, 0) < count
+        ]
 
     def _read_errors(self) -> None:
         for line in self._stream:
             self._errors.append(line.rstrip("\n"))
-            if "recording" in line and "topics to" in line:
-                self._ready.set()
 
 
 def drill(
@@ -106,6 +129,7 @@ def drill(
     bag: str | None = None,
     live: bool = True,
     max_loss: float = MAX_LOSS,
+    allow_duplicate: bool = False,
 ) -> int:
     """Drill in real time and return the exit code.
 
@@ -116,20 +140,36 @@ def drill(
         bag: folder of a bag to record into.
         live: whether to show a live line.
         max_loss: that a crash of the recorder may cost at most [s].
+        allow_duplicate: whether to drill beside a drill of the same name.
     """
     try:
-        to_settings(dict(values))
+        settings = to_settings(values)
         validate_namespace(f"/{namespace.removeprefix('/')}")
     except ParameterError as error:
-        print(f"rpud run: {error}", file=sys.stderr)
+        complain("rpud run", error)
         return 2
     except InvalidNamespaceException as error:
         what, name, *_ = str(error).splitlines()  # below them it points at the character
-        print(f"rpud run: {what} {name.strip()}", file=sys.stderr)
+        complain("rpud run", f"{what} {name.strip()}")
         return 2
     with StopRequest() as stop:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         try:
+            start_ros()
+        except StartError as error:
+            print(f"rpud run: {error}", file=sys.stderr)
+            return 2
+        try:
+            if not allow_duplicate:
+                search = NamesakeSearch(NAME, namespace)
+                # Meanwhile, so that the search costs no time.
+                compile_kernels(settings.configuration.parameters, get_logger(NAME).info)
+                if search.finish():
+                    print(
+                        f"rpud run: a drill named {search.name} runs already: choose another "
+                        "--namespace, or give --allow-duplicate",
+                        file=sys.stderr,
+                    )
+                    return 1
             overrides = [
                 Parameter(name, value=float(value) if _is_whole(value) else value)
                 for name, value in values.items()
@@ -157,22 +197,27 @@ def _drill(
         try:
             node.prepare()  # so that the recorder finds its topics, and has the first message
         except RuntimeError as error:
-            print(f"rpud run: {error}", file=sys.stderr)
+            complain("rpud run", error)
             return 1
         recorder = RecorderProcess(bag, namespace, max_loss)
         if not recorder.wait_until_ready(stop):
             code = recorder.close()
             return 0 if stop.requested and code == 0 else 1
         _await_recorder(node, stop)
+        node.count_sent()
     line = LiveLine(live)
     try:
         code = spin(node, stop, line.show)
     finally:
         line.end()
         recorded = recorder is None or recorder.close() == 0
+    if recorder is not None and recorded:
+        for text in recorder.missing(node.sent):
+            recorded = False
+            print(f"rpud run: {text}", file=sys.stderr)
     print(summary_text(node.totals.figures(), node.report), flush=True)
     if bag and recorded:
-        print(f"bag: {bag}", flush=True)
+        print(f"bag: {printable(bag)}", flush=True)
     return code if recorded else 1
 
 

@@ -106,7 +106,7 @@ class SimulationServices:
         """Step to a simulation time [ns]; return the stamp that was reached.
 
         Args:
-            until_of: gives that time, asked between two blocks.
+            until_of: gives that time, called between two blocks; may raise RefusedError.
 
         Raises:
             RefusedError: if that is not possible.
@@ -204,8 +204,19 @@ class SimulationServices:
     ) -> RunToTime.Response:
         stamp = join_seconds(request.time.sec, request.time.nanosec)
 
+        def until(drilling: Drilling) -> int:
+            now = drilling.run.origin + drilling.run.time
+            given = f"time = {stamp / SECOND:.6f} s"
+            if stamp <= now:
+                reason = f"{given} is not after the drill's time, {now / SECOND:.6f} s"
+                raise RefusedError(Result.RESULT_OPERATION_FAILED, reason)
+            if stamp > now + LONGEST_STEP * SECOND:
+                reason = f"{given} is more than {LONGEST_STEP:g} s after the drill's time"
+                raise RefusedError(Result.RESULT_OPERATION_FAILED, reason)
+            return stamp - drilling.run.origin
+
         def act() -> None:
-            reached = self.step_until(lambda drilling: stamp - drilling.run.origin)
+            reached = self.step_until(until)
             response.time = nanoseconds_to_time(reached)
 
         return self.answer(response, act)

@@ -1,38 +1,54 @@
-"""Asks drills for their parameters while their topics are recorded, and waits for nobody."""
+"""Asks drills for their parameters and scenario while their topics are recorded; never waits."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.client import Client
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
 
 from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
+from rpud_sim.ros.record.guard import NetworkGuard
+from rpud_sim.ros.record.journal_scenario import scenario_text
+from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _STATUS = "rpud_msgs/msg/Status"
-_SCENARIO_LIMIT = 100_000  # bytes
+_ENTRY = "rpud_msgs/msg/JournalEntry"
+_SCENARIO_LIMIT = 100_000  # characters
+_JOURNAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class DrillInquiry:
     """Finds the drills of recorded topics, and makes the manifest of each.
 
-    A drill is a node that publishes a Status; one that is started anew is asked again. The node
+    A drill is a node that publishes a Status; one that starts again answers again. Its scenario is
+    what its journal says of it: no file is read, as a stranger could name any. The node
     that asks needs no executor: `poll` takes the answers that have come.
 
     Args:
         node: which asks.
+        guard: for what arrives.
         wants: whether the drill that publishes on a topic belongs to the recording.
         command: command line of the recorder.
     """
 
-    def __init__(self, node: Node, wants: Callable[[str], bool], command: Sequence[str]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        guard: NetworkGuard,
+        wants: Callable[[str], bool],
+        command: Sequence[str],
+    ) -> None:
         self._node = node
+        self._guard = guard
         self._wants = wants
         self._command = tuple(command)
         self._known: set[tuple[int, ...]] = set()  # publishers of a status
@@ -54,7 +70,11 @@ class DrillInquiry:
 
     def poll(self) -> list[Manifest]:
         """Give the manifests of the drills that have answered since the last call."""
-        answered = [questions for questions in self._questions if questions.poll()]
+        answered = []
+        for questions in self._questions:
+            with self._guard(f"an answer of {questions.name}"):
+                if questions.poll():
+                    answered.append(questions)
         for questions in answered:
             self._questions.remove(questions)
             self._node.get_logger().info(f"knows the parameters of {questions.name}")
@@ -69,12 +89,12 @@ class DrillInquiry:
         return silent if self._known else [self._manifest(None)]
 
     def _manifest(self, questions: _Questions | None) -> Manifest:
-        parameters = questions.parameters if questions else {}
+        parameters = (questions.parameters if questions else None) or {}
         return Manifest(
             node=questions.name if questions else "",
             time=time.time_ns(),
             parameters=parameters,
-            scenario=_text_of(parameters.get("scenario")),
+            scenario=questions.scenario if questions else "",
             command=self._command,
             versions=installed_versions(),
             machine=machine_name(),
@@ -101,33 +121,77 @@ class _Question:
 
 
 class _Questions:
-    """Which parameters a node has, and then their values."""
+    """Which parameters a node has, then their values, and its scenario if it has one."""
 
     def __init__(self, node: Node, name: str) -> None:
         self.name = name
-        self.parameters: dict[str, Any] = {}
+        self.parameters: dict[str, Any] | None = None
         self._node = node
         self._names: list[str] | None = None
-        self._question = self._ask(ListParameters, "list_parameters", ListParameters.Request())
+        self._question: _Question | None = self._ask(
+            ListParameters, "list_parameters", ListParameters.Request()
+        )
+        self._begun: str | None = None  # scenario of the journal's latest beginning
+        self._journal: Subscription | None = None
+        self._entry: Any = None  # the type of its messages, where it is installed
+        with suppress(UnknownTypeError):
+            self._entry = message_class(_ENTRY)
+
+    @property
+    def scenario(self) -> str | None:
+        """Scenario of the drill: empty where it has none, None where it is unknown."""
+        if self.parameters is not None and not self.parameters.get("scenario"):
+            return ""
+        return self._begun
 
     def poll(self) -> bool:
-        """Go on; tell whether all is answered."""
-        response = self._question.poll()
-        if response is None:
+        """Go on; tell whether all is answered. An answer that cannot be used is the last one."""
+        response = self._question.poll() if self._question else None
+        if response is not None:
+            self._stop_asking()
+            if self._names is None:
+                self._names = list(response.result.names)
+                request = GetParameters.Request(names=self._names)
+                self._question = self._ask(GetParameters, "get_parameters", request)
+            else:
+                self.parameters = {}
+                values = map(parameter_value_to_python, response.values)
+                self.parameters = dict(zip(self._names, map(_plain, values), strict=False))
+        if self.parameters is None:
             return False
+        if self.parameters.get("scenario"):
+            self._read_journal()
+            if self._begun is None and self._entry is not None:
+                return False
         self.close()
-        if self._names is None:
-            self._names = list(response.result.names)
-            request = GetParameters.Request(names=self._names)
-            self._question = self._ask(GetParameters, "get_parameters", request)
-            return False
-        values = map(parameter_value_to_python, response.values)
-        self.parameters = dict(zip(self._names, map(_plain, values), strict=False))
         return True
 
     def close(self) -> None:
-        """Stop asking."""
-        self._node.destroy_client(self._question.client)
+        """Stop asking and listening."""
+        self._stop_asking()
+        if self._journal is not None:
+            self._node.destroy_subscription(self._journal)
+
+    def _stop_asking(self) -> None:
+        if self._question is not None:
+            self._node.destroy_client(self._question.client)
+            self._question = None
+
+    def _read_journal(self) -> None:
+        if self._journal is None:
+            topic = f"{self.name.rpartition('/')[0]}/journal"
+            # A subscription alone would make a topic of it.
+            if self._entry is None or not self._node.count_publishers(topic):
+                return
+            self._journal = self._node.create_subscription(
+                self._entry, topic, lambda _: None, _JOURNAL
+            )
+        journal = self._journal.handle
+        with journal:
+            while (taken := journal.take_message(self._entry, False)) is not None:
+                entry, _ = taken
+                if entry.kind == "begin" and len(entry.content) < _SCENARIO_LIMIT:
+                    self._begun = scenario_text(entry.content)
 
     def _ask(self, service: Any, kind: str, request: Any) -> _Question:
         client = self._node.create_client(service, f"{self.name}/{kind}")
@@ -137,15 +201,3 @@ class _Questions:
 def _plain(value: Any) -> Any:
     """Give an array as the list that JSON has for it."""
     return value if value is None or isinstance(value, bool | int | float | str) else list(value)
-
-
-def _text_of(path: Any) -> str | None:
-    if not path:
-        return ""
-    file = Path(str(path))
-    try:
-        if not file.is_file() or file.stat().st_size > _SCENARIO_LIMIT:
-            return None
-        return file.read_text(encoding="utf-8")
-    except (OSError, ValueError):
-        return None

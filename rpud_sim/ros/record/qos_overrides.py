@@ -20,6 +20,8 @@ from rclpy.qos import (
 from rpud_sim.ros.qos import RECORDING_DEPTH
 
 _SIZE_LIMIT = 1_000_000  # bytes
+# What PyYAML lets through where a text is not what its tag says, such as `!!timestamp 1`.
+_YAML_ERRORS = (AttributeError, LookupError, RecursionError, TypeError, ValueError)
 _DURATION_LIMIT = 2**31 - 1  # s
 
 
@@ -88,9 +90,9 @@ def read_qos_overrides(path: str) -> dict[str, QoSProfile]:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise QosOverrideError(f"cannot read {path}: {error.strerror}") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        if isinstance(error, QosOverrideError):
-            raise
+    except QosOverrideError:
+        raise
+    except (yaml.YAMLError, *_YAML_ERRORS) as error:
         raise QosOverrideError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
     if content is None:
         return {}

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import Losses
 from rpud_sim.ros.record.recorder_node import Recorder
+from rpud_sim.terminal import printable
 
 _PERIOD = 1.0  # s
 
@@ -52,10 +54,59 @@ def summary(node: Recorder, bag: BagWriter, seconds: float) -> str:
     for name, losses in sorted(node.losses.items()):
         if losses.total is None:
             lines.append(f"losses on {name} are unknown: the middleware does not number messages")
-        elif losses.total:
-            lines.append(
-                f"lost {losses.total} messages on {name}: {losses.transport} on the way, "
-                f"{losses.queue} as the disk was too slow"
-            )
+        if losses.total != 0 and losses != Losses(None):
+            lines.append(lost_text(name, losses))
+    lines += [
+        f"subscribed {name} again {count} times, in case a publisher was not heard"
+        for name, count in sorted(node.renewals.items())
+    ]
+    if node.guard.count:
+        lines.append(f"{node.guard.count} things that arrived could not be used; the log names one")
     lines += [f"not recorded: {name}: {reason}" for name, reason in sorted(node.skipped.items())]
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
+
+
+def lost_text(name: str, losses: Losses) -> str:
+    """Tell of one topic how many messages were lost, and how."""
+    parts = {
+        "on the way": losses.transport,
+        "for which the queue (--max-cache-size) had no room": losses.queue,
+        "damaged": losses.damaged,
+    }
+    known = {what: count for what, count in parts.items() if count}
+    told = ", ".join(f"{count} {what}" for what, count in known.items())
+    return f"lost {sum(known.values())} messages on {name}: {told}"
+
+
+def late_text(exposure: float, max_loss: float) -> str:
+    """Tell that data was on the disk later than `max_loss`; all in seconds. Empty where not."""
+    if exposure <= max_loss:
+        return ""
+    return (
+        f"data was on the disk {exposure:.1f} s after it was received, {exposure - max_loss:.1f} s "
+        f"later than --max-loss {max_loss:g} s allows: a crash might have cost as much"
+    )
+
+
+def failure(node: Recorder, *, allow_empty: bool) -> str:
+    """Tell why the bag is not what was asked for, in one line; empty where it is."""
+    reasons = []
+    there = [name for name, _ in node.get_topic_names_and_types()]
+    if not allow_empty:
+        if node.missing:
+            named = (name + _nearest(name, there) for name in node.missing)
+            reasons.append(f"never appeared: {', '.join(named)}")
+        elif not node.taken:
+            prefix = node.get_namespace()
+            spaces = sorted({name.rpartition("/")[0] for name in there if name.count("/") > 1})
+            hint = "" if node.topic_count else _nearest(prefix, spaces)
+            reasons.append(f"nothing came on {node.topic_count} topics in {prefix}{hint}")
+    if node.further_types:
+        topics = ", ".join(node.further_types)
+        reasons.append(f"topics with further types, which are not in the bag: {topics}")
+    return "; ".join(reasons)
+
+
+def _nearest(name: str, names: Sequence[str]) -> str:
+    near = get_close_matches(name, names, n=1)
+    return f" (did you mean {near[0]}?)" if near else ""

@@ -8,11 +8,11 @@ import sys
 import threading
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.bag import BagError, BagWriter
@@ -26,12 +26,14 @@ from rpud_sim.ros.record.drill_inquiry import DrillInquiry
 from rpud_sim.ros.record.intake import Intake
 from rpud_sim.ros.record.progress import ProgressLine
 from rpud_sim.ros.record.qos_overrides import QosOverrideError, read_qos_overrides
-from rpud_sim.ros.record.record_report import RecordProgress, summary
+from rpud_sim.ros.record.record_report import RecordProgress, failure, late_text, summary
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.recorder_services import RecorderServices
 from rpud_sim.ros.record.recording import MessageQueue, NamedRecord, WritingThread
 from rpud_sim.ros.record.selection import TopicSelection
+from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.terminal import complain, printable
 
 SKIPPED_RECORD = "rpud_skipped"
 """Metadata record of topics that could not be recorded, with the reasons."""
@@ -46,13 +48,13 @@ _DRAIN = 0.1  # s in which messages on their way still arrive after a stop
 def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -> int:
     """Record until the duration is over or a signal asks to stop; give the exit code."""
     with StopRequest() as stop:
-        rclpy.init(args=ros_arguments or [], signal_handler_options=SignalHandlerOptions.NO)
         try:
+            start_ros(ros_arguments or [])
             return _record(arguments, stop)
         except NameValidationException as error:
             what, name, *_ = str(error).splitlines()  # below them it points at the character
             return _fail(f"{what} {name.strip()}", 2)
-        except (QosOverrideError, ParameterException) as error:
+        except (QosOverrideError, ParameterException, StartError) as error:
             return _fail(str(error), 2)
         except BagError as error:
             return _fail(str(error), 1)
@@ -87,6 +89,7 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
         compression=arguments.compression,
         max_file_size=arguments.max_bag_size and int(arguments.max_bag_size),
         max_file_duration=arguments.max_bag_duration,
+        reserved=True,
     ) as bag:
         bag.add_record(RECORDING_RECORD, {"max_loss": str(arguments.max_loss)})
         room = DiskRoom(bag.path, arguments.max_disk and int(arguments.max_disk))
@@ -96,7 +99,8 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
             threading.Thread(target=_wait_for_eof, args=(stop,), daemon=True).start()
         began = time.monotonic()
         try:
-            _Collection(node, intake, messages, bag, stop).run(arguments.duration)
+            ready = arguments.ready_fd
+            _Collection(node, intake, messages, bag, stop, ready).run(arguments.duration)
         finally:
             messages.close()
             writing.join()
@@ -107,14 +111,12 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
     if writing.error is not None:
         raise writing.error
     print(summary(node, bag, time.monotonic() - began), flush=True)
-    if writing.exposure > arguments.max_loss:
-        print(
-            f"a crash might have cost {writing.exposure:.1f} s, more than --max-loss "
-            f"{arguments.max_loss:g} s: the disk was too slow",
-            flush=True,
-        )
+    if late := late_text(writing.exposure, arguments.max_loss):
+        print(late, flush=True)
     if writing.refusal:
         return _fail(f"stopped with a whole bag: {writing.refusal}", 1)
+    if reason := failure(node, allow_empty=arguments.allow_empty):
+        return _fail(reason, 1)
     return 0
 
 
@@ -144,19 +146,21 @@ class _Collection:
         messages: MessageQueue,
         bag: BagWriter,
         stop: StopRequest,
+        ready_fd: int | None,
     ) -> None:
+        self._ready_fd = ready_fd
         self._node = node
         self._intake = intake
         self._messages = messages
         self._bag = bag
         self._stop = stop
-        self._inquiry = DrillInquiry(node, node.wants_drill, sys.argv)
-        self._services = RecorderServices(node, intake, lambda: _take_all(node))
+        self._inquiry = DrillInquiry(node, node.guard, node.wants_drill, sys.argv)
+        self._services = RecorderServices(node, node.guard, intake, lambda: _take_all(node))
         self._losses = node.losses
 
     def run(self, duration: float | None) -> None:
         """Record for `duration` [s] or until the stop is requested."""
-        with ProgressLine(self._bag.path.name) as line:
+        with ProgressLine(printable(self._bag.path.name)) as line:
             self._collect(duration, line)
         _drain(self._node)
         self._node.finish()
@@ -173,15 +177,19 @@ class _Collection:
             if now >= looked + _GRAPH_PERIOD:
                 looked = now
                 self._keep_losses()
-                self._inquiry.look()
-                if node.discover() and not ready:
-                    ready_at = now if node.complete else now + _SETTLING
+                with node.guard("a node of the graph"):
+                    self._inquiry.look()
+                with node.guard("a topic of the graph"):
+                    if node.discover() and not ready:
+                        ready_at = now if node.complete else now + _SETTLING
             more = node.take()
             self._services.serve()
             self._keep(self._inquiry.poll())
             if not ready and now >= ready_at:
                 ready = True
-                node.get_logger().info(f"recording {node.topic_count} topics to {self._bag.path}")
+                where = printable(self._bag.path)
+                node.get_logger().info(f"recording {node.topic_count} topics to {where}")
+                self._tell_ready()
             if duration is not None and now >= ready_at + duration:
                 return
             if line.is_due and progress.is_due:
@@ -189,6 +197,12 @@ class _Collection:
                 line.show(progress.text(count, self._bag.size, node.losses, paused))
             if not more:
                 self._stop.wait(_TAKE_PERIOD)
+
+    def _tell_ready(self) -> None:
+        """Write one line to who started this one and waits for it."""
+        if self._ready_fd is not None:
+            with suppress(OSError):  # it may have ended
+                os.write(self._ready_fd, b"recording\n")
 
     def _keep_losses(self) -> None:
         """Put new losses into the bag before its end, should that never come."""
@@ -215,5 +229,5 @@ def _take_all(node: Recorder) -> None:
 
 
 def _fail(message: str, code: int) -> int:
-    print(f"rpud record: {message}", file=sys.stderr)
+    complain("rpud record", message)
     return code

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from operator import attrgetter
 from typing import Any
 
@@ -21,30 +21,17 @@ from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.ros.qos import is_satisfied, recorded_profile, request_for
+from rpud_sim.ros.record.guard import NetworkGuard
 from rpud_sim.ros.record.intake import Intake
+from rpud_sim.ros.record.recorded_topic import RecordedTopic
 from rpud_sim.ros.record.recording import Declaration
 from rpud_sim.ros.record.selection import TopicSelection
+from rpud_sim.ros.record.standstill import Standstill
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _BATCH = 1000  # messages of one topic taken at once, so that a fast one does not starve the rest
 
 _log_time = attrgetter("log_time")
-
-
-@dataclass
-class _Recording:
-    """One recorded topic and what is known of it."""
-
-    name: str
-    type: str
-    message: Any
-    subscription: Subscription
-    request: QoSProfile
-    gaps: SequenceGaps
-    endpoints: list[TopicEndpointInfo] = field(default_factory=list)
-    declared: bool = False
-    numbered: bool = True
-    unheard: bool = False  # whether a publisher is known that an override keeps out
 
 
 class Recorder(Node):
@@ -73,9 +60,14 @@ class Recorder(Node):
         self._selection = replace(selection, topics=names)
         self._overrides = dict(overrides or {})
         self._prefix = self.get_namespace().rstrip("/") + "/"
-        self._recordings: dict[str, _Recording] = {}
+        self._recordings: dict[str, RecordedTopic] = {}
         self._batch: list[Message] = []
+        self._standstill = Standstill()
+        self.guard = NetworkGuard(self.get_logger())
         self.skipped: dict[str, str] = {}
+        """What is not recorded, with the reasons: topics, and further types of recorded ones."""
+        self.missing: list[str] = []
+        """Topics that were named and never appeared, once it is finished."""
         self.taken = 0
 
     @property
@@ -95,10 +87,26 @@ class Recorder(Node):
         """Lost messages of each topic."""
         return {
             name: Losses(
-                recording.gaps.missing if recording.numbered else None, self._intake.refused[name]
+                recording.gaps.missing if recording.numbered else None,
+                self._intake.refused[name],
+                recording.damaged,
             )
             for name, recording in self._recordings.items()
         }
+
+    @property
+    def renewals(self) -> dict[str, int]:
+        """How often topics were subscribed again, those where it was necessary."""
+        return {
+            name: recording.renewals
+            for name, recording in self._recordings.items()
+            if recording.renewals
+        }
+
+    @property
+    def further_types(self) -> list[str]:
+        """Recorded topics that have other types as well, which are not recorded."""
+        return sorted(name for name, item in self._recordings.items() if item.further_types)
 
     def wants(self, name: str) -> bool:
         """Tell whether the topic with that absolute name is to be recorded."""
@@ -115,17 +123,16 @@ class Recorder(Node):
         """
         known = len(self._recordings) + len(self.skipped)
         for name, types in self.get_topic_names_and_types():
-            if name in self._recordings or name in self.skipped or not self.wants(name):
+            if not self.wants(name):
                 continue
-            try:
-                if len(types) > 1:
-                    raise UnknownTypeError(f"it has several types: {', '.join(types)}")
-                self._record(name, types[0], message_class(types[0]))
-            except UnknownTypeError as error:
-                self.skipped[name] = str(error)
-                self.get_logger().warning(f"not recorded: {name}: {error}")
+            if name not in self._recordings and name not in self.skipped:
+                self._begin(name, types)
+            if name in self._recordings:
+                self._note_types(self._recordings[name], types)
         for recording in self._recordings.values():
-            self._follow(recording)
+            with self.guard(f"what is known of {recording.name}"):
+                self._follow(recording)
+        self._renew_silent()
         return len(self._recordings) + len(self.skipped) > known
 
     def take(self, until: int | None = None) -> bool:
@@ -135,8 +142,11 @@ class Recorder(Node):
         """
         more = False
         began = time.time_ns()
+        if pause := self._standstill.note():
+            self.get_logger().warning(f"it stood still for {pause:.1f} s")
         for recording in self._recordings.values():
-            more |= self._take(recording, until)
+            with self.guard(f"a message of {recording.name}"):
+                more |= self._take(recording, until)
         # In the bag messages are in the order in which they were received. What came since the
         # first topic was emptied may be later than what that topic has received by now.
         self._batch.sort(key=_log_time)
@@ -151,23 +161,49 @@ class Recorder(Node):
         self._batch.clear()
         for recording in self._recordings.values():
             self._declare(recording, heard=False)
-        for name in self._selection.topics:
-            if self.wants(name) and name not in self._recordings:
-                self.skipped.setdefault(name, "it never appeared")
+        for name in sorted(self._selection.topics):
+            if self.wants(name) and name not in self._recordings and name not in self.skipped:
+                self.missing.append(name)
+                self.skipped[name] = "it never appeared"
 
     def _hand_over(self, messages: Sequence[Message]) -> None:
         self.taken += len(messages)
         for message in messages:
             self._intake.put(message)
 
-    def _record(self, name: str, type_name: str, message: Any) -> None:
+    def _begin(self, name: str, types: Sequence[str]) -> None:
+        """Record the first of a topic's types that can be."""
+        reasons = []
+        for type_name in types:
+            try:
+                self._record(name, type_name, message_class(type_name))
+                return
+            except (UnknownTypeError, RuntimeError) as error:  # RCLError
+                reasons.append(str(error))
+        self.skipped[name] = "; ".join(reasons) or "it has no type"
+        self.get_logger().warning(f"not recorded: {name}: {self.skipped[name]}")
+
+    def _note_types(self, recording: RecordedTopic, types: Sequence[str]) -> None:
+        # The middleware has one type for a topic in one participant.
+        for type_name in types:
+            if type_name != recording.type and type_name not in recording.further_types:
+                recording.further_types.add(type_name)
+                name = f"{recording.name} [{type_name}]"
+                self.skipped[name] = f"the topic is recorded as {recording.type}"
+                self.get_logger().warning(f"not recorded: {name}: {self.skipped[name]}")
+
+    def _offering(self, name: str, type_name: str) -> list[TopicEndpointInfo]:
         endpoints = self.get_publishers_info_by_topic(name)
+        return [endpoint for endpoint in endpoints if endpoint.topic_type == type_name]
+
+    def _record(self, name: str, type_name: str, message: Any) -> None:
+        endpoints = self._offering(name, type_name)
         # Before the first publisher its subscribers show what it will have to offer.
         known = endpoints or self.get_subscriptions_info_by_topic(name)
         request = self._overrides.get(name)
         if request is None:
             request = request_for([endpoint.qos_profile for endpoint in known])
-        self._recordings[name] = _Recording(
+        self._recordings[name] = RecordedTopic(
             name=name,
             type=type_name,
             message=message,
@@ -183,28 +219,46 @@ class Recorder(Node):
         # costs several times as much for each message as the message itself.
         return self.create_subscription(message, name, lambda _: None, request, raw=True)
 
-    def _follow(self, recording: _Recording) -> None:
-        endpoints = self.get_publishers_info_by_topic(recording.name)
+    def _follow(self, recording: RecordedTopic) -> None:
+        endpoints = self._offering(recording.name, recording.type)
         if not endpoints:
             return
         recording.endpoints = endpoints
         offers = [endpoint.qos_profile for endpoint in endpoints]
         if recording.name in self._overrides:
             self._warn_of_override(recording, offers)
+        elif not is_satisfied(recording.request, offers):
+            recording.request = request_for(offers)
+            self._renew(recording, "a publisher offers less than before")
             return
-        if is_satisfied(recording.request, offers):
+        if recording.misses(offers):
+            recording.renewals += 1
+            self._renew(recording, "a publisher that is there was not heard")
+
+    def _renew_silent(self) -> None:
+        """Subscribe again what is silent since a standstill.
+
+        A publisher whose lease for us ran out sends nothing more, and here it is still connected.
+        """
+        since = self._standstill.heard_since()
+        if since is None:
             return
-        self._take(recording, None)
+        for recording in self._recordings.values():
+            if recording.endpoints and recording.heard < since:
+                recording.renewals += 1
+                self._renew(recording, "nothing was heard since the recorder stood still")
+
+    def _renew(self, recording: RecordedTopic, reason: str) -> None:
+        while self._take(recording, None):
+            pass
         self.destroy_subscription(recording.subscription)
-        recording.request = request_for(offers)
+        recording.unmatched = None
         recording.subscription = self._subscribe(
             recording.name, recording.message, recording.request
         )
-        self.get_logger().warning(
-            f"subscribed {recording.name} again, as a publisher offers less than before"
-        )
+        self.get_logger().warning(f"subscribed {recording.name} again, as {reason}")
 
-    def _warn_of_override(self, recording: _Recording, offers: Sequence[QoSProfile]) -> None:
+    def _warn_of_override(self, recording: RecordedTopic, offers: Sequence[QoSProfile]) -> None:
         for offer in offers:
             fits, reason = qos_check_compatible(offer, recording.request)
             if fits == QoSCompatibility.ERROR and not recording.unheard:
@@ -214,7 +268,7 @@ class Recorder(Node):
                     f"{reason.rstrip(';')}"
                 )
 
-    def _take(self, recording: _Recording, until: int | None) -> bool:
+    def _take(self, recording: RecordedTopic, until: int | None) -> bool:
         subscription = recording.subscription
         handle = subscription.handle
         with handle:
@@ -223,29 +277,21 @@ class Recorder(Node):
                 if taken is None:
                     return False
                 data, info = taken
+                message = recording.accept(data, info, counts=not self._intake.paused)
+                if message is None:
+                    continue
                 if not recording.declared:
                     self._declare(recording, heard=True)
-                number = info["publication_sequence_number"]
-                if number is None:
-                    recording.numbered = False
-                else:
-                    missing = recording.gaps.missing
-                    recording.gaps.note(number)
-                    if self._intake.paused:  # what is not wanted is not lost
-                        recording.gaps.missing = missing
-                # Not every middleware stamps; 0 stands for no stamp.
-                log_time = info["received_timestamp"] or time.time_ns()
-                publish_time = info["source_timestamp"] or log_time
-                self._batch.append(Message(recording.name, log_time, publish_time, data))
-                if until is not None and log_time > until:
+                self._batch.append(message)
+                if until is not None and message.log_time > until:
                     return False
         return True
 
-    def _declare(self, recording: _Recording, *, heard: bool) -> None:
+    def _declare(self, recording: RecordedTopic, *, heard: bool) -> None:
         if recording.declared:
             return
         recording.declared = True
-        endpoints = self.get_publishers_info_by_topic(recording.name) or recording.endpoints
+        endpoints = self._offering(recording.name, recording.type) or recording.endpoints
         offers = [endpoint.qos_profile for endpoint in endpoints]
         if heard and not offers:
             # Its publisher is gone already; it offered at least what was requested.

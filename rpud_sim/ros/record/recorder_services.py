@@ -1,37 +1,44 @@
-"""Services of the recorder: of rosbag2's types where these are installed, else Triggers."""
+"""Services of the recorder: of rosbag2's types where these are installed, else of others."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from rpud_sim.ros.record.guard import NetworkGuard
 from rpud_sim.ros.record.intake import Intake
 
 
 class RecorderServices:
     """Pauses, resumes, splits and takes snapshots when somebody asks for it.
 
-    Services: `~/pause`, `~/resume`, `~/toggle_paused`, `~/split_bagfile`, `~/snapshot`, of the
-    types of rosbag2_interfaces or std_srvs/Trigger. The node needs no executor: `serve` does what
-    was asked for since.
+    Services: `~/pause`, `~/resume`, `~/toggle_paused`, `~/is_paused`, `~/split_bagfile`,
+    `~/snapshot`, of the types of rosbag2_interfaces, else std_srvs/Trigger and rpud_msgs/IsPaused.
+    The node needs no executor: `serve` does what was asked for since.
 
     Args:
         node: whose services they are.
+        guard: for what arrives.
         intake: what they act on.
         catch_up: gives the intake all that was received before a request.
     """
 
-    def __init__(self, node: Node, intake: Intake, catch_up: Callable[[], None]) -> None:
+    def __init__(
+        self, node: Node, guard: NetworkGuard, intake: Intake, catch_up: Callable[[], None]
+    ) -> None:
         self._node = node
+        self._guard = guard
         self._catch_up = catch_up
         self._intake = intake
         actions: dict[str, Callable[[], tuple[bool, str]]] = {
             "Pause": self._pause,
             "Resume": self._resume,
+            "IsPaused": lambda: (True, ""),
             "TogglePaused": lambda: self._resume() if intake.paused else self._pause(),
             "SplitBagfile": self._split,
             "Snapshot": self._snapshot,
@@ -39,6 +46,8 @@ class RecorderServices:
         self._services = []
         for kind, action in actions.items():
             service = service_type(kind)
+            if service is None:
+                continue
             name = "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in kind)
             # `serve` takes the requests, so nothing ever calls the callback.
             handle = node.create_service(service, f"~/{name[1:]}", lambda _, response: response)
@@ -47,18 +56,24 @@ class RecorderServices:
     def serve(self) -> None:
         """Do what was asked for, and answer."""
         for service, server, action in self._services:
-            with server.handle:
-                request, header = server.handle.service_take_request(service.Request)
-            if request is None or header is None:
-                continue
-            self._catch_up()
-            success, text = action()
+            with self._guard("a request"):
+                self._serve(service, server, action)
+
+    def _serve(self, service: Any, server: Any, action: Callable[[], tuple[bool, str]]) -> None:
+        with server.handle:
+            request, header = server.handle.service_take_request(service.Request)
+        if request is None or header is None:
+            return
+        self._catch_up()
+        success, text = action()
+        if text:
             self._node.get_logger().info(text)
-            response = service.Response()
-            for field, value in (("success", success), ("message", text)):
-                if hasattr(response, field):
-                    setattr(response, field, value)
-            server.send_response(response, header)
+        response = service.Response()
+        answers = {"success": success, "message": text, "paused": self._intake.paused}
+        for field, value in answers.items():
+            if hasattr(response, field):
+                setattr(response, field, value)
+        server.send_response(response, header)
 
     def _pause(self) -> tuple[bool, str]:
         self._intake.pause()
@@ -80,8 +95,11 @@ class RecorderServices:
 
 
 def service_type(kind: str) -> Any:
-    """Give the type of a service of rosbag2, or Trigger where that is not installed."""
-    try:
-        return getattr(importlib.import_module("rosbag2_interfaces.srv"), kind)
-    except (ImportError, AttributeError):
-        return Trigger
+    """Give the type of a service of rosbag2, or what stands for it where that is not installed.
+
+    None where that is not installed either.
+    """
+    for package in ("rosbag2_interfaces", "rpud_msgs"):
+        with suppress(ImportError, AttributeError):
+            return getattr(importlib.import_module(f"{package}.srv"), kind)
+    return None if kind == "IsPaused" else Trigger

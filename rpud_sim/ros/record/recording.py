@@ -88,7 +88,7 @@ class WritingThread(threading.Thread):
 
     Half of that time a message waits for others in its chunk; the rest is left for the disk.
     `exposure` is how long a message was in memory alone at most [s], by its log time: more than
-    `max_loss` where the disk is too slow. Where writing fails, `error` holds why, `on_end` is
+    `max_loss` where that is not held. Where writing fails, `error` holds why, `on_end` is
     called once, and the rest of the queue is left. Where `room` has none for a message, `refusal`
     holds why, `on_end` is called once, and neither that message nor any later one is written. The
     bag itself is for others to close when the thread has ended.
@@ -148,12 +148,15 @@ class WritingThread(threading.Thread):
             self._bag.add_topic(item.topic, item.definition)
         elif isinstance(item, NamedRecord):
             self._bag.add_record(item.name, item.content)
-        else:
+        elif not self.refusal:
             self._bag.split()
 
     def _has_room(self, message: Message) -> bool:
         if self._room is not None and not self.refusal:
-            self.refusal = self._room.refusal(self._bag.closed_size, len(message.data))
+            size = len(message.data)
+            self.refusal = self._room.refusal(self._bag.closed_size, size)
+            if not self.refusal and not self._bag.reserve(size):
+                self.refusal = f"the disk of {self._bag.path} is full"
             if self.refusal:
                 self._on_end()
         return not self.refusal

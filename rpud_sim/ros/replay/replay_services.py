@@ -13,6 +13,7 @@ from std_srvs.srv import Trigger
 from rpud_sim.ros.replay.playback import NANOSECONDS, Playback, RefusedError
 from rpud_sim.ros.replay.playback_thread import PlaybackThread
 from rpud_sim.ros.requests import StoppedError
+from rpud_sim.ros.serving import raised
 
 
 def _seek(playback: Playback, request: Any) -> None:
@@ -47,10 +48,16 @@ class ReplayServices:
     types are its own. Elsewhere they are std_srvs/Trigger and those of rpud_msgs, which also say
     why something is refused, and there is no `play`: it is refused while a replay runs, and the
     program ends with its replay.
+
+    Args:
+        node: that owns them.
+        thread: that plays.
+        failed: called with one line where a request raises an error.
     """
 
-    def __init__(self, node: Node, thread: PlaybackThread) -> None:
+    def __init__(self, node: Node, thread: PlaybackThread, failed: Callable[[str], None]) -> None:
         self._thread = thread
+        self._failed = failed
         self._logger = node.get_logger()
         for name, kind in service_types().items():
             node.create_service(kind, f"~/{name}", self._answering(name))
@@ -63,6 +70,10 @@ class ReplayServices:
             except (RefusedError, StoppedError) as error:
                 reason = "the replay has ended" if isinstance(error, StoppedError) else str(error)
                 self._logger.warning(f"{name} is refused: {reason}")
+                fields = {"success": False, "message": reason}
+            except Exception as error:  # out of the executor it would leave a client without answer
+                reason = raised(error)
+                self._failed(f"{name}: {reason}")
                 fields = {"success": False, "message": reason}
             for field, value in fields.items():
                 if hasattr(response, field):  # not every type has all of them

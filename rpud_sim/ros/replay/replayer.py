@@ -12,8 +12,6 @@ from contextlib import contextmanager
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 import rpud_sim.bag
@@ -25,7 +23,10 @@ from rpud_sim.ros.replay.read_ahead import ReadAhead
 from rpud_sim.ros.replay.replay_console import ReplayConsole
 from rpud_sim.ros.replay.replay_services import ReplayServices
 from rpud_sim.ros.replay.replayer_node import Replayer
+from rpud_sim.ros.serving import serve
+from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.terminal import complain, printable
 
 _SETTLING = 0.2  # s from a publisher's match to the subscriber's own
 _LOOK_PERIOD = 0.01  # s
@@ -43,14 +44,14 @@ def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -
         try:
             with rpud_sim.bag.open(arguments.bag) as bag:
                 topics = _chosen(bag, arguments)
-                rclpy.init(args=ros_arguments or [], signal_handler_options=SignalHandlerOptions.NO)
+                start_ros(ros_arguments or [])
                 try:
                     return _replay(bag, topics, arguments, stop)
                 finally:
                     rclpy.try_shutdown()
         except BagError as error:
             return _fail(str(error), 1)
-        except (_UsageError, ParameterException) as error:
+        except (_UsageError, ParameterException, StartError) as error:
             return _fail(str(error), 2)
 
 
@@ -130,10 +131,10 @@ def _replay(
     if not node.topic_names:
         if topics:
             return _fail(f"nothing of {bag.path} can be replayed here", 1)
-        print(f"{bag.path} has no messages to replay")
+        print(f"{printable(bag.path)} has no messages to replay")
         return 0
     node.get_logger().info(
-        f"replaying {bag.path}: {len(node.topic_names)} topics, "
+        f"replaying {printable(bag.path)}: {len(node.topic_names)} topics, "
         f"{bag.duration / 1e9:.1f} s at {arguments.rate:g} times real time"
     )
     _await_subscribers(node, stop, patient=arguments.wait_for_subscribers)
@@ -145,14 +146,14 @@ def _replay(
 
     playback = Playback(read, plan, node)
     thread = PlaybackThread(playback)
-    ReplayServices(node, thread)
+    ReplayServices(node, thread, node.count_failure)
     with (
         _quick_switches(),
         _spinning(node),
         ReplayConsole(
             thread,
             plan,
-            bag.path.name,
+            printable(bag.path.name),
             node.get_logger(),
             keys=not arguments.disable_keyboard_controls,
         ) as console,
@@ -166,9 +167,10 @@ def _replay(
                 node.get_logger().warning(f"a subscriber of {name} has not confirmed all messages")
             # What is sent best effort is confirmed by nobody, and may still be on its way.
             stop.wait(_SETTLING)
+    failures = f", {node.failures} requests failed" if node.failures else ""
     print(
         f"replayed {playback.published} messages in {time.monotonic() - began:.1f} s, "
-        f"{playback.lateness}",
+        f"{playback.lateness}{failures}",
         flush=True,
     )
     return 0
@@ -190,17 +192,25 @@ def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> N
 
 
 @contextmanager
-def _spinning(node: Node) -> Iterator[None]:
+def _spinning(node: Replayer) -> Iterator[None]:
     """Answer the node's services meanwhile, in a thread."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    thread = threading.Thread(target=executor.spin, name="services", daemon=True)
+    ended = threading.Event()
+
+    def spin() -> None:
+        while not ended.is_set():
+            serve(executor, node.count_failure)
+
+    thread = threading.Thread(target=spin, name="services", daemon=True)
     thread.start()
     try:
         yield
     finally:
-        executor.shutdown()
+        ended.set()
+        executor.wake()
         thread.join()
+        executor.shutdown()
 
 
 @contextmanager
@@ -214,5 +224,5 @@ def _quick_switches() -> Iterator[None]:
 
 
 def _fail(message: str, code: int) -> int:
-    print(f"rpud replay: {message}", file=sys.stderr)
+    complain("rpud replay", message)
     return code

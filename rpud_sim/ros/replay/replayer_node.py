@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 from rpud_sim.bag import Message, Topic, TopicSummary
 from rpud_sim.ros.qos import REPLAY_DEPTH, replay_offer
 from rpud_sim.ros.types import UnknownTypeError, message_class
+from rpud_sim.terminal import printable
 
 CLOCK = "/clock"
 _LONGEST_WAIT = 5_000_000_000  # for listeners of a replay in a hurry [ns]
@@ -45,6 +46,7 @@ class Replayer(Node):
             cli_args=["--ros-args", *rules] if rules else None,
             start_parameter_services=False,
         )
+        self._failures = 0
         self._replayed: dict[str, Publisher] = {}
         self._types: dict[str, str] = {}  # by the names that they are published with
         self._hurried: dict[str, int] = {}  # messages that nobody may have confirmed
@@ -67,11 +69,16 @@ class Replayer(Node):
                 message = message_class(summary.topic.type)
                 self._check_name(summary.topic)
             except UnknownTypeError as error:
-                self.get_logger().warning(f"not replayed: {summary.topic.name}: {error}")
+                self.get_logger().warning(printable(f"not replayed: {summary.topic.name}: {error}"))
                 continue
-            offer = replay_offer(summary.topic.offered_qos)
             name = summary.topic.name
-            self._replayed[name] = self.create_publisher(message, name, offer)
+            try:
+                offer = replay_offer(summary.topic.offered_qos)
+                self._replayed[name] = self.create_publisher(message, name, offer)
+            except (OverflowError, RuntimeError, TypeError, ValueError) as error:
+                reason = f"not replayed: {name}: its QoS cannot be offered: {error}"
+                self.get_logger().warning(printable(reason))
+                continue
             self._hurried[name] = 0
             # Of a latched topic only the last ones are meant to be kept.
             latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
@@ -93,6 +100,16 @@ class Replayer(Node):
         other = self._types.setdefault(name, topic.type)
         if other != topic.type:
             raise UnknownTypeError(f"it is a {topic.type}, and {name} is a {other}")
+
+    @property
+    def failures(self) -> int:
+        """How often something that arrived from the network raised an error."""
+        return self._failures
+
+    def count_failure(self, reason: str) -> None:
+        """Count something that arrived and raised an error, and log why, once a second at most."""
+        self._failures += 1
+        self.get_logger().warning(f"request failed: {reason}", throttle_duration_sec=1.0)
 
     @property
     def topic_names(self) -> list[str]:

@@ -88,6 +88,7 @@ def seen(drilled):
 @pytest.fixture(scope="module")
 def page(drilled):
     out = drilled.parent / "new" / "report.html"
+    out.parent.mkdir()
     write_report(drilled, out)
     assert [path.name for path in out.parent.iterdir()] == ["report.html"]
     return Page(out.read_text(encoding="utf-8"))
@@ -200,6 +201,32 @@ def test_lateness_and_gaps_show(drilled, tmp_path):
     assert rows.parameter_rows(seen) == [("gravity", "9.81"), ("seed", "7")]
     [run] = rows.run_rows(seen)
     assert {("drill", "/rpud/drill_node"), ("seed", "7"), ("command", "rpud record")} <= set(run)
+
+
+def test_a_status_from_before_the_bag_shifts_no_chart(drilled, tmp_path):
+    """As a recorder gets a latched topic: its first message is as old as it is."""
+    age = SECOND // 2
+    with rpud_sim.bag.open(drilled) as source, BagWriter(tmp_path / "bag") as bag:
+        for summary in source.topics:
+            bag.add_topic(summary.topic, summary.definition)
+        kept = {}
+        for message in source.messages():
+            if message.log_time < age:
+                if message.topic == "/rpud/status":
+                    kept[message.topic] = message
+                continue
+            for old in kept.values():
+                bag.write(old.topic, old.data, START, START)
+            kept = {}
+            time = START + message.log_time - age
+            bag.write(message.topic, message.data, time, time)
+    seen = surveyed(tmp_path / "bag")
+    assert seen.span == pytest.approx(DURATION - age / SECOND, abs=0.02)
+    ends = [
+        seen.topics[name].end
+        for name in ("/rpud/status", "/rpud/waveform", "/rpud/nodal_plane", "/rpud/contact_force")
+    ]
+    assert ends == pytest.approx([DURATION - age / SECOND] * 4, abs=0.02)
 
 
 def test_a_bag_of_any_other_node_has_a_report_that_says_what_is_not_there(tmp_path):
@@ -316,6 +343,28 @@ def test_nothing_is_overwritten(tmp_path):
     with pytest.raises(ReportError, match=r"out.html exists already; nothing is overwritten"):
         write_report(tmp_path / "bag", tmp_path / "out.html")
     assert (tmp_path / "out.html").read_text() == "mine"
+
+
+def test_nothing_is_written_through_names_that_are_there(tmp_path):
+    write_bag(tmp_path / "bag")
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    (tmp_path / "out.html.part").symlink_to(mine)
+    (tmp_path / "other.html").symlink_to(tmp_path / "nowhere")
+    write_report(tmp_path / "bag", tmp_path / "out.html")
+    with pytest.raises(ReportError, match=r"other.html exists already; nothing is overwritten"):
+        write_report(tmp_path / "bag", tmp_path / "other.html")
+    assert mine.read_text() == "mine"
+    assert (tmp_path / "out.html.part").is_symlink()
+    assert not (tmp_path / "nowhere").exists()
+
+
+def test_no_folder_is_made_for_it(tmp_path):
+    write_bag(tmp_path / "bag")
+    out = tmp_path / "no" / "where" / "out.html"
+    with pytest.raises(ReportError, match=f"^cannot write {out}: there is no folder {out.parent}$"):
+        write_report(tmp_path / "bag", out)
+    assert not (tmp_path / "no").exists()
 
 
 REPORT = "import sys; from rpud_sim.analysis.bag_report.report import *\n"

@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from rpud_sim.analysis.bag_report.streams import Distribution, Envelope, Spectrum, Timeline
+from rpud_sim.analysis.bag_report.streams import (
+    Distribution,
+    Envelope,
+    Intervals,
+    Spectrum,
+    Timeline,
+)
 
 SECOND = 1_000_000_000
 finite = st.floats(-1e149, 1e149)
@@ -135,3 +141,53 @@ def test_rows_of_a_block_end_when_it_was_recorded():
     logs = np.repeat([4, 8], 4) * SECOND
     assert timeline.elapsed(stamps, logs).tolist() == list(range(1, 9))
     assert Timeline(0).elapsed(np.zeros(0, int), np.zeros(0, int)).tolist() == []
+
+
+def test_clocks_of_one_namespace_have_one_zero_whatever_is_older_than_the_bag():
+    begin, stamp = 1000 * SECOND, 50 * SECOND
+    latched = Timeline(begin, stamp, latched=True)
+    stamps = stamp + np.array([-5, 1, 2]) * SECOND  # the first was kept since before the bag
+    logs = begin + np.array([0, 1, 2]) * SECOND
+    assert latched.elapsed(stamps, logs).tolist() == [-5.0, 1.0, 2.0]
+    assert latched.jumps == 0
+    late = Timeline(begin, stamp)
+    assert late.elapsed(stamps[1:] - SECOND // 2, logs[1:]).tolist() == [0.5, 1.5]
+    other = Timeline(begin, stamp)  # a clock of its own
+    assert other.elapsed(np.array([0, 1]) * SECOND, logs[1:]).tolist() == [1.0, 2.0]
+
+
+def drawn_at(envelope, time):
+    times, values = envelope.steps()
+    return values[:, np.searchsorted(times, time, "right") - 1].tolist()
+
+
+def test_nothing_is_drawn_where_no_message_was():
+    envelope = Envelope(10.0)
+    times = np.append(np.arange(0.0, 3.0, 0.01), np.arange(7.0, 10.0, 0.01))
+    envelope.add(times, np.where(times < 5.0, 1.0, 3.0))
+    assert drawn_at(envelope, 2.9) == [1.0] * 3
+    for time in (3.1, 5.0, 6.9):
+        assert np.isnan(drawn_at(envelope, time)).all()
+    assert drawn_at(envelope, 7.1) == [3.0] * 3
+    assert np.isnan(Envelope(1.0).steps()[1]).all()
+
+
+def test_a_value_holds_until_the_next_and_is_no_ramp():
+    envelope = Envelope(10.0)
+    envelope.add(np.array([0.0, 1.0, 2.0, 2.02, 3.0]), np.array([5.0, 5.0, 9.0, 9.0, 9.0]))
+    assert drawn_at(envelope, 1.9) == [5.0] * 3
+    assert drawn_at(envelope, 2.5) == [9.0] * 3
+
+
+def test_one_gap_leaves_all_other_intervals_as_exact_as_they_were():
+    intervals = Intervals()
+    numbers = np.random.default_rng(3)
+    values = numbers.gamma(20.0, 1e-4, 10_000)
+    intervals.add(values)
+    intervals.add(np.array([9.0]))
+    for part in (0.01, 0.5, 0.99):
+        assert intervals.quantile(part) == pytest.approx(np.quantile(values, part), rel=0.03)
+    counts, _ = intervals.classes(80)
+    assert np.count_nonzero(counts) > 10
+    assert (intervals.count, intervals.greatest) == (10_001, 9.0)
+    assert intervals.total == pytest.approx(values.sum() + 9.0)

@@ -1,5 +1,6 @@
 """What a bag holds is in its files, whatever type and format, and nothing half-done stays."""
 
+import csv
 import json
 import os
 import resource
@@ -15,6 +16,7 @@ from sample_bags import (
     START,
     STRING_DEFINITION,
     TALK,
+    serialized,
     write_bag,
     write_everything,
     write_offline_bag,
@@ -188,14 +190,14 @@ def test_topics_that_cannot_be_tables_are_named(tmp_path):
     assert json.loads((tmp_path / "out" / ACCOUNT).read_text())["left_out"] == exported.left_out
 
 
-def test_a_damaged_message_leaves_nothing_behind(tmp_path):
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        bag.write(TALK.name, b"\x00\x01\x00\x00\xff\xff", START, START)
+def test_a_damaged_file_leaves_nothing_behind(tmp_path):
+    file = write_bag(tmp_path / "bag", compression="none") / "bag_0.mcap"
+    content = file.read_bytes()
+    file.write_bytes(content.replace(b"message 5", b"massage 5"))
     for file_format in FORMATS:
-        with pytest.raises(BagError, match="/rpud/talk: a message of std_msgs/msg/String"):
+        with pytest.raises(BagError, match=r"bag_0\.mcap"):
             export(tmp_path / "bag", tmp_path / "out", file_format)
-    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+        assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
 
 def test_hostile_names_of_topics_stay_in_the_folder(tmp_path):
@@ -257,3 +259,20 @@ def test_a_bag_that_is_not_there_is_named(tmp_path):
     torn.write_bytes((tmp_path / "bag" / "bag_0.mcap").read_bytes()[:-100])
     with pytest.raises(BagError, match="cut off"):
         export(torn, tmp_path / "out")
+
+
+def test_a_text_that_a_spreadsheet_would_take_for_a_formula_is_none(tmp_path):
+    definition = "string text\nfloat64 number\n"
+    texts = ["=1+1", "+1", "-1", "@SUM(A1)", "\tx", "\rx", "'x", "a=1", ""]
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic("/a", "pkg/msg/Cell"), definition)
+        for text in texts:
+            values = {"text": text, "number": -1.5}
+            bag.write("/a", serialized("pkg/msg/Cell", definition, values), START, START)
+    export(tmp_path / "bag", tmp_path / "csv", "csv")
+    with (tmp_path / "csv" / "a.csv").open(newline="", encoding="utf-8") as file:
+        rows = [*csv.DictReader(file)]
+    assert [row["text"] for row in rows] == [f"'{text}" for text in texts[:6]] + texts[6:]
+    assert {row["number"] for row in rows} == {"-1.5"}
+    export(tmp_path / "bag", tmp_path / "parquet")
+    assert [*pd.read_parquet(tmp_path / "parquet" / "a.parquet")["text"]] == texts

@@ -181,6 +181,36 @@ def test_a_start_that_says_the_same_as_the_one_before_is_another_start(bag, tmp_
     assert twice.topics["/rpud/wrench"].equal == 2 * once.topics["/rpud/wrench"].equal
 
 
+def in_wrong_order(bag, folder, change=lambda message: message.data):
+    """Write a bag of two runs, of which the second one's messages come before the first one's."""
+    second = folder / "second"
+    write_offline_bag(second, preset("drilling"), DURATION, 0.7, None, 12)
+    first_journal, second_journal = (messages_of(path, {JOURNAL}) for path in (bag, second))
+    others = [m for path in (second, bag) for m in messages_of(path) if m.topic != JOURNAL]
+    with rpud_sim.bag.open(bag) as reader, rpud_sim.bag.BagWriter(folder / "bag") as writer:
+        for summary in reader.topics:
+            writer.add_topic(summary.topic, summary.definition)
+        for number, message in enumerate((*first_journal, *second_journal, *others)):
+            writer.write(message.topic, change(message), number, number)
+    return folder / "bag"
+
+
+def test_messages_that_only_another_run_gives_are_not_called_different(bag, tmp_path):
+    verification = verify(in_wrong_order(bag, tmp_path))
+    assert not verification.proved
+    assert verification.first_difference is None
+    assert verification.undecided.startswith("the bag holds 2 runs, and it cannot be decided which")
+
+
+def test_a_message_that_no_run_gives_differs_in_any_order(bag, tmp_path):
+    change = numbered("wrench", 12, lambda m: [flipped(m.data, PLACES["wrench"])])
+    path = in_wrong_order(bag, tmp_path, lambda message: change(message)[0])
+    verification = verify(path)
+    assert verification.first_difference.topic == "/rpud/wrench"
+    stamp = struct.unpack_from("<iI", messages_of(path, {"/rpud/wrench"})[12].data, 4)
+    assert verification.first_difference.stamp == stamp[0] * 1_000_000_000 + stamp[1]
+
+
 def test_lost_messages_are_counted_and_the_others_proved(bag, tmp_path):
     numbers = iter(range(1_000_000))
     dropped = []
@@ -191,11 +221,92 @@ def test_lost_messages_are_counted_and_the_others_proved(bag, tmp_path):
         return [] if lost else [message.data]
 
     verification = verify(altered(bag, tmp_path / "bag", lossy))
-    assert verification.proved
+    assert (verification.first_difference, verification.undecided) == (None, "")
     missing = sum(count.missing for count in verification.topics.values())
-    assert 0 < missing <= len(dropped)
+    assert missing > 0
+    assert verification.tail > 0
+    assert missing + verification.tail <= len(dropped)
     held = [m for m in messages_of(tmp_path / "bag") if m.topic not in (JOURNAL, "/rpud/status")]
     assert totals(verification)[0] == len(held)
+
+
+def seconds_of(path, duration):
+    """Write an offline bag of some seconds."""
+    write_offline_bag(path, preset("drilling"), duration, 0.2, None, 11)
+    return path
+
+
+@pytest.fixture(scope="module")
+def longer_bag(tmp_path_factory):
+    return seconds_of(tmp_path_factory.mktemp("longer") / "bag", 4.0)
+
+
+def without(*topics, after, before=10**12):
+    """Give a change that takes the messages of topics between two times of the bag [s]."""
+    names = {f"/rpud/{topic}" for topic in topics}
+
+    def change(message):
+        inside = after <= message.log_time / 1e9 <= before
+        return [] if message.topic in names and inside else [message.data]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "kept", [PROVED, ("contact_force",), ("contact_force", "nodal_plane")], ids=len
+)
+def test_impacts_that_are_missing_at_the_end_are_counted(longer_bag, tmp_path, kept):
+    impacts = [m for m in messages_of(longer_bag, {"/rpud/contact_force"}) if m.log_time > 2e9]
+    topics = {JOURNAL, "/rpud/status", *(f"/rpud/{name}" for name in kept)}
+    change = without("contact_force", after=2.0)
+    verification = verify(altered(longer_bag, tmp_path / "bag", change, topics))
+    assert not verification.proved
+    assert (verification.first_difference, verification.undecided) == (None, "")
+    counts = verification.topics["/rpud/contact_force"]
+    assert (counts.tail, counts.missing) == (len(impacts), 0)
+    assert verification.tail == len(impacts)
+
+
+def test_other_topics_show_that_messages_are_missing_at_the_end(longer_bag, tmp_path):
+    """As a recorder leaves it that is closed while the drill goes on."""
+    topics = {JOURNAL, "/rpud/contact_force", "/rpud/nodal_plane"}
+    impacts = messages_of(longer_bag, {"/rpud/contact_force"})
+
+    def change(message):
+        ended = message.topic == JOURNAL and message.log_time > 0
+        deaf = message.topic == "/rpud/contact_force" and message.log_time > 1e9
+        return [] if ended or deaf else [message.data]
+
+    verification = verify(altered(longer_bag, tmp_path / "bag", change, topics))
+    assert not verification.proved
+    # The last second shows nothing: a closed recorder leaves messages behind.
+    expected = sum(1e9 < m.log_time < 2.97e9 for m in impacts)
+    assert expected <= verification.tail <= expected + 10
+
+
+def test_a_topic_that_was_never_heard_is_missing_too(longer_bag, tmp_path):
+    change = without("contact_force", after=0.0)
+    verification = verify(altered(longer_bag, tmp_path / "bag", change))
+    assert not verification.proved
+    assert verification.topics["/rpud/contact_force"].tail > 900
+
+
+def test_messages_under_way_when_a_recorder_is_closed_are_not_missing(longer_bag, tmp_path):
+    """Each topic ends a little before the other, and the drill goes on."""
+    ends = {f"/rpud/{name}": 3.5 - 0.03 * i for i, name in enumerate((*PROVED, "status"))}
+
+    def change(message):
+        return [message.data] if message.log_time / 1e9 < ends.get(message.topic, 0.1) else []
+
+    verification = verify(altered(longer_bag, tmp_path / "bag", change))
+    assert verification.proved
+
+
+def test_a_topic_that_falls_silent_and_is_heard_again_is_missing_in_between(longer_bag, tmp_path):
+    change = without("contact_force", after=1.0, before=3.0)
+    verification = verify(altered(longer_bag, tmp_path / "bag", change))
+    assert verification.proved
+    assert verification.topics["/rpud/contact_force"].missing > 700
 
 
 def test_a_recording_of_a_part_is_proved(bag, tmp_path):

@@ -140,3 +140,18 @@ def test_a_folder_with_anything_else_is_left_alone(tmp_path, name, text, complai
     with pytest.raises(SweepError, match=complaint), SweepFolder(tmp_path, sweep()).held():
         pass
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, text)]
+
+
+def test_nothing_is_written_through_a_link(outcomes, tmp_path):
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    (tmp_path / "sweep").mkdir()
+    for name in ("manifest.json", "simulations.parquet", "points.parquet"):
+        (tmp_path / "sweep" / f"{name}.unfinished").symlink_to(mine)
+    folder = SweepFolder(tmp_path / "sweep", sweep())
+    with folder.held():
+        for chunk, outcome in outcomes:
+            folder.add(chunk, outcome)
+        folder.complete_tables()
+    assert folder.complete
+    assert mine.read_text() == "mine"

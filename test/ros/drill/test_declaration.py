@@ -87,7 +87,8 @@ def test_every_number_has_its_unit_and_its_range(described):
         descriptor = described[name]
         assert descriptor.type == ParameterType.PARAMETER_DOUBLE, name
         [allowed] = descriptor.floating_point_range
-        assert descriptor.description.endswith(f"[{quantity.unit or '1'}]")
+        unit = {"seed": "", "thread_priority": ""}.get(name, f" [{quantity.unit or '1'}]")
+        assert descriptor.description == quantity.description + unit
         assert descriptor.additional_constraints == f"in {quantity.range}"
         assert (allowed.from_value, allowed.to_value) == (quantity.minimum, quantity.maximum)
 
@@ -186,6 +187,49 @@ def test_changes_that_belong_together_are_made_together_or_not_at_all(running, b
     assert drill.set_parameters_atomically(good).successful
     [_, changed] = taken
     assert changed == Settings().replace({"gravity": 1.62, "regime": "free"})
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_a_whole_number_may_be_set_where_a_number_is_meant(running, together):
+    drill, taken = running
+    whole = [Parameter("gravity", value=5), Parameter("real_time_factor", value=2)]
+    if together:
+        assert drill.set_parameters_atomically(whole).successful
+    else:
+        assert all(result.successful for result in drill.set_parameters(whole))
+    assert taken[-1].value("gravity") == drill.get_parameter("gravity").value == 5.0
+    assert drill.get_parameter("gravity").type_ == Parameter.Type.DOUBLE
+    [result] = drill.set_parameters([Parameter("gravity", value=-5)])
+    assert not result.successful
+    [result] = drill.set_parameters([Parameter("regime", value=1)])
+    assert not result.successful
+    assert taken[-1].value("gravity") == 5.0
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("wieght_on_bit", "wieght_on_bit is not a parameter; did you mean weight_on_bit?"),
+        ("xyz", "xyz is not a parameter; known are rpud_mass, "),
+    ],
+)
+def test_an_override_of_no_parameter_is_named_with_the_nearest_one(node, name, said):
+    drill = node(**{name: 18.0})
+    with pytest.raises(ParameterError) as caught:
+        declare_settings(drill)
+    assert str(caught.value).startswith(said)
+    assert "\n" not in str(caught.value)
+
+
+def test_overrides_of_every_ros_node_are_let_through(node):
+    drill = node(
+        **{
+            "use_sim_time": False,
+            "start_type_description_service": True,
+            "qos_overrides./parameter_events.publisher.depth": 10,
+        }
+    )
+    assert declare_settings(drill) == Settings()
 
 
 def test_parameters_of_others_are_let_through(running):

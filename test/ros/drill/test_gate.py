@@ -7,6 +7,7 @@ import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import serialize_message
 from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from std_msgs.msg import Header
@@ -118,6 +119,27 @@ def test_what_cannot_be_used_is_refused_with_the_reason_and_counted(commander, m
     before = commander.inbox.rejected
     assert commander.give(message).startswith(reason)
     assert commander.inbox.rejected == before + 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "payload"),
+    [
+        (WeightOnBitMessage, b"\0\1\0\0"),
+        (WeightOnBitMessage, serialize_message(WeightOnBitMessage())[:12]),
+        (DriveMessage, b"\xff" * 4 + serialize_message(DriveMessage())[4:]),
+        (DriveMessage, serialize_message(DriveMessage())[:12] + b"\xff" * 24),
+    ],
+)
+def test_a_malformed_payload_is_refused_and_counted_and_the_next_command_taken(
+    commander, kind, payload
+):
+    before = commander.inbox.rejected
+    commander.publishers[kind].publish(payload)
+    commander.until(lambda: commander.inbox.rejected == before + 1)
+    assert commander.inbox.last_refusal.endswith(
+        f": a payload of {len(payload)} bytes is malformed"
+    )
+    assert isinstance(commander.give(kind()), (WeightOnBit, Drive))
 
 
 def test_a_drive_that_would_break_the_stack_is_refused(commander):

@@ -6,6 +6,7 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
+from std_srvs.srv import Trigger
 from support import until
 
 from rpud_sim.ros.drill.managed_node import ManagedNode
@@ -27,7 +28,7 @@ def node():
     rclpy.try_shutdown()
 
 
-def call(node, kind, name, parameters):
+def call(node, kind, name, **fields):
     executor = SingleThreadedExecutor()
     client_node = rclpy.create_node("client")
     client = client_node.create_client(kind, f"managed/{name}")
@@ -35,7 +36,7 @@ def call(node, kind, name, parameters):
         executor.add_node(each)
     try:
         assert client.wait_for_service(10.0)
-        future = client.call_async(kind.Request(parameters=parameters))
+        future = client.call_async(kind.Request(**fields))
         executor.spin_until_future_complete(future, 10.0)
         return future.result()
     finally:
@@ -44,7 +45,7 @@ def call(node, kind, name, parameters):
 
 
 def test_a_parameter_of_an_unknown_type_is_refused_and_its_neighbours_are_set(node):
-    results = call(node, SetParameters, "set_parameters", [UNKNOWN, KNOWN]).results
+    results = call(node, SetParameters, "set_parameters", parameters=[UNKNOWN, KNOWN]).results
     assert [(result.successful, result.reason) for result in results] == [
         (False, REASON),
         (True, ""),
@@ -54,11 +55,23 @@ def test_a_parameter_of_an_unknown_type_is_refused_and_its_neighbours_are_set(no
 
 def test_of_parameters_that_are_set_at_once_one_of_an_unknown_type_refuses_all(node):
     name = "set_parameters_atomically"
-    result = call(node, SetParametersAtomically, name, [KNOWN, UNKNOWN]).result
+    result = call(node, SetParametersAtomically, name, parameters=[KNOWN, UNKNOWN]).result
     assert (result.successful, result.reason) == (False, REASON)
     assert node.get_parameter("gain").value == 1.0
-    assert call(node, SetParametersAtomically, name, [KNOWN]).result.successful
+    assert call(node, SetParametersAtomically, name, parameters=[KNOWN]).result.successful
     assert node.get_parameter("gain").value == 2.0
+
+
+def test_a_handler_that_raises_an_error_answers_with_an_empty_response(node, capfd):
+    def handler(request, response):
+        response.success = True
+        return 1 / 0
+
+    node.create_service(Trigger, "~/divide", handler)
+    for _ in range(2):
+        assert not call(node, Trigger, "divide").success
+    said = "request refused: Trigger: it raised ZeroDivisionError: division by zero"
+    assert capfd.readouterr().err.count(said) == 2
 
 
 def test_a_destroyed_node_leaves_no_topic_behind(node):

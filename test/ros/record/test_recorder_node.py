@@ -13,6 +13,7 @@ from support import until
 from rpud_sim.bag import Message
 from rpud_sim.bag.losses import Losses
 from rpud_sim.ros.record.intake import Intake
+from rpud_sim.ros.record.record_report import failure, lost_text
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.recording import Declaration, MessageQueue
 from rpud_sim.ros.record.selection import TopicSelection
@@ -243,7 +244,7 @@ def test_a_publisher_that_offers_less_is_heard_as_well(peer, record):
     assert sorted(message.data[4] for message in taken) == [1, 2, 3]
 
 
-def test_a_topic_of_two_types_is_left_out_and_named(peer, record, nodes):
+def test_of_a_topic_with_two_types_one_is_recorded_and_the_other_named(peer, record, nodes):
     peer.create_publisher(String, "a", RELIABLE)
     peer.create_publisher(String, "b", RELIABLE)
     # One process has one type for a topic, unless it is two participants.
@@ -253,9 +254,14 @@ def test_a_topic_of_two_types_is_left_out_and_named(peer, record, nodes):
     nodes[-1].create_publisher(Int32, "a", RELIABLE)
     recorder = record(MessageQueue())
     until(lambda: any(len(types) == 2 for _, types in recorder.get_topic_names_and_types()))
-    until(discovered(recorder, 1))
-    assert recorder.skipped.keys() == {"/rpud/a"}
-    assert "several types: std_msgs/msg/Int32, std_msgs/msg/String" in recorder.skipped["/rpud/a"]
+    until(discovered(recorder, 2))
+    assert recorder.skipped == {
+        "/rpud/a [std_msgs/msg/Int32]": "the topic is recorded as std_msgs/msg/String"
+    }
+    assert recorder.further_types == ["/rpud/a"]
+    assert failure(recorder, allow_empty=True) == (
+        "topics with further types, which are not in the bag: /rpud/a"
+    )
     rclpy.shutdown(context=other)
 
 
@@ -270,3 +276,96 @@ def test_a_launch_file_s_namespace_is_recorded():
     finally:
         recorder.destroy_node()
         rclpy.try_shutdown()
+
+
+def test_a_further_type_that_comes_later_is_named_too(peer, record, nodes):
+    peer.create_publisher(String, "a", RELIABLE)
+    recorder = record(MessageQueue())
+    until(discovered(recorder, 1))
+    assert recorder.further_types == []
+    other = rclpy.Context()
+    rclpy.init(context=other)
+    nodes.append(rclpy.create_node("other", namespace="/rpud", context=other))
+    nodes[-1].create_publisher(Int32, "a", RELIABLE)
+    until(lambda: recorder.discover() or recorder.further_types)
+    assert recorder.skipped.keys() == {"/rpud/a [std_msgs/msg/Int32]"}
+    rclpy.shutdown(context=other)
+
+
+def test_what_is_too_short_for_a_message_is_counted_and_not_recorded(peer, record):
+    publisher = peer.create_publisher(Int32, "a", RELIABLE)
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 1))
+    until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(Int32(data=1))
+    publisher.publish(b"\x00\x01\x00")
+    publisher.publish(Int32(data=2))
+    publisher.publish(b"")
+    until(lambda: recorder.take() or (recorder.taken == 2 and recorder.losses["/rpud/a"].damaged))
+    until(lambda: recorder.take() or recorder.losses["/rpud/a"] == Losses(0, 0, 2))
+    recorded = [item for item in items(messages) if isinstance(item, Message)]
+    assert [message.data[4] for message in recorded] == [1, 2]
+    assert "lost 2 messages on /rpud/a: 2 damaged" in lost_text("/rpud/a", Losses(0, 0, 2))
+
+
+def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(peer, record):
+    publisher = peer.create_publisher(Int32, "contact_force", RELIABLE)
+    named = record(MessageQueue(), ["contact_forse"])
+    until(
+        lambda: (
+            named.discover() or dict(named.get_topic_names_and_types()).get("/rpud/contact_force")
+        )
+    )
+    named.finish()
+    assert failure(named, allow_empty=False) == (
+        "never appeared: /rpud/contact_forse (did you mean /rpud/contact_force?)"
+    )
+    assert failure(named, allow_empty=True) == ""
+    empty = record(MessageQueue(), namespace="/rpd")
+    until(lambda: dict(empty.get_topic_names_and_types()).get("/rpud/contact_force"))
+    empty.finish()
+    assert failure(empty, allow_empty=False) == (
+        "nothing came on 0 topics in /rpd (did you mean /rpud?)"
+    )
+    there = record(MessageQueue(), ["contact_force"])
+    until(discovered(there, 1))
+    assert failure(there, allow_empty=False) == "nothing came on 1 topics in /rpud"
+    until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(Int32(data=1))
+    until(lambda: there.take() or there.taken)
+    assert failure(there, allow_empty=False) == ""
+
+
+def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, capfd):
+    silent = peer.create_publisher(Int32, "silent", LATCHED)
+    talking = peer.create_publisher(Int32, "talking", RELIABLE)
+    messages = MessageQueue()
+    recorder = record(messages)
+    until(discovered(recorder, 2))
+    until(lambda: all(each.get_subscription_count() == 1 for each in (silent, talking)))
+    silent.publish(Int32(data=1))
+    until(lambda: recorder.take() or recorder.taken == 1)
+    began = time.monotonic()
+    until(lambda: time.monotonic() > began + 2.2)
+
+    def renewed():
+        talking.publish(Int32(data=2))
+        recorder.take()
+        recorder.discover()
+        return recorder.renewals
+
+    until(renewed)
+    assert recorder.renewals == {"/rpud/silent": 1}
+    assert "it stood still for 2." in capfd.readouterr().err
+    until(lambda: silent.get_subscription_count() == 1)
+    silent.publish(Int32(data=3))
+
+    def numbers(messages):
+        recorded = (item for item in items(messages) if isinstance(item, Message))
+        return [item.data[4] for item in recorded if item.topic == "/rpud/silent"]
+
+    found = []
+    until(lambda: recorder.take() or found.extend(numbers(messages)) or 3 in found)
+    assert found == [1, 3]  # what is latched came again, and is no new message
+    assert recorder.losses["/rpud/silent"].total == 0

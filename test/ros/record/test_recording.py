@@ -9,6 +9,9 @@ from sample_bags import START, STRING_DEFINITION, TALK
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message
+from rpud_sim.bag.losses import Losses
+from rpud_sim.ros.record.disk_room import DiskRoom
+from rpud_sim.ros.record.record_report import late_text, lost_text
 from rpud_sim.ros.record.recording import (
     Declaration,
     MessageQueue,
@@ -118,6 +121,47 @@ def test_what_was_written_is_flushed_within_the_bound_without_more(tmp_path):
     with rpud_sim.bag.open(tmp_path / "run") as whole:
         assert whole.records("notes") == [{"weather": "fine"}]
         assert whole.message_count == 1
+
+
+def test_a_full_disk_ends_the_recording_before_the_bag_is_torn(tmp_path):
+    class FullDisk(BagWriter):
+        def reserve(self, size):
+            return self.message_count < 3
+
+    messages = MessageQueue()
+    ended = threading.Event()
+    with FullDisk(tmp_path / "run") as bag:
+        room = DiskRoom(tmp_path, None)
+        thread = WritingThread(messages, bag, 1.0, on_end=ended.set, room=room)
+        thread.start()
+        messages.declare(Declaration(TALK, STRING_DEFINITION))
+        for number in range(10):
+            assert messages.put(message(log_time=START + number))
+        messages.split()  # a new file would need room, too
+        messages.close()
+        thread.join(10.0)
+        assert ended.is_set()
+        assert thread.error is None
+        assert thread.refusal == f"the disk of {tmp_path / 'run'} is full"
+        assert bag.file_count == 1
+    with rpud_sim.bag.open(tmp_path / "run") as whole:
+        assert whole.message_count == 3
+
+
+def test_what_was_late_on_the_disk_is_said_and_no_cause():
+    assert late_text(1.0, 1.0) == ""
+    assert late_text(7.25, 1.0) == (
+        "data was on the disk 7.2 s after it was received, 6.2 s later than --max-loss 1 s allows: "
+        "a crash might have cost as much"
+    )
+
+
+def test_how_messages_were_lost_is_said_and_no_cause():
+    assert lost_text("/a", Losses(2, 3, 1)) == (
+        "lost 6 messages on /a: 2 on the way, 3 for which the queue (--max-cache-size) had no "
+        "room, 1 damaged"
+    )
+    assert lost_text("/a", Losses(None, 3)).startswith("lost 3 messages on /a: 3 for which")
 
 
 def test_a_disk_too_slow_for_the_bound_is_known(tmp_path):

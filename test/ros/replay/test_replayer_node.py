@@ -8,6 +8,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from sample_bags import CHAT, TALK, write_bag
 
 import rpud_sim.bag
+from rpud_sim.bag import QosProfile
 from rpud_sim.ros.replay.replayer_node import Replayer
 
 
@@ -76,3 +77,19 @@ def test_there_is_one_clock(replay, summaries, capfd):
     assert node.topic_names == []
     assert len(node.get_publishers_info_by_topic("/clock")) == 1
     assert "the bag's own /clock is left out" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("durability", ["volatile", "transient_local"])
+@pytest.mark.parametrize("depth", [0, -1, 2**31, 2**70])
+def test_any_depth_that_a_bag_tells_is_offered_as_far_as_there_is_one(
+    replay, summaries, depth, durability
+):
+    offer = QosProfile(history="keep_last", depth=depth, durability=durability)
+    node = replay(changed(summaries[TALK.name], offered_qos=(offer,)))
+    assert node.topic_names == [TALK.name]
+
+
+def test_qos_that_cannot_be_offered_leaves_only_its_topic_out(replay, summaries):
+    odd = changed(summaries[TALK.name], offered_qos=(QosProfile(lifespan=-(2**70)),))
+    node = replay(odd, summaries[CHAT.name])
+    assert node.topic_names == [CHAT.name]

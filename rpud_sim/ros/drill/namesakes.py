@@ -1,0 +1,90 @@
+"""Nodes with the drill's own name: each of them answers the requests that are meant for another."""
+
+from __future__ import annotations
+
+import time
+
+import rclpy
+from lifecycle_msgs.srv import GetState
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+_DISCOVERY = 0.6  # that the middleware may take to find another node of this machine [s]
+_ANSWER = 2.0  # that a node may take to answer; one that was killed never does [s]
+_LOOK = 0.01  # [s]
+
+
+class Namesakes:
+    """Counts the other nodes of a node's name, and warns when there are some.
+
+    Args:
+        node: that has the name.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._name = (node.get_name(), node.get_namespace())
+        self._count = 0
+
+    def count(self) -> int:
+        """Return how many other nodes have the name; one that was killed counts for 20 s more."""
+        before = self._count
+        names = self._node.get_node_names_and_namespaces()
+        self._count = max(0, names.count(self._name) - 1)
+        if self._count > before:
+            self._node.get_logger().warning(
+                f"{self._count + 1} nodes are named {self._node.get_fully_qualified_name()}: all "
+                "of them answer the same requests; start each in a namespace of its own"
+            )
+        return self._count
+
+
+class NamesakeSearch:
+    """Looks for a living drill of a name before a drill of that name is made.
+
+    Args:
+        name: of the node to look for.
+        namespace: of that node.
+    """
+
+    def __init__(self, name: str, namespace: str) -> None:
+        # The context's global arguments rename nodes; this one must keep its own name.
+        self._node = rclpy.create_node(
+            f"{name}_search",
+            namespace=namespace,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._name = (name, self._node.get_namespace())
+        self._end = time.monotonic() + _DISCOVERY
+
+    @property
+    def name(self) -> str:
+        """The name with its namespace."""
+        name, namespace = self._name
+        return f"{namespace.rstrip('/')}/{name}"
+
+    def finish(self) -> bool:
+        """Tell whether such a drill is found 0.6 s after the start and answers; look no further."""
+        try:
+            while not (found := self._name in self._node.get_node_names_and_namespaces()):
+                if time.monotonic() >= self._end:
+                    break
+                time.sleep(_LOOK)
+            return found and self._answers()
+        finally:
+            self._node.destroy_node()
+
+    def _answers(self) -> bool:
+        client = self._node.create_client(GetState, f"{self._name[0]}/get_state")
+        executor = SingleThreadedExecutor()
+        executor.add_node(self._node)
+        try:
+            if not client.wait_for_service(_ANSWER):
+                return False
+            future = client.call_async(GetState.Request())
+            executor.spin_until_future_complete(future, _ANSWER)
+            return future.done()
+        finally:
+            executor.shutdown()

@@ -1,0 +1,35 @@
+"""The scenario of a drill, as the journal holds it. No numba, so that the recorder starts soon."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+_NANOSECONDS = 1_000_000_000
+
+
+def scenario_text(content: str) -> str:
+    """Give the scenario of a journal's entry `begin`, as a scenario file has it, all drawn.
+
+    `content` is that of the entry. The text is one JSON object, which YAML reads too; it is empty
+    where no fault was planned. Raises ValueError where `content` is of no such entry.
+    """
+    try:
+        faults = [_planned(entry) for entry in json.loads(content)["faults"]]
+    except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
+        raise ValueError(f"no beginning of a journal: {error!r:.100}") from None
+    return json.dumps({"faults": faults}, indent=1) + "\n" if faults else ""
+
+
+def _planned(entry: Mapping[str, Any]) -> dict[str, Any]:
+    onset, clear = entry["onset"], entry["clear"]
+    planned: dict[str, Any] = {"kind": str(entry["kind"]), "onset": int(onset) / _NANOSECONDS}
+    if entry["channel"]:
+        planned["channel"] = str(entry["channel"])
+    if clear is not None:
+        planned["duration"] = (int(clear) - int(onset)) / _NANOSECONDS
+    if math.isfinite(entry["magnitude"]):
+        planned["magnitude"] = float(entry["magnitude"])
+    return planned

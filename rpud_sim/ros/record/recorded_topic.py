@@ -1,0 +1,120 @@
+"""One topic that is recorded: what arrived on it, what is lost, what is damaged."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from rpud_sim.bag import Message
+from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.ros.qos import RECORDING_DEPTH
+
+_ENCAPSULATION = 4  # bytes before the fields of every message (CDR)
+_MATCHING = 3.0  # s in which a publisher that was found should be connected
+_EARLIEST = 946_684_800_000_000_000  # the year 2000 [ns since the epoch]
+_AHEAD = 86_400_000_000_000  # that the clock of a publisher may be off ours [ns]
+
+
+def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
+    """Tell whether these cannot be a message and its times [ns since the epoch].
+
+    The middleware gives such ones out of shared memory that a killed process has left behind.
+    """
+    now = time.time_ns()
+    # A computer without a battery for its clock may live in 1970 as a whole.
+    earliest = min(_EARLIEST, max(1, now - _AHEAD))
+    times_fit = all(earliest <= moment <= now + _AHEAD for moment in (log_time, publish_time))
+    return len(data) < _ENCAPSULATION or not times_fit
+
+
+@dataclass
+class RecordedTopic:
+    """A topic and what is known of it.
+
+    `numbered` is whether the middleware numbers its messages, `unheard` whether a publisher is
+    known that an override keeps out. `renewals` counts subscriptions that were made as a publisher
+    was not heard. `heard` is when a message came last, `unmatched` since when fewer publishers are
+    connected than there are, both by the monotonic clock [s].
+    """
+
+    name: str
+    type: str
+    message: Any
+    subscription: Subscription
+    request: QoSProfile
+    gaps: SequenceGaps
+    endpoints: list[TopicEndpointInfo] = field(default_factory=list)
+    declared: bool = False
+    numbered: bool = True
+    unheard: bool = False
+    further_types: set[str] = field(default_factory=set)
+    damaged: int = 0
+    heard: float = float("-inf")
+    unmatched: float | None = None
+    renewals: int = 0
+    _uncounted: int = 0  # damaged messages whose numbers are a gap in the next ones
+    _latest: dict[tuple[int, int | None], None] = field(default_factory=dict)
+
+    def misses(self, offers: Sequence[QoSProfile]) -> bool:
+        """Tell whether a publisher of those that offer this should be connected by now."""
+        fitting = sum(
+            qos_check_compatible(offer, self.request)[0] != QoSCompatibility.ERROR
+            for offer in offers
+        )
+        now = time.monotonic()
+        if self.subscription.handle.get_publisher_count() >= fitting:
+            self.unmatched = None
+        elif self.unmatched is None:
+            self.unmatched = now
+        elif now >= self.unmatched + _MATCHING * 2 ** min(self.renewals, 5):
+            self.unmatched = None
+            return True
+        return False
+
+    def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
+        """Give the message that was taken with that information; None where it is no new one.
+
+        `counts` is whether a gap before it is a loss.
+        """
+        log_time = info["received_timestamp"] or time.time_ns()
+        publish_time = info["source_timestamp"]
+        if is_damaged(data, log_time, publish_time):
+            self.damaged += 1
+            self._uncounted += 1
+            return None
+        number = info["publication_sequence_number"]
+        if self._is_repeated(publish_time, number):
+            return None
+        self.heard = time.monotonic()
+        self._note(number, counts)
+        return Message(self.name, log_time, publish_time, data)
+
+    def _is_repeated(self, publish_time: int, number: int | None) -> bool:
+        """Tell whether a latched message came before, ahead of a renewed subscription."""
+        if self.request.durability != DurabilityPolicy.TRANSIENT_LOCAL:
+            return False
+        if (publish_time, number) in self._latest:
+            return True
+        self._latest[publish_time, number] = None
+        if len(self._latest) > RECORDING_DEPTH:
+            del self._latest[next(iter(self._latest))]
+        return False
+
+    def _note(self, number: int | None, counts: bool) -> None:
+        if number is None:
+            self.numbered = False
+            return
+        before = self.gaps.missing
+        self.gaps.note(number)
+        found = self.gaps.missing - before
+        if not counts:
+            self.gaps.missing = before
+        elif found:
+            self.gaps.missing -= min(found, self._uncounted)
+            self._uncounted = 0

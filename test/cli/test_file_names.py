@@ -1,0 +1,74 @@
+"""Names of files are bytes: any locale and any folder will do."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from sample_bags import write_bag
+
+import rpud_sim.bag
+from rpud_sim.bag.manifest import RECORD_NAME, manifest_from_record
+
+
+def rpud(folder, *words, **environment):
+    return subprocess.run(
+        [sys.executable, "-m", "rpud_sim.cli.main", *words],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["info", "größe"],
+        ["report", "größe", "--out", "ä.html"],
+        ["export", "größe", "--out", "ä", "--format", "csv"],
+        ["recover", "größe", "--out", "ä"],
+        ["simulate", "--duration", "0.1", "--bag", "ä"],
+    ],
+)
+def test_the_locale_is_no_damage(tmp_path, words):
+    write_bag(tmp_path / "größe")
+    done = rpud(tmp_path, *words, LC_ALL="C", PYTHONUTF8="0")
+    assert (done.returncode, done.stderr) == (0, b"")
+    for path in tmp_path.glob("ä/metadata.yaml"):
+        with rpud_sim.bag.open(path.parent) as bag:
+            assert bag.message_count > 0
+            manifests = [manifest_from_record(record) for record in bag.records(RECORD_NAME)]
+        assert "ä_0.mcap" in path.read_text(encoding="utf-8")
+        assert all(manifest.command[-1] == "ä" for manifest in manifests)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["info", b"\xff/bag"],
+        ["report", b"\xff/bag", "--out", b"\xff.html"],
+        ["export", b"\xff/bag", "--out", b"\xff.out"],
+        ["recover", b"\xff/bag", "--out", b"\xff/new"],
+        ["simulate", "--duration", "0.1", "--bag", b"\xff/new"],
+    ],
+)
+def test_a_folder_may_have_any_name(tmp_path, words):
+    folder = tmp_path / os.fsdecode(b"\xff")
+    folder.mkdir()
+    write_bag(folder / "bag")
+    done = rpud(tmp_path, *words)
+    assert (done.returncode, done.stderr) == (0, b"")
+    if words[-1] == b"\xff/new":
+        assert rpud(tmp_path, "info", b"\xff/new").returncode == 0
+
+
+@pytest.mark.parametrize(
+    "words", [["recover", "bag", "--out"], ["simulate", "--duration", "0.1", "--bag"]]
+)
+def test_a_bag_s_own_name_must_be_utf_8(tmp_path, words):
+    write_bag(tmp_path / "bag")
+    done = rpud(tmp_path, *words, b"\xff")
+    reason = rf"rpud {words[0]}: the name '\udcff' is not UTF-8, as a bag's must be"
+    assert (done.returncode, done.stderr.decode().strip()) == (1, reason)
+    assert os.listdir(os.fsencode(tmp_path)) == [b"bag"]

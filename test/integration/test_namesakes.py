@@ -1,0 +1,67 @@
+"""Two drills of one name in one domain: both say so, and `rpud run` refuses to be the second."""
+
+import subprocess
+
+import pytest
+from drill_client import COMPILED, Client, start_drill
+
+NAME = "/twin/drill_node"
+
+
+@pytest.fixture
+def first():
+    process = start_drill("/twin")
+    process.wait_for_line("the drill is active", timeout=COMPILED)
+    yield process
+    process.stop()
+
+
+def run(*words):
+    """Run `rpud run` to its end; give exit code and standard error."""
+    done = subprocess.run(
+        ["rpud", "run", "--namespace", "twin", "--duration", "2.5", "--quiet", *words],
+        capture_output=True,
+        text=True,
+        timeout=100.0,
+        check=False,
+    )
+    return done.returncode, done.stderr
+
+
+def test_both_say_so_in_the_log_and_in_the_diagnostics(first):
+    second = start_drill("/twin", autostart=False)
+    client = Client("/twin")
+    try:
+        for drill in (first, second):
+            drill.wait_for_line(f"WARN.*: 2 nodes are named {NAME}: all of them answer the same")
+        diagnostics = client.listen("/diagnostics")
+        client.until(
+            lambda: any(
+                status.message == "2 nodes have this name"
+                for message in diagnostics
+                for status in message.status
+            )
+        )
+        second.stop()
+        client.until(lambda: diagnostics[-1].status[-1].message == "running")
+    finally:
+        client.close()
+        second.stop()
+
+
+def test_rpud_run_refuses_to_be_the_second_unless_that_is_allowed(first):
+    code, errors = run()
+    assert code == 1
+    said = f"a drill named {NAME} runs already: choose another --namespace, or give "
+    assert errors == f"rpud run: {said}--allow-duplicate\n"
+    code, errors = run("--allow-duplicate")
+    assert code == 0
+    assert f"2 nodes are named {NAME}" in errors
+    assert first.running
+
+
+def test_a_drill_that_was_killed_keeps_none_from_taking_its_name(first):
+    first.kill()
+    first.wait()
+    code, errors = run()
+    assert code == 0, errors

@@ -1,0 +1,70 @@
+"""A message with a time or a payload that cannot be is damaged, and counted once."""
+
+import time
+
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from rpud_sim.bag.sequence import SequenceGaps
+from rpud_sim.ros.record.recorded_topic import RecordedTopic, is_damaged
+
+NOW = time.time_ns()
+DAY = 86_400_000_000_000
+DATA = b"\x00\x01\x00\x00\x05\x00\x00\x00"
+
+
+@pytest.fixture
+def topic():
+    return RecordedTopic(
+        "/rpud/a", "std_msgs/msg/Int32", None, None, QoSProfile(depth=1), SequenceGaps(lambda: 1)
+    )
+
+
+def info(number, sent=NOW, received=NOW):
+    return {
+        "publication_sequence_number": number,
+        "source_timestamp": sent,
+        "received_timestamp": received,
+    }
+
+
+@pytest.mark.parametrize(
+    ("data", "log_time", "publish_time"),
+    [
+        (b"", NOW, NOW),
+        (DATA[:3], NOW, NOW),
+        (DATA, NOW, 0),
+        (DATA, NOW, 77),
+        (DATA, 77, NOW),
+        (DATA, NOW, NOW + 2 * DAY),
+        (DATA, 2**63 - 1, NOW),
+        (DATA, NOW, -1),
+    ],
+)
+def test_what_cannot_be_a_message_is_damaged(data, log_time, publish_time):
+    assert is_damaged(data, log_time, publish_time)
+    assert not is_damaged(DATA, NOW, NOW)
+    assert not is_damaged(DATA[:4], NOW, NOW + DAY // 2)
+
+
+def test_a_damaged_message_is_no_gap_as_well(topic):
+    assert topic.accept(DATA, info(1), counts=True).data == DATA
+    assert topic.accept(b"", info(0), counts=True) is None
+    assert topic.accept(DATA, info(3, sent=0), counts=True) is None
+    assert topic.accept(DATA, info(6), counts=True) is not None
+    assert (topic.damaged, topic.gaps.missing) == (2, 2)
+    assert topic.accept(DATA, info(8), counts=True) is not None
+    assert topic.gaps.missing == 3
+
+
+def test_a_gap_in_a_pause_is_no_loss(topic):
+    topic.accept(DATA, info(1), counts=True)
+    topic.accept(DATA, info(9), counts=False)
+    assert topic.gaps.missing == 0
+
+
+def test_a_latched_message_that_comes_again_is_not_recorded_again(topic):
+    topic.request = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    assert topic.accept(DATA, info(1), counts=True) is not None
+    assert topic.accept(DATA, info(1), counts=True) is None
+    assert topic.accept(DATA, info(1, sent=NOW + 1), counts=True) is not None

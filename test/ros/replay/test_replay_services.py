@@ -1,0 +1,50 @@
+"""A request that raises an error is answered and counted, and the next one served."""
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from sample_bags import write_bag
+from std_srvs.srv import Trigger
+
+import rpud_sim.bag
+from rpud_sim.ros.replay.playback import Plan, Playback
+from rpud_sim.ros.replay.playback_thread import PlaybackThread
+from rpud_sim.ros.replay.read_ahead import ReadAhead
+from rpud_sim.ros.replay.replay_services import ReplayServices, service_types
+from rpud_sim.ros.replay.replayer_node import Replayer
+
+
+def test_a_request_that_raises_an_error_is_answered_and_counted(tmp_path, capfd):
+    rclpy.init()
+    executor = SingleThreadedExecutor()
+    with rpud_sim.bag.open(write_bag(tmp_path / "run")) as bag:
+        node = Replayer(bag.topics, with_clock=False)
+        plan = Plan(bag.start_time, bag.end_time, rate=1.0, paused=True, loop=False, tick=None)
+        thread = PlaybackThread(
+            Playback(lambda position: ReadAhead(bag.messages(node.topic_names)), plan, node)
+        )
+        ReplayServices(node, thread, node.count_failure)
+        executor.add_node(node)
+
+        def ask(name):
+            client = node.create_client(service_types()[name], f"~/{name}")
+            assert client.wait_for_service(10.0)
+            future = client.call_async(service_types()[name].Request())
+            executor.spin_until_future_complete(future, 10.0)
+            return future.result()
+
+        try:
+            for publisher in list(node.publishers):
+                node.destroy_publisher(publisher)  # publishing raises an error from now on
+            response = ask("play_next")
+            assert not response.success
+            if isinstance(response, Trigger.Response):
+                assert response.message.startswith("it raised InvalidHandle")
+            assert node.failures == 1
+            assert "request failed: play_next: it raised InvalidHandle" in capfd.readouterr().err
+            assert ask("is_paused").paused
+        finally:
+            thread.stop()
+            thread.join()
+            executor.shutdown()
+            node.destroy_node()
+            rclpy.try_shutdown()

@@ -1,0 +1,58 @@
+"""What a program prints is text, whatever a bag calls things."""
+
+import subprocess
+import sys
+
+import pytest
+from sample_bags import SECOND, START, STRING_DEFINITION, serialized_string
+
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.terminal import printable, table
+
+EVIL = "/a\x1b[2J\r\n\x9b\u202e\x00"
+ESCAPED = r"/a\x1b[2J\r\n\x9b\u202e\x00"
+
+
+def test_what_steers_a_terminal_is_escaped_and_all_else_stays():
+    assert printable(EVIL) == ESCAPED
+    assert printable("\udcff") == r"\udcff"
+    plain = "größer 钻 \N{NARROW NO-BREAK SPACE}|"
+    assert printable(plain) == plain
+
+
+def test_a_table_is_aligned_after_escaping():
+    assert table([("name", "n"), ("\x1b", "10")], left=1) == ["name   n", "\\x1b  10"]
+
+
+@pytest.fixture
+def evil_bag(tmp_path):
+    path = tmp_path / "evil\x1b[2J"
+    with BagWriter(path) as bag:
+        bag.add_topic(Topic(EVIL, "std_msgs/msg/String"), STRING_DEFINITION)
+        bag.add_topic(Topic("/untold" + EVIL, "pkg/msg/Un\x1btold"))
+        for number in range(3):
+            time = START + number * SECOND
+            bag.write(EVIL, serialized_string(EVIL), time, time)
+    return path
+
+
+@pytest.mark.parametrize(
+    "words", [["info"], ["report", "--out"], ["export", "--out"], ["recover", "--out"], ["verify"]]
+)
+def test_no_command_prints_what_steers_a_terminal(evil_bag, tmp_path, words):
+    command, *out = words
+    out += [tmp_path / "out\x1b[2J"] if out else []
+    done = subprocess.run(
+        [sys.executable, "-m", "rpud_sim.cli.main", command, evil_bag, *out],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    printed = done.stdout + done.stderr
+    assert r"\x1b[2J" in printed
+    assert "Traceback" not in printed
+    assert printable(printed.replace("\n", "")) == printed.replace("\n", "")
+    if command == "report":
+        page = (tmp_path / "out\x1b[2J").read_text(encoding="utf-8")
+        assert ESCAPED in page
+        assert not {"\x1b", "\x9b", "\u202e", "\x00"} & set(page)
