@@ -92,7 +92,7 @@ class BagReader:
             for record in self.records(LOSSES_RECORD)
             for topic, item in losses_from_record(record).items()
         }
-        names = {channel.topic for file in self._files for channel in file.channels.values()}
+        names = {name for file in self._files for name in file.topic_channels}
         return tuple(self._summary(name, losses.get(name)) for name in sorted(names))
 
     def records(self, name: str) -> list[dict[str, str]]:
@@ -186,7 +186,11 @@ class BagReader:
     def _tables(self, topics: Collection[str] | None) -> tuple[dict[str, Table], dict[str, str]]:
         from rpud_sim.bag.tables import open_tables
 
-        return open_tables(self._path, self.topics, topics)
+        return open_tables(self._path, self._known, topics)
+
+    @cached_property
+    def _known(self) -> dict[str, TopicSummary]:
+        return {summary.topic.name: summary for summary in self.topics}
 
     @property
     def _filled(self) -> list[StorageFile]:
@@ -194,7 +198,7 @@ class BagReader:
         return [file for file in self._files if file.message_count]
 
     def _summary(self, name: str, losses: Losses | None) -> TopicSummary:
-        parts = [file.topic(name) for file in self._files if name in file.topic_names]
+        parts = [file.topic(name) for file in self._files if name in file.topic_channels]
         times = [
             time for part in parts for time in (part.first_time, part.last_time) if time is not None
         ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,8 +69,7 @@ class Table:
             )
         if summary.definition is None:
             raise BagFormatError("the bag does not hold the definition of its type")
-        self._codec = Codec(summary.topic.type, summary.definition)
-        self._fields = columns_of(self._codec, summary.definition)
+        self._codec, self._fields = _compiled(summary.topic.type, summary.definition)
         self._blocks = holds_rows(summary.topic.type, self._fields)
 
     @property
@@ -97,15 +97,20 @@ class Table:
         return Batch(self._name, values, len(messages))
 
 
+@lru_cache(maxsize=256)  # topics of one type share it
+def _compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]]:
+    codec = Codec(type_name, definition)
+    return codec, columns_of(codec, definition)
+
+
 def open_tables(
-    path: Path, summaries: Iterable[TopicSummary], topics: Collection[str] | None
+    path: Path, known: Mapping[str, TopicSummary], topics: Collection[str] | None
 ) -> tuple[dict[str, Table], dict[str, str]]:
     """Give the tables of topics by their names, and why others have none.
 
-    `topics` are those that must have one; None is all that can. Raises BagError where one of them
+    `known` are the bag's topics by their names; `topics` are those that must have one; None is all that can. Raises BagError where one of them
     is not in the bag, BagFormatError where it cannot be a table.
     """
-    known = {summary.topic.name: summary for summary in summaries}
     tables, left_out = {}, {}
     for name in dict.fromkeys(known if topics is None else topics):
         if name not in known:
