@@ -48,4 +48,8 @@ def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
 
 def _losses(value: Mapping[str, int | None]) -> Losses:
     transport = value["transport"]
-    return Losses(None if transport is None else int(transport), int(value["queue"] or 0))
+    losses = Losses(None if transport is None else int(transport), int(value["queue"] or 0))
+    for count in (losses.transport or 0, losses.queue):
+        if not 0 <= count < 2**63:
+            raise ValueError(f"{count:g} is no number of messages")
+    return losses

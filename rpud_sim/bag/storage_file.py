@@ -83,18 +83,18 @@ class StorageFile:
     """One open MCAP file with its summary.
 
     Without `repeats` it is as if the file did not hold what it repeats of the one before.
-    Raises BagNotFoundError, or BagFormatError where it is damaged or incomplete.
+    `shown` names it in errors, where that is not its path. Raises BagNotFoundError, or
+    BagFormatError where it is damaged or incomplete.
     """
 
-    def __init__(self, path: Path, *, repeats: bool = True) -> None:
+    def __init__(self, path: Path, *, repeats: bool = True, shown: Path | None = None) -> None:
         self._path = path
+        self._shown = shown or path
         self._repeats = repeats
-        with clear_errors(path):
-            if path.exists() and not path.is_file():  # to open a FIFO may take forever
-                raise BagFormatError(f"{path} is not a file")
+        with clear_errors(self._shown):
             self._stream: BinaryIO = path.open("rb")
         try:
-            with clear_errors(path):
+            with clear_errors(self._shown):
                 self.size = os.fstat(self._stream.fileno()).st_size
                 self._check_ends()
                 self._index = read_summary(self._stream, self.size)
@@ -124,6 +124,21 @@ class StorageFile:
         counts = self.statistics.channel_message_counts
         left_out = self._index.channels.keys() - self.channels.keys()
         return self.statistics.message_count - sum(counts.get(number, 0) for number in left_out)
+
+    @property
+    def start_time(self) -> int:
+        """Log time of the first message."""
+        return self.statistics.message_start_time
+
+    @property
+    def end_time(self) -> int:
+        """Log time of the last message."""
+        return self.statistics.message_end_time
+
+    @property
+    def compressions(self) -> set[str]:
+        """What its chunks are compressed with; empty texts for those that are not."""
+        return {index.compression for index in self.chunk_indexes}
 
     @property
     def schemas(self) -> dict[int, Schema]:
@@ -243,8 +258,8 @@ class StorageFile:
     @contextmanager
     def _clear_errors(self) -> Iterator[None]:
         if self._stream.closed:
-            raise BagError(f"{self._path} was closed; open the bag again")
-        with clear_errors(self._path):
+            raise BagError(f"{self._shown} was closed; open the bag again")
+        with clear_errors(self._shown):
             yield
 
     def _unchunked(self, wanted: dict[int, str], start_time: int) -> Iterator[Message]:
@@ -292,7 +307,9 @@ class StorageFile:
         offsets = index.message_index_offsets
         for channel in channels:
             if channel in offsets:
-                _, times = message_index_times(read_record(self._stream, offsets[channel], self.size))
+                _, times = message_index_times(
+                    read_record(self._stream, offsets[channel], self.size)
+                )
                 for time in times:
                     first, last = extremes or (time, time)
                     extremes = [min(time, first), max(time, last)]
@@ -300,11 +317,11 @@ class StorageFile:
 
     def _check_ends(self) -> None:
         if self._stream.read(len(MAGIC)) != MAGIC:
-            raise BagFormatError(f"{self._path} is not an MCAP file")
+            raise BagFormatError(f"{self._shown} is not an MCAP file")
         self._stream.seek(max(0, self.size - len(MAGIC)))
         if self.size < 2 * len(MAGIC) or self._stream.read() != MAGIC:
             raise BagFormatError(
-                f"{self._path} is cut off: it was not closed, or lost its end; "
+                f"{self._shown} is cut off: it was not closed, or lost its end; "
                 "rpud recover makes a whole bag of it"
             )
         self._stream.seek(0)

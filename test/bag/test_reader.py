@@ -214,7 +214,7 @@ def test_memory_stays_bounded_by_the_chunks(tmp_path):
 def test_what_is_not_there_is_named(tmp_path):
     with pytest.raises(BagNotFoundError, match=r"no bag at .*missing"):
         rpud_sim.bag.open(tmp_path / "missing")
-    with pytest.raises(BagNotFoundError, match=r"neither metadata.yaml nor an MCAP file"):
+    with pytest.raises(BagNotFoundError, match=r"neither metadata.yaml nor an MCAP or SQLite file"):
         rpud_sim.bag.open(tmp_path)
     write_bag(tmp_path / "run")
     (tmp_path / "run" / "run_0.mcap").unlink()
@@ -235,8 +235,9 @@ def test_what_is_no_bag_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("storage_identifier: mcap", "storage_identifier: sqlite3", "'sqlite3'; only 'mcap'"),
-        ("compression_mode: ''", "compression_mode: FILE", "compression_mode is 'FILE'"),
+        ("storage_identifier: mcap", "storage_identifier: tape", "'tape'; only 'mcap'"),
+        ("compression_mode: ''", "compression_mode: PART", "compression_mode is 'PART'"),
+        ("compression_mode: ''", "compression_mode: FILE", "compression_format is ''"),
         ("- run_0.mcap", "- ../run_0.mcap", "outside of the bag"),
         ("- run_0.mcap", "- /etc/passwd", "outside of the bag"),
         ("version: 9", "version: nine", "metadata.yaml"),
