@@ -21,7 +21,8 @@ FIELDS_LIMIT = 100_000
 # Bytes that parts of a message take: as objects, as plain values, and as text.
 _MEMBER = 500  # a message within a message
 _FIELD = 100
-_NUMBERS = 6  # for each byte of sequences and arrays of numbers, and of texts
+_BYTE = 6  # for each byte of texts, and of sequences and arrays of numbers
+_LEAST_NUMBER = 10  # in sequences and arrays: Parquet has levels for each
 _TEXTS = ("string", "wstring")
 _LEAST_TEXT = 5  # its length, and the zero at its end
 
@@ -70,15 +71,15 @@ class Budget:
             return self._member(described)
         if node == Nodetype.BASE:
             if described[0] in _TEXTS:
-                return _Shape(1, _FIELD, _LEAST_TEXT, _NUMBERS)
+                return _Shape(1, _FIELD, _LEAST_TEXT, _BYTE)
             return _Shape(1, _FIELD, SIZEMAP[described[0]], 0.0)
         element, count = described
         each = self.shape(*element)
         if node == Nodetype.SEQUENCE:
-            share = _NUMBERS if is_number(*element) else each.memory / each.size
-            return _Shape(1, _FIELD, 4, max(share, each.share))
-        if is_number(*element):
-            return _Shape(1, _FIELD + count * each.size * _NUMBERS, count * each.size, 0.0)
+            memory = _number(each.size) if _is_number(*element) else each.memory
+            return _Shape(1, _FIELD, 4, max(memory / each.size, each.share))
+        if _is_number(*element):
+            return _Shape(1, _FIELD + count * _number(each.size), count * each.size, 0.0)
         return _Shape(
             1 + count * each.fields, _FIELD + count * each.memory, count * each.size, each.share
         )
@@ -106,7 +107,12 @@ class Budget:
         }
 
 
-def is_number(node: Nodetype, described: Any) -> bool:
+def _number(size: int) -> int:
+    """Give the memory of a number of so many bytes among others."""
+    return max(_LEAST_NUMBER, size * _BYTE)
+
+
+def _is_number(node: Nodetype, described: Any) -> bool:
     """Tell whether a field is a single number."""
     return node == Nodetype.BASE and described[0] not in _TEXTS
 
@@ -131,7 +137,7 @@ class _Walk:
             return self.member(described, place)
         if node == Nodetype.BASE and described[0] in _TEXTS:
             count, place = self._count(place)
-            self._take(count * _NUMBERS)
+            self._take(count * _BYTE)
             return place + count
         if node == Nodetype.BASE:
             return _aligned(place, SIZEMAP[described[0]]) + SIZEMAP[described[0]]
@@ -139,9 +145,9 @@ class _Walk:
         if node == Nodetype.SEQUENCE:
             count, place = self._count(place)
             shape = self._budget.shape(*element)
-            each = shape.size * _NUMBERS if is_number(*element) else shape.memory
+            each = _number(shape.size) if _is_number(*element) else shape.memory
             self._take(count * each)
-        if is_number(*element):
+        if _is_number(*element):
             size = SIZEMAP[element[1][0]]
             return _aligned(place, size) + count * size if count else place
         for _ in range(count):
