@@ -222,7 +222,15 @@ def _load(text: str) -> Any:
     try:
         _check_size(text)
         return yaml.load(text, Loader=_LOADER)
-    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+    except (
+        yaml.YAMLError,
+        AttributeError,  # of a tag whose value does not fit: !!timestamp 1
+        LookupError,
+        OverflowError,
+        RecursionError,
+        TypeError,
+        ValueError,
+    ) as error:
         line = " ".join(str(error).split())
         raise BagFormatError(f"the rosbag2 metadata is not YAML: {line}") from error
 

@@ -206,6 +206,7 @@ LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         "- x\n" * 300_000,
         "rosbag2_bagfile_information: !!python/object/apply:os.system [echo]\n",
         "a: 2001-99-99\n",
+        "a: !!timestamp 1\n",
         "? [a]\n: b\n",
         "a: !!int x\n",
         "a: .inf\n",
