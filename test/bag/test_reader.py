@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import time
 import tracemalloc
 
 import pytest
@@ -20,8 +21,17 @@ from sample_bags import (
 )
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, BagFormatError, BagNotFoundError, BagReader, BagWriter
+import rpud_sim.bag.tables
+from rpud_sim.bag import (
+    BagError,
+    BagFormatError,
+    BagNotFoundError,
+    BagReader,
+    BagWriter,
+    QosProfile,
+)
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.metadata import dump_offered_qos
 from rpud_sim.bag.recovery import recover
 
 
@@ -297,3 +307,46 @@ def test_changed_bytes_never_cause_anything_but_a_bag_error(whole_file, tmp_path
         assert bag.compression
         assert len(bag.topics) <= 2
         list(bag.messages())
+
+
+def many_channels(path, channels, texts):
+    """Write a file of two messages on each of many channels, which share a few texts."""
+    offers = dump_offered_qos((QosProfile(),))
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=64 * 1024)
+        writer.start("ros2", "test")
+        schemas = [
+            writer.register_schema(STRING, "ros2msg", f"string data{number}\n".encode())
+            for number in range(texts)
+        ]
+        for number in range(channels):
+            metadata = {"offered_qos_profiles": offers, "topic_type_hash": "x"}
+            schema = schemas[number % texts]
+            channel = writer.register_channel(f"/talk{number}", "cdr", schema, metadata)
+            for stamp in (number, number + channels):
+                writer.add_message(channel, stamp, serialized_string("x"), stamp)
+        writer.finish()
+    return path
+
+
+def test_what_channels_share_is_read_once(tmp_path, monkeypatch):
+    compiled = []
+    original = rpud_sim.bag.tables.Codec
+    monkeypatch.setattr(
+        rpud_sim.bag.tables, "Codec", lambda *kind: compiled.append(kind) or original(*kind)
+    )
+    with rpud_sim.bag.open(many_channels(tmp_path / "many.mcap", 500, 7)) as bag:
+        assert len(bag.topics) == 500
+        assert all(topic.rate for topic in bag.topics)
+        assert bag.left_out == {}
+        for topic in bag.topics[:100]:
+            assert len(bag.arrays(topic.topic.name)["log_time"]) == 2
+    assert len(compiled) == 7
+
+
+def test_a_bag_of_65000_channels_is_listed_in_5_seconds(tmp_path):
+    path = many_channels(tmp_path / "many.mcap", 65_000, 1000)
+    began = time.process_time()
+    with rpud_sim.bag.open(path) as bag:
+        assert sum(topic.message_count for topic in bag.topics) == 130_000
+    assert time.process_time() - began < 5.0

@@ -50,7 +50,7 @@ class Outcome:
     harms: list[str] = dataclasses.field(default_factory=list)
 
 
-class Harm(Exception):
+class HarmError(Exception):
     """A command did what it must not do."""
 
 
@@ -150,7 +150,7 @@ def attack(seed: int, number: int, folder: Path) -> tuple[str, bool, float, int,
     harms, refused = [], False
     try:
         refused = _arrays(bag) if way == "arrays" else _command(way, bag, folder, drawn)
-    except Harm as harm:
+    except HarmError as harm:
         harms.append(str(harm))
     except Exception:
         harms.append("".join(traceback.format_exc().splitlines(keepends=True)[-6:]))
@@ -173,7 +173,7 @@ def _command(way: str, bag: Path, folder: Path, drawn: random.Random) -> bool:
     }[way]
     code = _called(way, bag, *words)
     if code == 1 and (out.exists() or Path(f"{out}.html").exists()):
-        raise Harm("it was refused, and left something behind")
+        raise HarmError("it was refused, and left something behind")
     if way == "recover" and code != 1:
         _check_recovered(out, folder)
     return code == 1
@@ -189,17 +189,17 @@ def _called(way: str, bag: Path, *words: str) -> int:
         code = module.run(arguments)
     said = errors.getvalue()
     if code not in (0, 1, 3):
-        raise Harm(f"exit code {code}: {said}")
+        raise HarmError(f"exit code {code}: {said}")
     if code == 1:
         _check_line(said.removesuffix("\n"))
     elif "Warning" in said or "Traceback" in said:
-        raise Harm(said)
+        raise HarmError(said)
     return int(code)
 
 
 def _check_line(said: str) -> None:
     if not said.strip() or len(said.splitlines()) > 1 or len(said) > LONGEST_LINE:
-        raise Harm(f"the error is not one line: {said[:500]!r}")
+        raise HarmError(f"the error is not one line: {said[:500]!r}")
 
 
 def _check_recovered(path: Path, folder: Path) -> None:
@@ -211,7 +211,7 @@ def _check_recovered(path: Path, folder: Path) -> None:
             argparse.Namespace(bag=str(path), json=False)
         )
     if code:
-        raise Harm(f"it was recovered to what cannot be listed: {errors.getvalue()}")
+        raise HarmError(f"it was recovered to what cannot be listed: {errors.getvalue()}")
     _called("export", path, "--out", str(folder / "tables"))
     for file in path.glob("*.mcap"):
         with file.open("rb") as stream:

@@ -104,7 +104,7 @@ def draw_bag(drawn: random.Random, folder: Path) -> Path:
     )
     if drawn.random() < 0.3:
         text = odd_text(drawn, text)
-    (folder / "metadata.yaml").write_bytes(text.encode("utf-8", "surrogatepass"))
+    (folder / "metadata.yaml").write_bytes(text.encode())
     return folder
 
 
@@ -194,7 +194,7 @@ def _write_mcap(drawn: random.Random, file: Path, compressed: bool) -> None:
         channels = []
         for _ in range(drawn.choice([1, 1, 2, 4])):
             definition, valid = drawn.choice(list(DEFINITIONS.items()))
-            text = _maybe(drawn, definition).encode("utf-8", "surrogatepass")
+            text = _maybe(drawn, definition).encode()
             text = damaged(drawn, text) if drawn.random() < 0.05 else text
             encoding = drawn.choice(["ros2msg"] * 28 + ["", "ros2idl"])
             schema = writer.register_schema(drawn.choice(TYPES[:1] * 6 + TYPES), encoding, text)
