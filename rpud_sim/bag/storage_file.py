@@ -8,7 +8,7 @@ import struct
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -286,19 +286,20 @@ class StorageFile:
             index.chunk_start_offset: index
             for channel in channels
             for index in self._chunks_of.get(channel, ())
-        }.values()
+        }
         if not holding:
             return None, None
+        extremes = cache(lambda place: self._extremes(holding[place], channels))
         earliest: list[int] = []
-        for index in sorted(holding, key=lambda index: index.message_start_time):
+        for index in sorted(holding.values(), key=lambda index: index.message_start_time):
             if earliest and index.message_start_time >= min(earliest):
                 break
-            earliest += self._extremes(index, channels)[:1]
+            earliest += extremes(index.chunk_start_offset)[:1]
         latest: list[int] = []
-        for index in sorted(holding, key=lambda index: index.message_end_time, reverse=True):
+        for index in sorted(holding.values(), key=lambda index: -index.message_end_time):
             if latest and index.message_end_time <= max(latest):
                 break
-            latest += self._extremes(index, channels)[1:]
+            latest += extremes(index.chunk_start_offset)[1:]
         return min(earliest, default=None), max(latest, default=None)
 
     def _extremes(self, index: ChunkIndex, channels: set[int]) -> list[int]:

@@ -14,6 +14,8 @@ import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.recovery import recover
 from rpud_sim.cli.main import main
+from rpud_sim.cli.offline_bag import write_offline_bag
+from rpud_sim.simulation import preset
 
 FOREVER = Span(9223372036, 854775807)
 OFFER = Qos(
@@ -243,3 +245,34 @@ def test_recovery_of_a_compressed_file_alone_names_what_converts_it(tmp_path):
     [file] = path.glob("*.zstd")
     with pytest.raises(BagFormatError, match=r"is no plain MCAP file; .* ros2 bag convert"):
         recover(file, tmp_path / "out")
+
+
+@pytest.fixture(scope="module")
+def drilled(tmp_path_factory):
+    """Give a bag of a drill, with the topic journal that proves it."""
+    path = tmp_path_factory.mktemp("drilled") / "bag"
+    write_offline_bag(path, preset("drilling"), 0.2, 0.4)
+    return path
+
+
+@kinds
+def test_a_drill_that_was_recorded_so_is_proved(tmp_path, capsys, drilled, storage, mode):
+    writer = Writer(tmp_path / "run", version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with rpud_sim.bag.open(drilled) as bag, writer:
+        connections = {
+            topic.topic.name: writer.add_connection(
+                topic.topic.name,
+                topic.topic.type,
+                msgdef=topic.definition,
+                rihs01=topic.topic.type_hash,
+                offered_qos_profiles=[OFFER],
+            )
+            for topic in bag.topics
+        }
+        for message in bag.messages():
+            writer.write(connections[message.topic], message.log_time, message.data)
+    code = called("verify", tmp_path / "run")
+    printed = capsys.readouterr()
+    assert (code, printed.err) == (0, ""), printed.out + printed.err
+    assert "messages are equal bit for bit" in printed.out
