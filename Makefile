@@ -67,9 +67,10 @@ soak: install/.package ## Drill for DURATION seconds (1800) under a listener tha
 
 .PHONY: fuzz
 fuzz: N = 100000
+fuzz: BAGS = 20000
 fuzz: SEED = 0
-fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and say what came of them
-	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --seed $(SEED)
+fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and read BAGS hostile bags (20000)
+	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --bags $(BAGS) --seed $(SEED)
 
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)

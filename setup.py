@@ -20,6 +20,7 @@ setup(
     python_requires=">=3.10",
     # What the offline commands need. The ROS packages come from package.xml.
     install_requires=[
+        "apsw",
         "jinja2",
         "lz4",
         "matplotlib",

@@ -1,4 +1,4 @@
-"""MCAP bags as rosbag2 understands them: a writer and a reader that need no ROS.
+"""Bags as rosbag2 understands them: a writer and a reader that need no ROS.
 
 All times are integer nanoseconds since the epoch, as in the files themselves.
 """
@@ -29,7 +29,7 @@ __all__ = [
 
 
 def open(path: str | os.PathLike[str]) -> BagReader:
-    """Open a bag's directory or one MCAP file for reading.
+    """Open a bag's directory or one file of it for reading: MCAP or SQLite, also compressed.
 
     Raises BagNotFoundError, or BagFormatError where it is damaged or incomplete.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,12 +14,17 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from rpud_sim.bag.budget import Budget
 from rpud_sim.bag.encoder import CODES, Encoder, Members, Sequence
 from rpud_sim.bag.errors import BagFormatError
 
 DEFINITION_LIMIT = 256 * 2**10
 """Greatest definition of a type, with all that it needs [characters]."""
 
+FIELDS_SIZE_LIMIT = 64 * 2**10
+"""Greatest definition of a type without its comments [characters]."""
+
+_COMMENT = re.compile(r"#.*")
 _WRITTEN_OUT_LIMIT = 10_000
 _NO_FIELDS = "structure_needs_at_least_one_member"  # what a type without any has in CDR
 
@@ -38,12 +44,18 @@ class Codec:
                 f"the definition of {type_name:.80} has {len(definition)} characters; "
                 f"at most {DEFINITION_LIMIT} are read"
             )
+        if definition_size(definition) > FIELDS_SIZE_LIMIT:
+            raise BagFormatError(
+                f"the definition of {type_name:.80} has more than {FIELDS_SIZE_LIMIT} characters "
+                "without its comments, too many to compile"
+            )
         with self._clear_errors("definition"):
             types = get_types_from_msg(definition, type_name)
             if sum(map(_written_out, types.values())) > _WRITTEN_OUT_LIMIT:
                 raise ValueError(f"arrays have more than {_WRITTEN_OUT_LIMIT} elements together")
             self._store.register(types)
             self._store.get_msgdef(type_name)
+            self._budget = Budget(self._store, type_name)
 
     @property
     def type_name(self) -> str:
@@ -78,10 +90,15 @@ class Codec:
     def decode(self, data: bytes) -> Any:
         """Deserialize into an object with the fields as attributes, sequences as NumPy arrays.
 
-        Raises BagFormatError where the data is not of this type.
+        Raises BagFormatError where the data is not of this type, or takes too much memory.
         """
+        self._budget.check(data)
         with self._clear_errors("message"):
             return self._store.deserialize_cdr(data, self._type)
+
+    def decoded_size(self, size: int) -> int:
+        """Give the memory that a message of `size` bytes takes at most when it is decoded."""
+        return self._budget.most(size)
 
     def without_padding(self, data: bytes) -> bytes:
         """Give the same message as `encode` would: with zeros in what lies between fields.
@@ -116,6 +133,11 @@ class Codec:
             raise BagFormatError(
                 f"a {what} of {self._type:.80} cannot be understood: {reason}"
             ) from error
+
+
+def definition_size(definition: str) -> int:
+    """Give the characters of a definition without comments: to compile it takes time by these."""
+    return len(_COMMENT.sub("", definition))
 
 
 def _written_out(kind: Any) -> int:

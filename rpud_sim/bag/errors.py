@@ -2,7 +2,18 @@
 
 
 class BagError(Exception):
-    """A bag cannot be read or written."""
+    """A bag cannot be read or written.
+
+    What is no printable character in the text, such as those of names in a bag, is escaped.
+    """
+
+    def __init__(self, text: str = "") -> None:
+        super().__init__(
+            "".join(
+                each if each.isprintable() else ascii(each)[1:-1]  # as in Python: \n, \x1b
+                for each in text
+            )
+        )
 
 
 class BagExistsError(BagError):

@@ -54,8 +54,12 @@ def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
 
 def _losses(value: Mapping[str, int | None]) -> Losses:
     transport = value["transport"]
-    return Losses(
+    losses = Losses(
         None if transport is None else int(transport),
         int(value["queue"] or 0),
         int(value.get("damaged") or 0),
     )
+    for count in (losses.transport or 0, losses.queue, losses.damaged):
+        if not 0 <= count < 2**63:
+            raise ValueError(f"{count:g} is no number of messages")
+    return losses

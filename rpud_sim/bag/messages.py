@@ -27,7 +27,7 @@ from rpud_sim.bag.records import (
     uncompressed,
 )
 
-OVERLAP_LIMIT = 4 * 128 * 2**20
+OVERLAP_LIMIT = 256 * 2**20
 """Bytes of chunks that may be open at once, because they overlap in time."""
 
 

@@ -1,12 +1,14 @@
-"""Read a rosbag2 bag, or a single MCAP file, in bounded memory."""
+"""Read a rosbag2 bag, or a single file of one, in bounded memory."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -14,7 +16,13 @@ from rpud_sim.bag.errors import BagFormatError, BagNotFoundError
 from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
 from rpud_sim.bag.losses import Losses, losses_from_record
 from rpud_sim.bag.messages import Message, merged
-from rpud_sim.bag.metadata import FILE_NAME, BagMetadata, local_name, read_document
+from rpud_sim.bag.metadata import FILE_NAME, local_name, read_document
+from rpud_sim.bag.rosbag2_compression import (
+    SUFFIX,
+    compresses_messages,
+    uncompress_file,
+    uncompress_message,
+)
 from rpud_sim.bag.storage_file import StorageFile, TopicSummary, clear_errors
 
 if TYPE_CHECKING:
@@ -22,15 +30,23 @@ if TYPE_CHECKING:
     import pandas
 
     from rpud_sim.bag.columns import Column
+    from rpud_sim.bag.sqlite_file import SqliteFile
     from rpud_sim.bag.tables import Batch, Table
+
+SQLITE = b"SQLite format 3\0"
+"""How the files of rosbag2's storage sqlite3 begin; others are MCAP files."""
+
+SUFFIXES = (".mcap", ".db3", f".mcap{SUFFIX}", f".db3{SUFFIX}")
+"""How the names of storage files end."""
 
 
 class BagReader:
     """An open bag: what is in it, and its messages in the order of their log times.
 
-    `path` is a bag's directory or one MCAP file. What a file repeats of the one before is there
-    only where it is the first file. All times are integer nanoseconds since the
-    epoch. Raises BagNotFoundError, or BagFormatError where a file is damaged or incomplete.
+    `path` is a bag's directory or one file of it: MCAP or SQLite, also compressed. What a file
+    repeats of the one before is there only where it is the first file. All times are integer
+    nanoseconds since the epoch. Raises BagNotFoundError, or BagFormatError where a file is damaged
+    or incomplete.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -38,10 +54,10 @@ class BagReader:
         self._path = Path(path)
         self._open_files = ExitStack()
         try:
-            self._files = [
-                self._open_files.enter_context(StorageFile(file, repeats=number == 0))
-                for number, file in enumerate(storage_files(self._path))
-            ]
+            files, self._compressed_messages = storage_files(self._path)
+            self._compressed_files = any(file.name.endswith(SUFFIX) for file in files)
+            self._files = [self._open(file, file == files[0]) for file in files]
+            self._sizes = [file.stat().st_size for file in files]
         except BaseException:
             self.close()
             raise
@@ -53,8 +69,8 @@ class BagReader:
 
     @property
     def size(self) -> int:
-        """Bytes of the MCAP files."""
-        return sum(file.size for file in self._files)
+        """Bytes of the storage files."""
+        return sum(self._sizes)
 
     @property
     def message_count(self) -> int:
@@ -64,12 +80,12 @@ class BagReader:
     @property
     def start_time(self) -> int:
         """Log time of the first message [ns]; 0 in an empty bag."""
-        return min((file.statistics.message_start_time for file in self._filled), default=0)
+        return min((file.start_time for file in self._filled), default=0)
 
     @property
     def end_time(self) -> int:
         """Log time of the last message [ns]; 0 in an empty bag."""
-        return max((file.statistics.message_end_time for file in self._filled), default=0)
+        return max((file.end_time for file in self._filled), default=0)
 
     @property
     def duration(self) -> int:
@@ -78,10 +94,16 @@ class BagReader:
 
     @property
     def compression(self) -> str:
-        """Compression of the chunks: `none`, `zstd`, `lz4`, or several with commas."""
-        names = {
-            index.compression or "none" for file in self._files for index in file.chunk_indexes
-        }
+        """Compression of the chunks: `none`, `zstd`, `lz4`, or several with commas.
+
+        Where rosbag2 compressed files or messages on its own, `zstd files` or `zstd messages` is
+        one of them.
+        """
+        names = {name for file in self._files for name in file.compressions} - {""}
+        if self._compressed_files:
+            names.add("zstd files")
+        if self._compressed_messages:
+            names.add("zstd messages")
         return ",".join(sorted(names)) or "none"
 
     @cached_property
@@ -115,7 +137,7 @@ class BagReader:
                 losses |= losses_from_record(record)
         except BagFormatError as error:
             errors[f"record {LOSSES_RECORD}"] = error
-        names = {channel.topic for file in self._files for channel in file.channels.values()}
+        names = {name for file in self._files for name in file.topic_channels}
         for name in sorted(names):
             try:
                 topics.append(self._summary(name, losses.get(name)))
@@ -135,9 +157,10 @@ class BagReader:
         BagFormatError where the file is damaged.
         """
         start_time = self.start_time + start
-        return merged(
+        found = merged(
             source for file in self._filled for source in file.sources(topics, start_time)
         )
+        return map(self._uncompressed, found) if self._compressed_messages else found
 
     def columns(self, topic: str) -> tuple[Column, ...]:
         """Give the columns of a topic's table, with their units.
@@ -220,15 +243,41 @@ class BagReader:
         for name in topics or ():
             if name in errors:
                 raise errors[name]
-        return open_tables(self._path, self.readable_topics, topics)
+        return open_tables(self._path, self._known, topics)
+
+    @cached_property
+    def _known(self) -> dict[str, TopicSummary]:
+        return {summary.topic.name: summary for summary in self.readable_topics}
+
+    def _open(self, file: Path, first: bool) -> StorageFile | SqliteFile:
+        path = file
+        with clear_errors(file):
+            if file.exists() and not file.is_file():  # to open a FIFO may take forever
+                raise BagFormatError(f"{file} is not a file")
+            if file.name.endswith(SUFFIX):
+                folder = self._open_files.enter_context(TemporaryDirectory(prefix="rpud-"))
+                path = uncompress_file(file, Path(folder))
+            with path.open("rb") as stream:
+                is_database = stream.read(len(SQLITE)) == SQLITE
+        if is_database:
+            from rpud_sim.bag.sqlite_file import SqliteFile  # loads what MCAP does not need
+
+            return self._open_files.enter_context(SqliteFile(path, file))
+        return self._open_files.enter_context(StorageFile(path, repeats=first, shown=file))
+
+    def _uncompressed(self, message: Message) -> Message:
+        try:
+            return replace(message, data=uncompress_message(message.data))
+        except BagFormatError as error:
+            raise BagFormatError(f"{self._path}: {message.topic}: {error}") from error
 
     @property
-    def _filled(self) -> list[StorageFile]:
+    def _filled(self) -> list[StorageFile | SqliteFile]:
         # Statistics of a file without messages say that it starts at 0.
         return [file for file in self._files if file.message_count]
 
     def _summary(self, name: str, losses: Losses | None) -> TopicSummary:
-        parts = [file.topic(name) for file in self._files if name in file.topic_names]
+        parts = [file.topic(name) for file in self._files if name in file.topic_channels]
         times = [
             time for part in parts for time in (part.first_time, part.last_time) if time is not None
         ]
@@ -249,46 +298,39 @@ def in_order(files: Iterable[Path]) -> list[Path]:
 
 
 def _name_parts(file: Path) -> tuple[str, int, str]:
-    stem = file.stem.rstrip("0123456789")
-    digits = file.stem[len(stem) :]
+    name = Path(file.name.removesuffix(SUFFIX)).stem
+    stem = name.rstrip("0123456789")
+    digits = name[len(stem) :]
     return stem, len(digits), digits
 
 
-def storage_files(path: Path) -> list[Path]:
-    """Name the MCAP files of a bag, in the order of its metadata."""
+def storage_files(path: Path) -> tuple[list[Path], bool]:
+    """Name the files of a bag, in the order of its metadata, and tell if messages are compressed.
+
+    Raises BagNotFoundError, and BagFormatError where the metadata cannot be understood.
+    """
     if path.is_file():
-        return [path]
+        return [path], False
     if not path.is_dir():
         raise BagNotFoundError(f"there is no bag at {path}")
     document = path / FILE_NAME
     if not document.is_file():
-        files = in_order(path.glob("*.mcap"))
+        files = in_order(file for suffix in SUFFIXES for file in path.glob(f"*{suffix}"))
         if not files:
-            raise BagNotFoundError(f"{path} holds neither {FILE_NAME} nor an MCAP file")
-        return files
+            raise BagNotFoundError(f"{path} holds neither {FILE_NAME} nor an MCAP or SQLite file")
+        return files, False
     with clear_errors(document):
         metadata = read_document(document)
-    if metadata.storage_identifier != "mcap":
+        compressed = compresses_messages(metadata)
+    if metadata.storage_identifier not in ("mcap", "sqlite3"):
         raise BagFormatError(
-            f"{document}: storage is {metadata.storage_identifier!r:.80}; only 'mcap' is read"
+            f"{document}: storage is {metadata.storage_identifier!r:.80}; only 'mcap' and "
+            "'sqlite3' are read"
         )
-    check_compression(metadata, document)
     names = [_inside(name, document) for name in metadata.relative_file_paths]
     if len(set(names)) < len(names):
         raise BagFormatError(f"{document}: a file is named twice")
-    return [path / name for name in names]
-
-
-def check_compression(metadata: BagMetadata, document: Path) -> None:
-    """Refuse files or messages that rosbag2 compressed on its own, beside the chunks of MCAP.
-
-    Raises BagFormatError.
-    """
-    if metadata.compression_mode.lower() not in ("", "none"):
-        raise BagFormatError(
-            f"{document}: compression_mode is {metadata.compression_mode!r:.80}; "
-            "only compression of MCAP chunks is read"
-        )
+    return [path / name for name in names], compressed
 
 
 def _inside(name: str, document: Path) -> PurePosixPath:

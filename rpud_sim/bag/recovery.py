@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -19,15 +19,17 @@ from rpud_sim.bag.losses import losses_from_record
 from rpud_sim.bag.metadata import FILE_NAME as METADATA_FILE
 from rpud_sim.bag.metadata import (
     RECORD_KEY,
+    SIZE_LIMIT,
     BagMetadata,
     Topic,
+    dump_offered_qos,
     load_offered_qos,
     metadata_from_record,
     read_document,
 )
 from rpud_sim.bag.metadata import RECORD_NAME as ROSBAG2_RECORD
 from rpud_sim.bag.qos import QosProfile
-from rpud_sim.bag.reader import check_compression, in_order, storage_files
+from rpud_sim.bag.reader import SUFFIXES, BagReader, in_order, storage_files
 from rpud_sim.bag.recovery_account import Recovery, TopicRecovery
 from rpud_sim.bag.scan import Damage, Missing, Scan
 from rpud_sim.bag.sequence import SequenceCounter
@@ -40,8 +42,15 @@ RECORDING_RECORD = "rpud_recording"
 RECOVERY_RECORD = "rpud_recovery"
 """Metadata record of the account that stands in a recovered bag."""
 
+_OTHERS = (
+    "rpud recover makes whole bags of MCAP files that are compressed by chunks alone: "
+    "ros2 bag convert makes such a bag of others"
+)
+_OFFERS = "offered_qos_profiles"
 _DECLARED_LIMIT = 64 * 2**20  # bytes of all channels and schemas
-_SHOWN = 1000  # damages that are kept one by one
+_KEPT_LIMIT = 64 * 2**20  # bytes of all metadata records
+_CUSTOM_DATA_LIMIT = 2**20  # characters
+_LISTED_LIMIT = SIZE_LIMIT * 3 // 4  # of metadata.yaml, for its topics
 
 
 def recover(
@@ -63,7 +72,7 @@ def recover(
     bag = BagWriter(out)
     try:
         document = _document(Path(torn))
-        bag.add_custom_data(document.custom_data if document else {})
+        _keep_custom_data(bag, recovery, document.custom_data if document else {})
         outputs = _Outputs(bag, recovery)
         for file in files:
             repeats = file == files[0]
@@ -71,6 +80,7 @@ def recover(
         outputs.count_gaps()
         bag.add_record(RECOVERY_RECORD, {"account": json.dumps(recovery.to_mapping())})
         bag.close()
+        _check(bag.path)
     except BaseException:
         with suppress(BagError):
             bag.abandon()
@@ -83,16 +93,22 @@ def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
     """Name the MCAP files of a bag, whether or not its metadata can be read.
 
     Raises BagNotFoundError where there are none, and BagFormatError where rosbag2 compressed
-    them, or the messages in them, on its own: what would be saved is nothing that can be read.
+    them, or the messages in them, on its own, or they are of another storage.
     """
     path = Path(torn)
     document = _document(path)
-    if document is not None:
-        check_compression(document, path / METADATA_FILE)
+    if document is not None and document.compression_mode.lower() not in ("", "none"):
+        raise BagFormatError(
+            f"{path / METADATA_FILE}: compression_mode is {document.compression_mode!r:.80}; "
+            f"{_OTHERS}"
+        )
     try:
-        named = storage_files(path)
+        named, _ = storage_files(path)
     except BagFormatError:
         named = []
+    for file in named:
+        if not file.name.endswith(".mcap") and file.name.endswith(SUFFIXES):
+            raise BagFormatError(f"{file} is no plain MCAP file; {_OTHERS}")
     files = [file for file in named if file.is_file()]
     if path.is_dir():
         # Of a torn bag the metadata may be missing, or be older than its last files.
@@ -101,6 +117,12 @@ def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
     if not files:
         raise BagNotFoundError(f"there is no MCAP file at {torn}")
     return files
+
+
+def _check(path: Path) -> None:
+    """Refuse to hand over a bag that cannot be listed. Raises BagFormatError."""
+    with BagReader(path) as bag:
+        assert bag.topics is not None
 
 
 def _holds_records(file: Path) -> bool:
@@ -124,12 +146,21 @@ def _document(torn: Path) -> BagMetadata | None:
     return None
 
 
+def _keep_custom_data(bag: BagWriter, recovery: Recovery, content: Mapping[str, str]) -> None:
+    size = sum(len(text) for item in content.items() for text in item)
+    if size > _CUSTOM_DATA_LIMIT:
+        recovery.note(f"custom data of {size} characters is left out: at most {_CUSTOM_DATA_LIMIT}")
+    else:
+        bag.add_custom_data(content)
+
+
 class _Outputs:
     """The channels of the new bag. Files of one bag have the same ones, by other numbers."""
 
     def __init__(self, bag: BagWriter, recovery: Recovery) -> None:
         self._bag = bag
         self._recovery = recovery
+        self._listed = 0  # characters of metadata.yaml, at most
         self._numbers: dict[tuple[Any, ...], int] = {}
         self._counters: dict[int, tuple[str, SequenceCounter]] = {}
 
@@ -155,9 +186,8 @@ class _Outputs:
 
     def _declare(self, channel: Channel, schema: Schema | None) -> int:
         type_name = schema.name if schema else ""
-        offers: tuple[QosProfile, ...] = ()
-        with suppress(BagFormatError):
-            offers = load_offered_qos(channel.metadata.get("offered_qos_profiles", ""))
+        schema = self._readable(schema)
+        metadata, offers = self._offers(channel)
         topic = Topic(
             name=channel.topic,
             type=type_name,
@@ -165,7 +195,11 @@ class _Outputs:
             offered_qos=offers,
             serialization_format=channel.message_encoding,
         )
-        output = self._bag.add_channel(topic, schema, channel.metadata)
+        texts = (topic.name, topic.type, topic.type_hash, topic.serialization_format)
+        self._listed += 1024 + 1536 * len(offers) + 4 * sum(map(len, texts))
+        if self._listed > _LISTED_LIMIT:
+            raise BagFormatError("its topics are more than the metadata of a bag can list")
+        output = self._bag.add_channel(topic, schema, metadata)
         self._counters[output] = (
             channel.topic,
             SequenceCounter(_definition(schema), max(1, len(offers))),
@@ -175,6 +209,29 @@ class _Outputs:
         )
         found.type = found.type or type_name
         return output
+
+    def _readable(self, schema: Schema | None) -> Schema | None:
+        """Leave out a text that is none, and keep the name of the type."""
+        if schema is None or schema.encoding != "ros2msg":
+            return schema
+        try:
+            schema.data.decode()
+        except UnicodeDecodeError:
+            self._recovery.note(f"the definition of {schema.name:.80} is left out: it is not UTF-8")
+            return Schema(id=schema.id, name=schema.name, encoding="", data=b"")
+        return schema
+
+    def _offers(self, channel: Channel) -> tuple[dict[str, str], tuple[QosProfile, ...]]:
+        """Give a channel's metadata, and the offers in it: both without these if unreadable."""
+        try:
+            offers = load_offered_qos(channel.metadata.get(_OFFERS, ""))
+            if load_offered_qos(dump_offered_qos(offers)) == offers:
+                return channel.metadata, offers
+            reason = "they cannot be written as they were read"
+        except BagFormatError as error:
+            reason = str(error)
+        self._recovery.note(f"the offers on {channel.topic:.200} are left out: {reason}")
+        return {key: text for key, text in channel.metadata.items() if key != _OFFERS}, ()
 
 
 class _FileRecovery:
@@ -195,6 +252,7 @@ class _FileRecovery:
         self._numbers: dict[int, int] = {}  # the new bag's channel of each of the file's
         self._found: dict[int, int] = {}  # messages of each channel, by the file
         self._missing: dict[int, int] = {}  # messages of each channel in chunks that are lost
+        self._kept = 0  # characters of metadata records
         self._unknown = 0  # messages of channels that are declared nowhere
 
     def run(self, progress: Callable[[int], object]) -> None:
@@ -239,12 +297,15 @@ class _FileRecovery:
         elif isinstance(record, Metadata) and record.name == ROSBAG2_RECORD:
             with suppress(BagFormatError):  # the new bag has its own; this was its maker's part
                 content = metadata_from_record(record.metadata.get(RECORD_KEY, ""))
-                self._bag.add_custom_data(content.custom_data)
+                _keep_custom_data(self._bag, self._recovery, content.custom_data)
         elif isinstance(record, Metadata):
+            try:
+                self._check(record)
+            except BagFormatError as error:
+                self._recovery.note(f"{self._file.name}: a record is left out: {error}")
+                return
             self._bag.add_record(record.name, record.metadata)
-            if record.name == LOSSES_RECORD:
-                self._recording_losses(record.metadata)
-            elif record.name == RECORDING_RECORD:
+            if record.name == RECORDING_RECORD:
                 with suppress(ValueError):
                     self._recovery.max_loss = float(record.metadata.get("max_loss", ""))
 
@@ -294,21 +355,23 @@ class _FileRecovery:
         self._numbers[channel.id] = output
         return output
 
-    def _recording_losses(self, content: dict[str, str]) -> None:
-        with suppress(BagFormatError):
-            for name, losses in losses_from_record(content).items():
+    def _check(self, record: Metadata) -> None:
+        """Take the losses of a record. Raises BagFormatError where a bag cannot have it."""
+        size = sum(len(text) for item in record.metadata.items() for text in item)
+        if self._kept + size > _KEPT_LIMIT:
+            raise BagFormatError(f"all together have more than {_KEPT_LIMIT} characters")
+        if record.name == LOSSES_RECORD:
+            for name, losses in losses_from_record(record.metadata).items():
                 topic = self._recovery.topics.setdefault(name, TopicRecovery(name, ""))
                 topic.recording_losses = losses
+        self._kept += size
 
     def _damage(self, damage: Damage) -> None:
-        recovery = self._recovery
-        recovery.damage_count += 1
-        recovery.size_lost += damage.size
-        if len(recovery.damages) < _SHOWN:
-            recovery.damages.append(
-                f"{self._file.name}: byte {damage.offset} to {damage.offset + damage.size} "
-                f"{damage.reason}"
-            )
+        self._recovery.size_lost += damage.size
+        self._recovery.note(
+            f"{self._file.name}: byte {damage.offset} to {damage.offset + damage.size} "
+            f"{damage.reason}"
+        )
 
     def _account(self, expected: dict[int, int]) -> None:
         for number, channel in self._channels.items():
@@ -320,8 +383,7 @@ class _FileRecovery:
             topic.lost += max(0, missing, self._missing.get(number, 0))
         nameless = sum(n for number, n in self._missing.items() if number not in self._channels)
         if self._unknown + nameless:
-            self._recovery.damage_count += 1
-            self._recovery.damages.append(
+            self._recovery.note(
                 f"{self._file.name}: {self._unknown + nameless} messages belong to no known topic, "
                 "or have a time that rosbag2 cannot have"
             )

@@ -8,6 +8,8 @@ from typing import Any
 
 from rpud_sim.bag.losses import Losses
 
+_SHOWN = 1000  # damages that are kept one by one
+
 
 @dataclass
 class TopicRecovery:
@@ -33,8 +35,8 @@ class Recovery:
 
     `closed` tells whether every file ends as one that was closed; where not, messages that its
     recorder had not written yet are missing, of at most `max_loss` seconds where that is known.
-    `size_lost` are bytes that hold nothing readable, in `damage_count` places; `damages` names the
-    first of these.
+    `size_lost` are bytes that hold nothing readable; `damage_count` counts these places, and what
+    no bag can have; `damages` names the first of both.
     """
 
     path: Path
@@ -44,6 +46,12 @@ class Recovery:
     size_lost: int = 0
     damage_count: int = 0
     damages: list[str] = field(default_factory=list)
+
+    def note(self, reason: str) -> None:
+        """Count something that is lost or left out, and keep why, as far as these are few."""
+        self.damage_count += 1
+        if len(self.damages) < _SHOWN:
+            self.damages.append(reason)
 
     @property
     def message_count(self) -> int:

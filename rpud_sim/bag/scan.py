@@ -200,6 +200,8 @@ class Scan:
     def _salvaged(self, chunk: Chunk, start: int, end: int) -> bytes:
         """Give as much of a chunk's data as can be uncompressed."""
         data = self._bytes(start, min(end - start, CONTENT_LIMIT))
+        if not data:
+            return b""  # for which the reader of zstd waits forever
         most = min(chunk.uncompressed_size, CONTENT_LIMIT)
         parts = bytearray()
         try:

@@ -6,9 +6,9 @@ import os
 import re
 import struct
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -85,18 +85,18 @@ class StorageFile:
     """One open MCAP file with its summary.
 
     Without `repeats` it is as if the file did not hold what it repeats of the one before.
-    Raises BagNotFoundError, or BagFormatError where it is damaged or incomplete.
+    `shown` names it in errors, where that is not its path. Raises BagNotFoundError, or
+    BagFormatError where it is damaged or incomplete.
     """
 
-    def __init__(self, path: Path, *, repeats: bool = True) -> None:
+    def __init__(self, path: Path, *, repeats: bool = True, shown: Path | None = None) -> None:
         self._path = path
+        self._shown = shown or path
         self._repeats = repeats
-        with clear_errors(path):
-            if path.exists() and not path.is_file():  # to open a FIFO may take forever
-                raise BagFormatError(f"{path} is not a file")
+        with clear_errors(self._shown):
             self._stream: BinaryIO = path.open("rb")
         try:
-            with clear_errors(path):
+            with clear_errors(self._shown):
                 self.size = os.fstat(self._stream.fileno()).st_size
                 self._check_ends()
                 self._index = read_summary(self._stream, self.size)
@@ -128,6 +128,21 @@ class StorageFile:
         return self.statistics.message_count - sum(counts.get(number, 0) for number in left_out)
 
     @property
+    def start_time(self) -> int:
+        """Log time of the first message."""
+        return self.statistics.message_start_time
+
+    @property
+    def end_time(self) -> int:
+        """Log time of the last message."""
+        return self.statistics.message_end_time
+
+    @property
+    def compressions(self) -> set[str]:
+        """What its chunks are compressed with; empty texts for those that are not."""
+        return {index.compression for index in self.chunk_indexes}
+
+    @property
     def schemas(self) -> dict[int, Schema]:
         """The schemas by their numbers."""
         return self._index.schemas
@@ -138,9 +153,21 @@ class StorageFile:
         return self._index.chunk_indexes
 
     @cached_property
-    def topic_names(self) -> set[str]:
-        """The names of its topics."""
-        return {channel.topic for channel in self.channels.values()}
+    def topic_channels(self) -> dict[str, list[Channel]]:
+        """The channels of each topic; publishers may have had one each."""
+        found: dict[str, list[Channel]] = {}
+        for channel in self.channels.values():
+            found.setdefault(channel.topic, []).append(channel)
+        return found
+
+    @cached_property
+    def _chunks_of(self) -> dict[int, list[ChunkIndex]]:
+        """The chunks that hold messages of each channel."""
+        found: dict[int, list[ChunkIndex]] = {}
+        for index in self.chunk_indexes:
+            for channel in index.message_index_offsets:
+                found.setdefault(channel, []).append(index)
+        return found
 
     def records(self, name: str) -> Iterator[dict[str, str]]:
         """Yield the metadata records of that name."""
@@ -159,9 +186,9 @@ class StorageFile:
                     yield record.metadata
 
     def topic(self, name: str) -> TopicSummary:
-        """Summarize one topic of this file; publishers may have had a channel each."""
+        """Summarize one topic of this file."""
         with self._clear_errors():
-            channels = [channel for channel in self.channels.values() if channel.topic == name]
+            channels = self.topic_channels[name]
             schema = self._index.schemas.get(channels[0].schema_id, _NO_SCHEMA)
             first, last = self._time_span({channel.id for channel in channels})
             counts = self.statistics.channel_message_counts
@@ -170,23 +197,31 @@ class StorageFile:
                     name=name,
                     type=schema.name,
                     type_hash=channels[0].metadata.get("topic_type_hash", ""),
-                    offered_qos=load_offered_qos(
-                        channels[0].metadata.get("offered_qos_profiles", "")
-                    ),
+                    offered_qos=_offered_qos(channels[0].metadata.get("offered_qos_profiles", "")),
                     serialization_format=channels[0].message_encoding,
                 ),
                 message_count=sum(counts.get(channel.id, 0) for channel in channels),
                 first_time=first,
                 last_time=last,
-                definition=schema.data.decode() if schema.encoding == "ros2msg" else None,
+                definition=self._texts.get(schema.id),
                 losses=None,
                 kinds=frozenset(self._kind(channel) for channel in channels),
             )
 
     def _kind(self, channel: Channel) -> tuple[str, str, str]:
         schema = self._index.schemas.get(channel.schema_id, _NO_SCHEMA)
-        text = _COMMENT.sub("", schema.data.decode()) if schema.encoding == "ros2msg" else ""
-        return channel.message_encoding, schema.name, " ".join(text.split())
+        text = self._texts.get(schema.id)
+        return channel.message_encoding, schema.name, "" if text is None else _plain(text)
+
+    @cached_property
+    def _texts(self) -> dict[int, str]:
+        """The `ros2msg` texts of the schemas that can be read, by their numbers."""
+        texts = {}
+        for number, schema in self._index.schemas.items():
+            if schema.encoding == "ros2msg":
+                with suppress(UnicodeDecodeError):
+                    texts[number] = schema.data.decode()
+        return texts
 
     def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
         """Yield the chunks that may hold messages of `topics` from `start_time` [ns] on."""
@@ -225,8 +260,8 @@ class StorageFile:
     @contextmanager
     def _clear_errors(self) -> Iterator[None]:
         if self._stream.closed:
-            raise BagError(f"{self._path} was closed; open the bag again")
-        with clear_errors(self._path):
+            raise BagError(f"{self._shown} was closed; open the bag again")
+        with clear_errors(self._shown):
             yield
 
     def _unchunked(self, wanted: dict[int, str], start_time: int) -> Iterator[Message]:
@@ -249,31 +284,35 @@ class StorageFile:
 
     def _time_span(self, channels: set[int]) -> tuple[int | None, int | None]:
         """Find the first and last log time of channels, in as few message indexes as it takes."""
-        holding = [
-            index
-            for index in self.chunk_indexes
-            if not channels.isdisjoint(index.message_index_offsets)
-        ]
+        holding = {
+            index.chunk_start_offset: index
+            for channel in channels
+            for index in self._chunks_of.get(channel, ())
+        }
         if not holding:
             return None, None
+        extremes = cache(lambda place: self._extremes(holding[place], channels))
         earliest: list[int] = []
-        for index in sorted(holding, key=lambda index: index.message_start_time):
+        for index in sorted(holding.values(), key=lambda index: index.message_start_time):
             if earliest and index.message_start_time >= min(earliest):
                 break
-            earliest += self._extremes(index, channels)[:1]
+            earliest += extremes(index.chunk_start_offset)[:1]
         latest: list[int] = []
-        for index in sorted(holding, key=lambda index: index.message_end_time, reverse=True):
+        for index in sorted(holding.values(), key=lambda index: -index.message_end_time):
             if latest and index.message_end_time <= max(latest):
                 break
-            latest += self._extremes(index, channels)[1:]
+            latest += extremes(index.chunk_start_offset)[1:]
         return min(earliest, default=None), max(latest, default=None)
 
     def _extremes(self, index: ChunkIndex, channels: set[int]) -> list[int]:
         """Find the first and the last log time of channels in a chunk; none where it has none."""
         extremes: list[int] = []
-        for channel, offset in index.message_index_offsets.items():
-            if channel in channels:
-                _, times = message_index_times(read_record(self._stream, offset, self.size))
+        offsets = index.message_index_offsets
+        for channel in channels:
+            if channel in offsets:
+                _, times = message_index_times(
+                    read_record(self._stream, offsets[channel], self.size)
+                )
                 for time in times:
                     first, last = extremes or (time, time)
                     extremes = [min(time, first), max(time, last)]
@@ -281,14 +320,24 @@ class StorageFile:
 
     def _check_ends(self) -> None:
         if self._stream.read(len(MAGIC)) != MAGIC:
-            raise BagFormatError(f"{self._path} is not an MCAP file")
+            raise BagFormatError(f"{self._shown} is not an MCAP file")
         self._stream.seek(max(0, self.size - len(MAGIC)))
         if self.size < 2 * len(MAGIC) or self._stream.read() != MAGIC:
             raise BagFormatError(
-                f"{self._path} is cut off: it was not closed, or lost its end; "
+                f"{self._shown} is cut off: it was not closed, or lost its end; "
                 "rpud recover makes a whole bag of it"
             )
         self._stream.seek(0)
+
+
+# Thousands of channels share a few texts.
+_offered_qos = lru_cache(maxsize=1024)(load_offered_qos)
+
+
+@lru_cache(maxsize=1024)
+def _plain(definition: str) -> str:
+    """Give a definition without what does not change its meaning."""
+    return " ".join(_COMMENT.sub("", definition).split())
 
 
 @contextmanager

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rpud_sim.bag.blocks import holds_rows, row_columns, to_rows
-from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.cdr import Codec, definition_size
 from rpud_sim.bag.columns import RECEIVED, Column, Kind, columns_of, objects
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.messages import Message
@@ -26,6 +26,13 @@ BATCH_SIZE = 8 * 2**20
 TOTAL_SIZE = 64 * 2**20
 """Bytes of all topics' messages that wait to become batches."""
 
+DECODED_SIZE = 64 * 2**20
+"""Bytes that the messages of one batch take at most when they are decoded, but for a single one."""
+
+DEFINITIONS_LIMIT = 256 * 2**10
+"""Greatest definitions of all types of a bag together, without comments [characters]."""
+
+_DEFINITION_OVERHEAD = 64  # characters that take as long to compile as any type does
 _OVERHEAD = 256  # bytes that a message takes in memory beside its data
 _NAMES_SHOWN = 30
 
@@ -69,8 +76,7 @@ class Table:
             )
         if summary.definition is None:
             raise BagFormatError("the bag does not hold the definition of its type")
-        self._codec = Codec(summary.topic.type, summary.definition)
-        self._fields = columns_of(self._codec, summary.definition)
+        self._codec, self._fields = _compiled(summary.topic.type, summary.definition)
         self._blocks = holds_rows(summary.topic.type, self._fields)
 
     @property
@@ -78,6 +84,10 @@ class Table:
         """The columns in their order."""
         columns = (*_RECEIVED, *self._fields)
         return row_columns(columns) if self._blocks else columns
+
+    def decoded_size(self, message: Message) -> int:
+        """Give the memory that a message takes at most when it is decoded [bytes]."""
+        return self._codec.decoded_size(len(message.data))
 
     def batch(self, messages: Sequence[Message]) -> Batch:
         """Make rows of messages.
@@ -98,20 +108,37 @@ class Table:
         return Batch(self._name, values, len(messages))
 
 
+@lru_cache(maxsize=256)  # topics of one type share it
+def _compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]]:
+    codec = Codec(type_name, definition)
+    return codec, columns_of(codec, definition)
+
+
 def open_tables(
-    path: Path, summaries: Iterable[TopicSummary], topics: Collection[str] | None
+    path: Path, known: Mapping[str, TopicSummary], topics: Collection[str] | None
 ) -> tuple[dict[str, Table], dict[str, str]]:
     """Give the tables of topics by their names, and why others have none.
 
-    `topics` are those that must have one; None is all that can. Raises BagError where one of them
-    is not in the bag, BagFormatError where it cannot be a table.
+    `known` are the bag's topics by their names; `topics` are those that must have one; None is all
+    that can. Raises BagError where one of them is not in the bag, BagFormatError where it cannot be
+    a table.
     """
-    known = {summary.topic.name: summary for summary in summaries}
     tables, left_out = {}, {}
+    compiled: set[tuple[str, str | None]] = set()
+    size = 0
     for name in dict.fromkeys(known if topics is None else topics):
         if name not in known:
             raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}")
+        kind = (known[name].topic.type, known[name].definition)
+        if kind not in compiled:
+            compiled.add(kind)
+            size += definition_size(kind[1] or "") + _DEFINITION_OVERHEAD
         try:
+            if size > DEFINITIONS_LIMIT:
+                raise BagFormatError(
+                    f"the definitions of the bag's types have more than {DEFINITIONS_LIMIT} "
+                    "characters together, too many to compile"
+                )
             tables[name] = Table(known[name])
         except BagFormatError as error:
             if topics is not None:
@@ -134,13 +161,14 @@ def batches(
     """
     waiting: dict[str, list[Message]] = {name: [] for name in tables}
     sizes = dict.fromkeys(tables, 0)
+    decoded = dict.fromkeys(tables, 0)
     total = 0
 
     def batch(name: str) -> Batch:
         nonlocal total
         taken, waiting[name] = waiting[name], []
         total -= sizes[name]
-        sizes[name] = 0
+        sizes[name] = decoded[name] = 0
         try:
             return tables[name].batch(taken)
         except BagFormatError as error:
@@ -155,8 +183,9 @@ def batches(
         size = len(message.data) + _OVERHEAD
         waiting[name].append(message)
         sizes[name] += size
+        decoded[name] += tables[name].decoded_size(message)
         total += size
-        if sizes[name] >= BATCH_SIZE:
+        if sizes[name] >= BATCH_SIZE or decoded[name] >= DECODED_SIZE:
             yield batch(name)
         elif total >= TOTAL_SIZE:
             yield batch(max(sizes, key=sizes.__getitem__))

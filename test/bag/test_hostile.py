@@ -19,6 +19,7 @@ from sample_bags import START, write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError
+from rpud_sim.bag.budget import DECODED_LIMIT
 from rpud_sim.bag.cdr import DEFINITION_LIMIT, Codec
 from rpud_sim.bag.errors import DefinitionNotFoundError
 from rpud_sim.bag.losses import losses_from_record
@@ -205,6 +206,7 @@ LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         "- x\n" * 300_000,
         "rosbag2_bagfile_information: !!python/object/apply:os.system [echo]\n",
         "a: 2001-99-99\n",
+        "a: !!timestamp 1\n",
         "? [a]\n: b\n",
         "a: !!int x\n",
         "a: .inf\n",
@@ -388,3 +390,146 @@ def test_statistics_that_contradict_the_indexes_give_no_negative_rate(tmp_path):
         [topic] = bag.topics
     assert (topic.first_time, topic.last_time, topic.message_count) == (5, 9, 0)
     assert topic.rate is None
+
+
+CUT = """
+import pathlib, resource, sys
+from rpud_sim.bag.recovery import recover
+resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
+content, head = pathlib.Path(sys.argv[1]).read_bytes(), int(sys.argv[2])
+for whole in (content, content[head:]):
+    start = head if whole is content else 0
+    for size in range(start, min(start + 80, len(whole))):
+        torn = pathlib.Path(sys.argv[1]).with_name("torn.mcap")
+        torn.write_bytes(whole[:size])
+        try:
+            count = recover(torn, torn.with_name(f"{start}-{size}")).message_count
+            print(size - start, count, flush=True)
+        except Exception as error:
+            print(size - start, type(error).__name__, flush=True)
+"""
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+def test_a_cut_at_any_byte_of_a_chunk_s_head_ends(tmp_path, compression):
+    content = (write_bag(tmp_path / "run", compression=compression) / "run_0.mcap").read_bytes()
+    [index] = make_reader(io.BytesIO(content)).get_summary().chunk_indexes
+    (tmp_path / "whole.mcap").write_bytes(content)
+    command = [sys.executable, "-c", CUT, tmp_path / "whole.mcap", str(index.chunk_start_offset)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=200.0, check=False)
+    assert result.returncode == 0, result.stdout[-200:] + result.stderr[-2000:]
+    rows = [line.split() for line in result.stdout.splitlines()]
+    assert len(rows) == 160
+    assert {told for _, told in rows[:80]} <= {"0", "1"}  # nothing before is lost
+    assert {told for _, told in rows[80:]} <= {"0", "1", "BagFormatError"}
+
+
+def nest(depth, leaf):
+    """Give the definition of a type in which each member has two of the next."""
+    parts = ["N1 first\nN1 second\n"]
+    for level in range(1, depth):
+        fields = leaf if level == depth - 1 else f"N{level + 1} first\nN{level + 1} second\n"
+        parts.append(f"{SEPARATOR}\nMSG: a_msgs/N{level}\n{fields}")
+    return "".join(parts)
+
+
+@pytest.mark.parametrize("leaf", ["int8 X=1\n", "int8 x\n", "int8[] x\n"])
+def test_a_type_of_countless_members_is_refused_unvisited(leaf):
+    with pytest.raises(BagFormatError, match="fields with those of its members; at most 100000"):
+        Codec("a_msgs/msg/N0", nest(31, leaf))
+    assert Codec("a_msgs/msg/N0", nest(5, leaf)).fields("a_msgs/msg/N0")
+
+
+def test_arrays_of_arrays_multiply():
+    parts = [f"{SEPARATOR}\nMSG: a_msgs/{name}\n" for name in "BCD"]
+    definition = f"B[99] b\n{parts[0]}C[99] c\n{parts[1]}D[99] d\n{parts[2]}int8 x\n"
+    with pytest.raises(BagFormatError, match="fields with those of its members; at most 100000"):
+        Codec("a_msgs/msg/A", definition)
+
+
+def test_a_definition_that_takes_long_to_compile_is_refused():
+    fields = "".join(f"int8 x{number}\n" for number in range(8000))
+    with pytest.raises(BagFormatError, match="more than 65536 characters without its comments"):
+        Codec("a_msgs/msg/A", fields)
+    assert Codec("a_msgs/msg/A", "int8 x # " + "long " * 20_000).fields("a_msgs/msg/A")
+
+
+TINY = f"B[] parts\n{SEPARATOR}\nMSG: a_msgs/B\nint8 x\n"
+GREEDY = {  # a definition, and the first bytes of a message that ends in zeros
+    "tiny members": (TINY, struct.pack("<I", 60_000_000)),
+    "no members": (TINY.replace("int8 x", "int8 X=1"), struct.pack("<I", 60_000_000)),
+    "texts": ("string[] texts\n", struct.pack("<I", 12_000_000) + struct.pack("<IB3x", 1, 0) * 9),
+    "lists": (TINY.replace("int8 x", "int8[] x"), struct.pack("<I", 15_000_000)),
+    "members' members": (
+        f"C[] more\n{SEPARATOR}\nMSG: a_msgs/C\n{TINY}",
+        struct.pack("<II", 1, 60_000_000),
+    ),
+    "numbers": ("uint8[] numbers\n", struct.pack("<I", 60_000_000)),
+    "text": ("string text\n", struct.pack("<I", 60_000_000)),
+}
+
+EXPORT = """
+import json, pathlib, resource, sys
+from rpud_sim.analysis.export.export import export
+from rpud_sim.bag import BagError
+resource.setrlimit(resource.RLIMIT_CPU, (10, 10))
+path = pathlib.Path(sys.argv[1])
+try:
+    said = str(export(path, path.with_suffix(".out"), sys.argv[2]))
+except BagError as error:
+    said = str(error)
+print(json.dumps([said, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024]))
+"""
+
+
+def greedy_bag(path, definition, head, size):
+    """Write a bag of a few kB with one message of `size` bytes; give its path."""
+    message = b"\0\1\0\0" + head
+    message += bytes(size - len(message))
+    with rpud_sim.bag.BagWriter(path) as bag:
+        bag.add_topic(rpud_sim.bag.Topic("/a", "a_msgs/msg/A"), definition)
+        bag.write("/a", message, START, START)
+    return path
+
+
+def exported(path, file_format):
+    """Export a bag in a process of its own; give what it said, and its memory [bytes]."""
+    result = subprocess.run(
+        [sys.executable, "-c", EXPORT, path, file_format],
+        capture_output=True,
+        text=True,
+        timeout=100.0,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr[-2000:]
+    return json.loads(result.stdout)
+
+
+@pytest.mark.parametrize("name", GREEDY)
+def test_a_message_that_grows_when_it_is_decoded_is_refused(tmp_path, name):
+    path = greedy_bag(tmp_path / "run", *GREEDY[name], 64_000_000)
+    assert sum(file.stat().st_size for file in path.iterdir()) < 20_000
+    said, memory = exported(path, "csv")
+    assert "at most 268435456 are read" in said
+    assert memory < GIGABYTE
+
+
+@pytest.mark.parametrize("file_format", ["parquet", "csv", "numpy"])
+@pytest.mark.parametrize("name", ["tiny members", "numbers", "text"])
+def test_a_message_just_within_the_limit_stays_in_memory(tmp_path, name, file_format):
+    count = {"tiny members": 440_000, "numbers": 26_000_000, "text": 44_000_000}[name]
+    definition, _ = GREEDY[name]
+    path = greedy_bag(tmp_path / "run", definition, struct.pack("<I", count), count + 9)
+    said, memory = exported(path, file_format)
+    assert "messages=1" in said
+    assert memory < GIGABYTE
+
+
+def test_the_budget_counts_what_is_there_and_not_what_could_be():
+    definition = f"uint8[] image\nstring[] names\n{TINY}"
+    image = bytes(25_000_000)
+    message = b"\0\1\0\0" + struct.pack("<I", len(image)) + image + struct.pack("<II", 0, 1)
+    codec = Codec("a_msgs/msg/A", definition)
+    assert codec.decoded_size(len(message)) > 10 * DECODED_LIMIT
+    decoded = codec.decode(message + b"\7")
+    assert (len(decoded.image), len(decoded.parts)) == (len(image), 1)

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import time
 import tracemalloc
 
 import pytest
@@ -20,8 +21,17 @@ from sample_bags import (
 )
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, BagFormatError, BagNotFoundError, BagReader, BagWriter
+import rpud_sim.bag.tables
+from rpud_sim.bag import (
+    BagError,
+    BagFormatError,
+    BagNotFoundError,
+    BagReader,
+    BagWriter,
+    QosProfile,
+)
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.metadata import dump_offered_qos
 from rpud_sim.bag.recovery import recover
 
 
@@ -214,7 +224,7 @@ def test_memory_stays_bounded_by_the_chunks(tmp_path):
 def test_what_is_not_there_is_named(tmp_path):
     with pytest.raises(BagNotFoundError, match=r"no bag at .*missing"):
         rpud_sim.bag.open(tmp_path / "missing")
-    with pytest.raises(BagNotFoundError, match=r"neither metadata.yaml nor an MCAP file"):
+    with pytest.raises(BagNotFoundError, match=r"neither metadata.yaml nor an MCAP or SQLite file"):
         rpud_sim.bag.open(tmp_path)
     write_bag(tmp_path / "run")
     (tmp_path / "run" / "run_0.mcap").unlink()
@@ -235,8 +245,9 @@ def test_what_is_no_bag_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "complaint"),
     [
-        ("storage_identifier: mcap", "storage_identifier: sqlite3", "'sqlite3'; only 'mcap'"),
-        ("compression_mode: ''", "compression_mode: FILE", "compression_mode is 'FILE'"),
+        ("storage_identifier: mcap", "storage_identifier: tape", "'tape'; only 'mcap'"),
+        ("compression_mode: ''", "compression_mode: PART", "compression_mode is 'PART'"),
+        ("compression_mode: ''", "compression_mode: FILE", "compression_format is ''"),
         ("- run_0.mcap", "- ../run_0.mcap", "outside of the bag"),
         ("- run_0.mcap", "- /etc/passwd", "outside of the bag"),
         ("version: 9", "version: nine", "metadata.yaml"),
@@ -296,3 +307,50 @@ def test_changed_bytes_never_cause_anything_but_a_bag_error(whole_file, tmp_path
         assert bag.compression
         assert len(bag.topics) <= 2
         list(bag.messages())
+
+
+def many_channels(path, channels, texts):
+    """Write a file of two messages on each of many channels, which share a few texts."""
+    offers = dump_offered_qos((QosProfile(),))
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=64 * 1024)
+        writer.start("ros2", "test")
+        schemas = [
+            writer.register_schema(STRING, "ros2msg", f"string data{number}\n".encode())
+            for number in range(texts)
+        ]
+        for number in range(channels):
+            metadata = {"offered_qos_profiles": offers, "topic_type_hash": "x"}
+            schema = schemas[number % texts]
+            channel = writer.register_channel(f"/talk{number}", "cdr", schema, metadata)
+            for stamp in (number, number + channels):
+                writer.add_message(channel, stamp, serialized_string("x"), stamp)
+        writer.finish()
+    return path
+
+
+def test_what_channels_share_is_read_once(tmp_path, monkeypatch):
+    compiled = []
+    original = rpud_sim.bag.tables.Codec
+    monkeypatch.setattr(
+        rpud_sim.bag.tables, "Codec", lambda *kind: compiled.append(kind) or original(*kind)
+    )
+    with rpud_sim.bag.open(many_channels(tmp_path / "many.mcap", 500, 7)) as bag:
+        assert len(bag.topics) == 500
+        assert all(topic.message_count == 2 for topic in bag.topics)
+        assert bag.left_out == {}
+        for topic in bag.topics[:100]:
+            assert len(bag.arrays(topic.topic.name)["log_time"]) == 2
+    assert len(compiled) == 7
+
+
+def test_to_list_channels_takes_no_more_than_so_much_for_each(tmp_path):
+    def seconds(channels):
+        path = many_channels(tmp_path / f"{channels}.mcap", channels, 1000)
+        began = time.process_time()
+        with rpud_sim.bag.open(path) as bag:
+            assert sum(topic.message_count for topic in bag.topics) == 2 * channels
+        return time.process_time() - began
+
+    few, many = seconds(6_500), seconds(65_000)
+    assert many < 30.0 * few  # ten times the channels; in squares it were a hundred

@@ -443,3 +443,71 @@ def test_messages_that_rosbag2_cannot_time_are_counted(tmp_path):
     recovery = recover(torn, tmp_path / "out")
     assert (recovery.message_count, recovery.complete) == (2, False)
     assert recovery.topics["/a"].lost == 1
+
+
+def odd_bag(path, *, schema=b"string data\n", offers="", records=()):
+    """Write a file by another library, with one message and what no bag of ours can have."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        number = writer.register_schema(STRING, "ros2msg", schema)
+        metadata = {"offered_qos_profiles": offers, "topic_type_hash": "x"}
+        channel = writer.register_channel("/talk", "cdr", number, metadata)
+        writer.add_message(channel, 5, serialized_string("here"), 5)
+        for name, content in records:
+            writer.add_metadata(name, content)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("odd", "reason"),
+    [
+        ({"records": [(RECORD_NAME, {"count": "many"})]}, "the record rpud_losses is unreadable"),
+        ({"records": [(RECORD_NAME, {"/a": '{"transport": -1, "queue": 0}'})]}, "no number of"),
+        ({"offers": "[1]"}, "the offers on /talk are left out: a profile of offered_qos"),
+        ({"offers": "- !!timestamp 1"}, "the offers on /talk are left out"),
+        ({"schema": b"string data\xff\n"}, "the definition of std_msgs/msg/String is left out"),
+        (
+            {"records": [("rosbag2", {"serialized_metadata": "{}"}), (RECORD_NAME, {"a": "[]"})]},
+            "the record rpud_losses is unreadable",
+        ),
+    ],
+)
+def test_what_no_bag_can_have_is_left_out_with_its_reason(tmp_path, odd, reason):
+    recovery = recover(odd_bag(tmp_path / "odd.mcap", **odd), tmp_path / "out")
+    assert not recovery.complete
+    assert recovery.damage_count == 1
+    assert reason in recovery.damages[0]
+    assert recovery.message_count == 1
+    with rpud_sim.bag.open(tmp_path / "out") as bag:
+        [topic] = bag.topics
+        assert topic.topic.type == STRING
+        assert [message.data for message in bag.messages()] == [serialized_string("here")]
+        if "schema" not in odd:
+            assert bag.arrays("/talk")["data"].tolist() == ["here"]
+    with next((tmp_path / "out").glob("*.mcap")).open("rb") as stream:
+        assert len(list(make_reader(stream, validate_crcs=True).iter_messages())) == 1
+
+
+def test_metadata_that_would_be_too_large_is_left_out(tmp_path):
+    content = BagMetadata(0, 0, 0, (), (), custom_data={"a": "x" * 2_000_000}).to_record()
+    records = [("rosbag2", {"serialized_metadata": content})]
+    recovery = recover(odd_bag(tmp_path / "odd.mcap", records=records), tmp_path / "out")
+    assert recovery.damages == ["custom data of 2000001 characters is left out: at most 1048576"]
+    with rpud_sim.bag.open(tmp_path / "out") as bag:
+        assert bag.message_count == 1
+
+
+def test_topics_that_no_metadata_can_list_are_refused(tmp_path):
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        for number in range(3):
+            topic = f"/{'x' * 1_000_000}{number}"
+            writer.add_message(writer.register_channel(topic, "cdr", 0), 5, b"", 5)
+        writer.finish()
+    with pytest.raises(BagFormatError, match="more than the metadata of a bag can list"):
+        recover(path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -1,4 +1,7 @@
-"""`make fuzz`: a long campaign, and a table of what came of it. Exit 1 if it harmed the drill."""
+"""`make fuzz`: long campaigns against the drill and with bags, and tables of what came of them.
+
+Exit 1 if something did harm.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +16,29 @@ from tqdm import tqdm
 
 
 def main() -> int:
-    """Attack a drill of our own."""
+    """Have hostile bags read, and attack a drill of our own."""
     parser = argparse.ArgumentParser(prog="fuzz", description=__doc__)
     parser.add_argument("--inputs", type=int, default=100_000)
+    parser.add_argument("--bags", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
+    # Before there is a thread: its workers are forked.
+    unharmed = _read_bags(arguments.bags, arguments.seed) if arguments.bags else True
+    if arguments.inputs:
+        unharmed &= _attack_drill(arguments.inputs, arguments.seed)
+    return 0 if unharmed else 1
+
+
+def _read_bags(bags: int, seed: int) -> bool:
+    from fuzz import bag_campaign
+
+    with tqdm(total=bags) as bar:
+        outcome = bag_campaign.run(bags, seed, os.cpu_count() or 1, bar.update)
+    bag_campaign.show(outcome)
+    return not outcome.harms
+
+
+def _attack_drill(inputs: int, seed: int) -> bool:
     domain, _lock = claim_ros_domain()
     os.environ.update(
         ROS_DOMAIN_ID=str(domain),
@@ -35,7 +56,7 @@ def main() -> int:
             print(row(way, tally.inputs, tally.refused, tally.accepted, slowest))
         refused = sum(tally.refused for tally in outcome.tallies.values())
         accepted = sum(tally.accepted for tally in outcome.tallies.values())
-        print(row("all", arguments.inputs, refused, accepted, ""))
+        print(row("all", inputs, refused, accepted, ""))
         print(f"exceptions and changes by refused inputs: {len(outcome.harms)}")
         print(f"growth of memory after the first fifth: {outcome.growth / 1e6:.1f} MB")
         print(
@@ -45,14 +66,14 @@ def main() -> int:
         for harm in outcome.harms[:20]:
             print(f"harmed: {harm}", file=sys.stderr)
 
-    with tempfile.TemporaryDirectory() as folder, tqdm(total=arguments.inputs) as bar:
+    with tempfile.TemporaryDirectory() as folder, tqdm(total=inputs) as bar:
         drill = Drill(Path(folder))
         try:
-            outcome = run(drill, arguments.inputs, arguments.seed, bar.update)
+            outcome = run(drill, inputs, seed, bar.update)
         finally:
             drill.close()
     show(outcome)
-    return 0 if outcome.unharmed else 1
+    return outcome.unharmed
 
 
 if __name__ == "__main__":

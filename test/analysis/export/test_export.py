@@ -155,7 +155,7 @@ def test_manifest_and_losses_are_kept(tmp_path):
     in_file = json.loads(metadata[b"rpud_sim"])
     account = json.loads((tmp_path / "out" / ACCOUNT).read_text())
     for about in (in_file, account["tables"][TALK.name]):
-        assert about["losses"] == {"transport": 2, "queue": 1}
+        assert about["losses"] == {"transport": 2, "queue": 1, "damaged": 0}
     for about in (in_file, account):
         assert manifest_from_record(about["manifests"][0]) == manifest
 

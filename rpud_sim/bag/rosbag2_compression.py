@@ -1,0 +1,82 @@
+"""Compression that rosbag2 puts around storage: whole files, or the data of each message."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import zstandard
+
+from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.metadata import BagMetadata
+from rpud_sim.bag.records import CONTENT_LIMIT
+
+SUFFIX = ".zstd"
+"""What rosbag2 adds to the name of a file that it compressed."""
+
+_LEAST_LIMIT = 2**30  # bytes that any file may have when it is uncompressed
+_MOST_GROWTH = 100  # bytes for each compressed one, for what has more
+_BLOCK = 1 << 20
+
+
+def compresses_messages(metadata: BagMetadata) -> bool:
+    """Tell whether messages are compressed; names of files tell that of these.
+
+    Raises BagFormatError where it is something else, or not by zstd.
+    """
+    mode = metadata.compression_mode.lower()
+    if mode in ("", "none"):
+        return False
+    if mode not in ("file", "message"):
+        raise BagFormatError(
+            f"compression_mode is {metadata.compression_mode!r:.80}; "
+            "only 'FILE' and 'MESSAGE' are read"
+        )
+    if metadata.compression_format.lower() != "zstd":
+        raise BagFormatError(
+            f"compression_format is {metadata.compression_format!r:.80}; only 'zstd' is read, "
+            "and ros2 bag convert makes another bag of it"
+        )
+    return mode == "message"
+
+
+def uncompress_file(file: Path, folder: Path) -> Path:
+    """Write what `file` holds to a file in `folder`.
+
+    Raises BagFormatError where it is damaged or too large, and OSError.
+    """
+    path = folder / file.name.removesuffix(SUFFIX)
+    most = max(_LEAST_LIMIT, _MOST_GROWTH * file.stat().st_size)
+    decompressor = zstandard.ZstdDecompressor()
+    with file.open("rb") as compressed, path.open("xb") as plain:
+        reader = decompressor.stream_reader(compressed, read_across_frames=True)
+        size = 0
+        try:
+            while block := reader.read(_BLOCK):
+                size += len(block)
+                if size > most:
+                    raise BagFormatError(
+                        f"it has more than {most} bytes when it is uncompressed, too many for "
+                        "its size"
+                    )
+                plain.write(block)
+        except zstandard.ZstdError as error:
+            raise BagFormatError(f"it cannot be uncompressed: {error}") from error
+    if size == 0:
+        raise BagFormatError("it holds nothing that can be uncompressed")
+    return path
+
+
+def uncompress_message(data: bytes) -> bytes:
+    """Give the data of a message that was compressed on its own.
+
+    Raises BagFormatError where it is damaged, or larger than CONTENT_LIMIT.
+    """
+    try:
+        size = zstandard.frame_content_size(data)
+        if not 0 <= size <= CONTENT_LIMIT:
+            raise BagFormatError(
+                f"a compressed message has {size} bytes; from 0 to {CONTENT_LIMIT} are read"
+            )
+        return zstandard.decompress(data, max_output_size=size) if size else b""
+    except (zstandard.ZstdError, MemoryError) as error:
+        raise BagFormatError(f"a message cannot be uncompressed: {error}") from error

@@ -1,0 +1,169 @@
+"""One SQLite file of rosbag2: its topics and its messages. Times are integer nanoseconds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import quote
+
+import apsw
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinitionFormat
+from rosbags.rosbag2 import ReaderError
+from rosbags.rosbag2.metadata import dump_qos_v9
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.bag.errors import BagError, BagFormatError, DefinitionNotFoundError
+from rpud_sim.bag.messages import Message, Source
+from rpud_sim.bag.metadata import Topic
+from rpud_sim.bag.qos import profiles_from_yaml
+from rpud_sim.bag.records import CONTENT_LIMIT
+from rpud_sim.bag.storage_file import TopicSummary, clear_errors
+
+_LATEST = 2**63 - 1
+
+
+class SqliteFile:
+    """One open SQLite file, with the members of StorageFile that reading needs.
+
+    It has no records, and one time for each message. `shown` names it in errors. Raises
+    BagNotFoundError, or BagFormatError where it is damaged.
+    """
+
+    compressions = frozenset[str]()
+
+    def __init__(self, path: Path, shown: Path) -> None:
+        self._shown = shown
+        with clear_errors(shown):
+            self.size = path.stat().st_size
+            # The library makes a URI of the path.
+            self._reader = Sqlite3Reader(Path(quote(os.path.abspath(path))))
+        with self._clear_errors():
+            self._reader.open()
+        try:
+            with self._clear_errors():
+                self._read_topics()
+        except BaseException:
+            self._reader.close()
+            raise
+
+    def __enter__(self) -> SqliteFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._reader.close()
+
+    @property
+    def message_count(self) -> int:
+        """Messages of all topics."""
+        return sum(count for count, _, _ in self._spans.values())
+
+    @property
+    def start_time(self) -> int:
+        """Time of the first message; 0 where there is none."""
+        return min((first for count, first, _ in self._spans.values() if count), default=0)
+
+    @property
+    def end_time(self) -> int:
+        """Time of the last message; 0 where there is none."""
+        return max((last for count, _, last in self._spans.values() if count), default=0)
+
+    @property
+    def topic_channels(self) -> dict[str, list[Connection]]:
+        """The connections of each topic."""
+        return self._topics
+
+    def records(self, name: str) -> Iterator[dict[str, str]]:
+        """Yield nothing: it has no records of that kind."""
+        return iter(())
+
+    def topic(self, name: str) -> TopicSummary:
+        """Summarize one topic of this file."""
+        connections = self._topics[name]
+        spans = [self._spans[each.id] for each in connections if each.id in self._spans]
+        first = connections[0]
+        assert isinstance(first.ext, ConnectionExtRosbag2)
+        definition = self._definition(first)
+        return TopicSummary(
+            topic=Topic(
+                name=name,
+                type=first.msgtype,
+                type_hash=first.digest or "",
+                offered_qos=profiles_from_yaml(dump_qos_v9(first.ext.offered_qos_profiles)),
+                serialization_format=first.ext.serialization_format,
+            ),
+            message_count=sum(count for count, _, _ in spans),
+            first_time=min((each for _, each, _ in spans), default=None),
+            last_time=max((each for _, _, each in spans), default=None),
+            definition=definition,
+            losses=None,
+            kinds=frozenset(
+                (each.ext.serialization_format, each.msgtype, "")
+                for each in connections
+                if isinstance(each.ext, ConnectionExtRosbag2)
+            ),
+        )
+
+    def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
+        """Yield the one source of messages of `topics` from `start_time` [ns] on."""
+        wanted = [
+            connection
+            for name, connections in self._topics.items()
+            for connection in connections
+            if topics is None or name in topics
+        ]
+        if wanted:
+            yield Source(self.start_time, 0, lambda: self._messages(wanted, start_time))
+
+    def _messages(self, wanted: list[Connection], start_time: int) -> Iterator[Message]:
+        if self._reader.dbconn is None:
+            raise BagError(f"{self._shown} was closed; open the bag again")
+        with self._clear_errors():
+            for connection, time, data in self._reader.messages(wanted, start_time):
+                if not isinstance(data, bytes):
+                    raise BagFormatError(f"a message of {connection.topic:.200} has no data")
+                yield Message(connection.topic, time, time, data)
+
+    def _read_topics(self) -> None:
+        database = self._reader.dbconn
+        assert database is not None
+        database.limit(apsw.SQLITE_LIMIT_LENGTH, CONTENT_LIMIT)
+        self._topics: dict[str, list[Connection]] = {}
+        for each in self._reader.connections:
+            assert isinstance(each.ext, ConnectionExtRosbag2)
+            texts = (each.topic, each.msgtype, each.ext.serialization_format)
+            if not all(isinstance(text, str) for text in texts):
+                raise BagFormatError("a topic has no name, type or format")
+            self._topics.setdefault(each.topic, []).append(each)
+        known = {each.id for each in self._reader.connections}
+        self._spans: dict[int, tuple[int, int, int]] = {}
+        for topic, *span in database.execute(
+            "SELECT topic_id, COUNT(*), MIN(timestamp), MAX(timestamp) FROM messages"
+            " GROUP BY topic_id"
+        ):
+            count, first, last = span
+            if not all(isinstance(time, int) and 0 <= time <= _LATEST for time in (first, last)):
+                raise BagFormatError(f"times are from 0 to {_LATEST}, not {first!r} to {last!r}")
+            if topic in known:
+                self._spans[topic] = (count, first, last)
+
+    def _definition(self, connection: Connection) -> str | None:
+        """Give what the file has, or the installation: versions before Iron kept none."""
+        if connection.msgdef.format == MessageDefinitionFormat.MSG:
+            return str(connection.msgdef.data)
+        if connection.msgdef.format == MessageDefinitionFormat.NONE:
+            try:
+                return find_definition(connection.msgtype)
+            except DefinitionNotFoundError:
+                return None
+        return None
+
+    @contextmanager
+    def _clear_errors(self) -> Iterator[None]:
+        with clear_errors(self._shown):
+            try:
+                yield
+            except (apsw.Error, AttributeError, ReaderError) as error:
+                raise BagFormatError(f"it is damaged: {' '.join(str(error).split())}") from error

@@ -1,0 +1,278 @@
+"""What `ros2 bag record` writes besides plain MCAP is read: compressed, and in SQLite."""
+
+import json
+import sqlite3
+
+import pytest
+import zstandard
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability
+from rosbags.interfaces import QosTime as Span
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+from sample_bags import START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
+
+import rpud_sim.bag
+from rpud_sim.bag import BagFormatError
+from rpud_sim.bag.recovery import recover
+from rpud_sim.cli.main import main
+from rpud_sim.cli.offline_bag import write_offline_bag
+from rpud_sim.simulation import preset
+
+FOREVER = Span(9223372036, 854775807)
+OFFER = Qos(
+    QosHistory.KEEP_LAST,
+    7,
+    QosReliability.BEST_EFFORT,
+    QosDurability.TRANSIENT_LOCAL,
+    FOREVER,
+    Span(0, 5),
+    QosLiveliness.AUTOMATIC,
+    FOREVER,
+    False,
+)
+PLAIN = [(StoragePlugin.MCAP, CompressionMode.NONE), (StoragePlugin.MCAP, CompressionMode.STORAGE)]
+kinds = pytest.mark.parametrize(
+    ("storage", "mode"),
+    [
+        (storage, mode)
+        for storage in StoragePlugin
+        for mode in CompressionMode
+        if (storage, mode) != (StoragePlugin.SQLITE3, CompressionMode.STORAGE)
+    ],
+)
+
+
+def read_all(path):
+    """Read the topics and messages of a bag."""
+    with rpud_sim.bag.open(path) as bag:
+        assert bag.topics
+        list(bag.messages())
+
+
+def called(*words):
+    """Call `rpud`; give the exit code."""
+    with pytest.raises(SystemExit) as caught:
+        main([str(word) for word in words])
+    return caught.value.code
+
+
+def write(path, storage, mode, count=10):
+    """Write messages on two topics by another library; give the path."""
+    writer = Writer(path, version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        talk, chat = (
+            writer.add_connection(
+                name,
+                STRING,
+                msgdef=STRING_DEFINITION,
+                rihs01=STRING_HASH,
+                offered_qos_profiles=offers,
+            )
+            for name, offers in (("/talk", [OFFER]), ("/chat", []))
+        )
+        for number in range(count):
+            data = serialized_string(f"message {number}")
+            writer.write(chat if number % 5 == 4 else talk, START + number, data)
+    return path
+
+
+@kinds
+def test_every_way_to_record_is_read(tmp_path, storage, mode):
+    path = write(tmp_path / "run", storage, mode).rename(tmp_path / "a run 100%?#")
+    with rpud_sim.bag.open(path) as bag:
+        messages = list(bag.messages())
+        assert [each.data for each in messages] == [
+            serialized_string(f"message {number}") for number in range(10)
+        ]
+        assert [each.log_time for each in messages] == [START + number for number in range(10)]
+        assert [each.log_time for each in bag.messages(["/chat"], start=5)] == [START + 9]
+        assert (bag.message_count, bag.start_time, bag.duration) == (10, START, 9)
+        assert bag.size == sum(
+            file.stat().st_size for file in path.iterdir() if file.suffix != ".yaml"
+        )
+        chat, talk = bag.topics
+        assert (chat.message_count, chat.first_time, chat.last_time) == (2, START + 4, START + 9)
+        assert talk.topic.type == STRING
+        assert talk.topic.type_hash == (STRING_HASH if storage is StoragePlugin.SQLITE3 else "")
+        assert talk.definition == STRING_DEFINITION
+        [offer] = talk.topic.offered_qos
+        assert (offer.depth, offer.reliability, offer.lifespan) == (7, "best_effort", 5)
+        assert bag.arrays("/talk")["data"][0] == "message 0"
+
+
+@kinds
+def test_every_command_reads_it(tmp_path, capsys, storage, mode):
+    path = write(tmp_path / "run", storage, mode)
+    assert called("info", path, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["message_count"] == 10
+    compression = {
+        CompressionMode.NONE: "none",
+        CompressionMode.STORAGE: "zstd",
+        CompressionMode.FILE: "zstd files",
+        CompressionMode.MESSAGE: "zstd messages",
+    }
+    assert told["compression"].split(",")[-1] == compression[mode]
+    assert called("export", path, "--out", tmp_path / "tables", "--format", "csv") == 0
+    assert "message 0" in (tmp_path / "tables" / "talk.csv").read_text()
+    assert called("report", path, "--out", tmp_path / "report.html") == 0
+    assert "/talk" in (tmp_path / "report.html").read_text()
+
+
+@kinds
+def test_recovery_takes_plain_files_and_names_what_converts_others(tmp_path, capsys, storage, mode):
+    path = write(tmp_path / "run", storage, mode)
+    code = called("recover", path, "--out", tmp_path / "out")
+    said = capsys.readouterr().err
+    if (storage, mode) in PLAIN:
+        assert code == 0
+        with rpud_sim.bag.open(tmp_path / "out") as bag:
+            assert bag.message_count == 10
+    else:
+        assert code == 1
+        assert "ros2 bag convert" in said
+        assert said.count("\n") == 1
+        assert not (tmp_path / "out").exists()
+
+
+@kinds
+def test_a_file_of_it_is_read_alone(tmp_path, storage, mode):
+    path = write(tmp_path / "run", storage, mode)
+    (path / "metadata.yaml").unlink()
+    [file] = path.iterdir()
+    for place in (path, file):
+        with rpud_sim.bag.open(place) as bag:
+            assert bag.message_count == sum(1 for _ in bag.messages()) == 10
+
+
+def test_uncompressed_files_are_gone_with_the_reader(tmp_path, monkeypatch):
+    path = write(tmp_path / "run", StoragePlugin.MCAP, CompressionMode.FILE)
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(temporary))
+    with rpud_sim.bag.open(path):
+        assert any(temporary.iterdir())
+    assert not any(temporary.iterdir())
+    [file] = path.glob("*.zstd")
+    file.write_bytes(zstandard.compress(b"no bag"))
+    with pytest.raises(BagFormatError, match=r"run\.mcap\.zstd is not an MCAP file"):
+        rpud_sim.bag.open(path)
+    assert not any(temporary.iterdir())
+
+
+def test_a_file_that_grows_beyond_measure_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.bag.rosbag2_compression._LEAST_LIMIT", 2**20)
+    file = tmp_path / "bomb.mcap.zstd"
+    file.write_bytes(zstandard.compress(bytes(2**24)))
+    with pytest.raises(BagFormatError, match=r"more than 1048576 bytes when it is uncompressed"):
+        rpud_sim.bag.open(file)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"no frame at all",
+        zstandard.compress(bytes(99))[:-3],
+        b"\x28\xb5\x2f\xfd\xe0" + b"\xff" * 8,
+    ],
+)
+def test_a_message_that_cannot_be_uncompressed_is_one_line(tmp_path, data):
+    path = tmp_path / "run"
+    writer = Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3)
+    with writer:
+        talk = writer.add_connection("/talk", STRING, msgdef=STRING_DEFINITION, rihs01=STRING_HASH)
+        writer.write(talk, START, data)
+    document = path / "metadata.yaml"
+    text = document.read_text()
+    document.write_text(
+        text.replace("compression_mode: ''", "compression_mode: MESSAGE").replace(
+            "compression_format: ''", "compression_format: zstd"
+        )
+    )
+    with rpud_sim.bag.open(path) as bag, pytest.raises(BagFormatError, match="/talk: a ") as caught:
+        list(bag.messages())
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("statement", "complaint"),
+    [
+        ("UPDATE messages SET timestamp = 'soon'", "is damaged"),
+        ("UPDATE messages SET timestamp = -1", "times are from 0"),
+        ("UPDATE messages SET data = 'text'", "has no data"),
+        ("UPDATE topics SET name = x'ff'", "a topic has no name"),
+        ("UPDATE topics SET name = CAST(x'ff' AS TEXT)", "damaged"),
+        ("UPDATE topics SET offered_qos_profiles = '[1]'", "damaged"),
+        ("UPDATE message_definitions SET encoding = 'other'", "damaged"),
+        ("DROP TABLE topics", "missing tables"),
+        ("DROP TABLE message_definitions", "no such table"),
+    ],
+)
+def test_a_database_that_is_no_bag_is_one_line(tmp_path, statement, complaint):
+    path = write(tmp_path / "run", StoragePlugin.SQLITE3, CompressionMode.NONE)
+    [file] = path.glob("*.db3")
+    with sqlite3.connect(file) as database:
+        database.execute(statement)
+    database.close()
+    with pytest.raises(BagFormatError, match=complaint) as caught:
+        read_all(path)
+    assert "\n" not in str(caught.value)
+    assert str(file) in str(caught.value)
+
+
+def test_a_database_that_is_cut_off_is_one_line(tmp_path):
+    path = write(tmp_path / "run", StoragePlugin.SQLITE3, CompressionMode.NONE, count=1000)
+    [file] = path.glob("*.db3")
+    content = file.read_bytes()
+    for size in range(0, len(content), 997):
+        file.write_bytes(content[:size])
+        with pytest.raises(BagFormatError) as caught:
+            read_all(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_compression_names_what_converts_it(tmp_path):
+    path = write(tmp_path / "run", StoragePlugin.MCAP, CompressionMode.FILE)
+    document = path / "metadata.yaml"
+    document.write_text(document.read_text().replace("zstd\n", "fake_comp\n"))
+    with pytest.raises(BagFormatError, match="'fake_comp'; only 'zstd' is read, and ros2 bag"):
+        rpud_sim.bag.open(path)
+
+
+def test_recovery_of_a_compressed_file_alone_names_what_converts_it(tmp_path):
+    path = write(tmp_path / "run", StoragePlugin.SQLITE3, CompressionMode.FILE)
+    [file] = path.glob("*.zstd")
+    with pytest.raises(BagFormatError, match=r"is no plain MCAP file; .* ros2 bag convert"):
+        recover(file, tmp_path / "out")
+
+
+@pytest.fixture(scope="module")
+def drilled(tmp_path_factory):
+    """Give a bag of a drill, with the topic journal that proves it."""
+    path = tmp_path_factory.mktemp("drilled") / "bag"
+    write_offline_bag(path, preset("drilling"), 0.2, 0.4)
+    return path
+
+
+@kinds
+def test_a_drill_that_was_recorded_so_is_proved(tmp_path, capsys, drilled, storage, mode):
+    writer = Writer(tmp_path / "run", version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with rpud_sim.bag.open(drilled) as bag, writer:
+        connections = {
+            topic.topic.name: writer.add_connection(
+                topic.topic.name,
+                topic.topic.type,
+                msgdef=topic.definition,
+                rihs01=topic.topic.type_hash,
+                offered_qos_profiles=[OFFER],
+            )
+            for topic in bag.topics
+        }
+        for message in bag.messages():
+            writer.write(connections[message.topic], message.log_time, message.data)
+    code = called("verify", tmp_path / "run")
+    printed = capsys.readouterr()
+    assert (code, printed.err) == (0, ""), printed.out + printed.err
+    assert "messages are equal bit for bit" in printed.out

@@ -1,0 +1,279 @@
+"""A campaign of hostile bags against the commands that read them, in workers with limits."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import importlib
+import io
+import multiprocessing
+import random
+import resource
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import traceback
+import warnings
+from collections.abc import Callable, Iterator
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any
+
+CPU = 10  # seconds that a command may take
+MEMORY = 2**30  # bytes that a command may have resident
+LONGEST_LINE = 2000
+WAYS = ("info", "recover", "export", "report", "arrays")
+_WEIGHTS = (4, 6, 5, 1, 4)
+_FORMATS = ("parquet", "csv", "numpy")
+
+
+@dataclasses.dataclass
+class Tally:
+    """What came of the bags that one way read."""
+
+    inputs: int = 0
+    refused: int = 0
+    slowest: float = 0.0  # CPU [s]
+    largest: int = 0  # resident [byte]
+
+
+@dataclasses.dataclass
+class Outcome:
+    """What came of a campaign."""
+
+    tallies: dict[str, Tally] = dataclasses.field(
+        default_factory=lambda: {way: Tally() for way in WAYS}
+    )
+    harms: list[str] = dataclasses.field(default_factory=list)
+
+
+class HarmError(Exception):
+    """A command did what it must not do."""
+
+
+def run(
+    inputs: int, seed: int, workers: int = 1, progress: Callable[[], object] = lambda: None
+) -> Outcome:
+    """Have bags read, each drawn from the seed and its own number, so that one can be repeated."""
+    outcome = Outcome()
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        started = [
+            _Worker(range(first, inputs, workers), seed, Path(folder, str(first)))
+            for first in range(workers)
+        ]
+        for worker in started:
+            stack.callback(worker.end)
+        while running := {each.pipe: each for each in started if each.numbers}:
+            for pipe in wait(list(running)):
+                running[pipe].take(outcome)
+                progress()
+    return outcome
+
+
+class _Worker:
+    """A process that reads bags one after the other, and is replaced when one has ended it."""
+
+    def __init__(self, numbers: range, seed: int, folder: Path) -> None:
+        self.numbers = numbers
+        self._seed = seed
+        self._folder = folder
+        self._start()
+
+    def take(self, outcome: Outcome) -> None:
+        """Note what came of the next bag."""
+        number = self.numbers[0]
+        self.numbers = self.numbers[1:]
+        try:
+            way, refused, cpu, memory, harms = self.pipe.recv()
+        except EOFError:
+            self._process.join()
+            way = drawn_way(random.Random(f"{self._seed}:{number}"))
+            refused, cpu, memory = False, 0.0, 0
+            harms = [f"ended by {_name(self._process.exitcode)}"]
+            if self.numbers:
+                self._start()
+        tally = outcome.tallies[way]
+        tally.inputs += 1
+        tally.refused += refused
+        tally.slowest = max(tally.slowest, cpu)
+        tally.largest = max(tally.largest, memory)
+        outcome.harms += [f"bag {number} of seed {self._seed}, {way}: {harm}" for harm in harms]
+
+    def end(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.join()
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("fork")
+        self.pipe, child = context.Pipe()
+        arguments = (child, self.numbers, self._seed, self._folder)
+        self._process = context.Process(target=_work, args=arguments, daemon=True)
+        self._process.start()
+        child.close()
+
+
+def _name(code: int | None) -> str:
+    return signal.Signals(-code).name if code and code < 0 else f"exit {code}"
+
+
+def _work(pipe: Connection, numbers: range, seed: int, folder: Path) -> None:
+    for way in WAYS[:-1]:
+        importlib.import_module(f"rpud_sim.cli.{way}")
+    for number in numbers:
+        pipe.send(attack(seed, number, folder))
+    pipe.close()
+
+
+def drawn_way(drawn: random.Random) -> str:
+    """Draw the way that reads a bag; it is the first that is drawn."""
+    return drawn.choices(WAYS, _WEIGHTS)[0]
+
+
+def attack(seed: int, number: int, folder: Path) -> tuple[str, bool, float, int, list[str]]:
+    """Have one bag read; give the way, if it was refused, CPU [s], memory [byte], and harms."""
+    from fuzz.bag_inputs import draw_bag
+
+    drawn = random.Random(f"{seed}:{number}")
+    way = drawn_way(drawn)
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    bag = draw_bag(drawn, folder / "bag")
+    Path("/proc/self/clear_refs").write_text("5")  # the peak of memory begins here
+    began = time.process_time()
+    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+    resource.setrlimit(resource.RLIMIT_CPU, (int(used) + CPU + 2, hard))  # SIGXCPU ends it
+    harms, refused = [], False
+    try:
+        refused = _arrays(bag) if way == "arrays" else _command(way, bag, folder, drawn)
+    except HarmError as harm:
+        harms.append(str(harm))
+    except Exception:
+        harms.append("".join(traceback.format_exc().splitlines(keepends=True)[-6:]))
+    cpu = time.process_time() - began
+    memory = _peak()
+    if cpu > CPU:
+        harms.append(f"took {cpu:.1f} s")
+    if memory > MEMORY:
+        harms.append(f"took {memory / 1e6:.0f} MB")
+    return way, refused, cpu, memory, harms
+
+
+def _command(way: str, bag: Path, folder: Path, drawn: random.Random) -> bool:
+    out = folder / "out"
+    words = {
+        "info": [[], ["--json"]][drawn.randrange(2)],
+        "recover": ["--out", str(out)],
+        "export": ["--out", str(out), "--format", drawn.choice(_FORMATS)],
+        "report": ["--out", f"{out}.html"],
+    }[way]
+    code = _called(way, bag, *words)
+    if code == 1 and (out.exists() or Path(f"{out}.html").exists()):
+        raise HarmError("it was refused, and left something behind")
+    if way == "recover" and code != 1:
+        _check_recovered(out, folder)
+    return code == 1
+
+
+def _called(way: str, bag: Path, *words: str) -> int:
+    """Call a command within its own handlers; give its exit code."""
+    module = importlib.import_module(f"rpud_sim.cli.{way}")
+    parser = argparse.ArgumentParser()
+    module.add_arguments(parser)
+    arguments = parser.parse_args([str(bag), *words])
+    with _captured() as (_, errors):
+        code = module.run(arguments)
+    said = errors.getvalue()
+    if code not in (0, 1, 3):
+        raise HarmError(f"exit code {code}: {said}")
+    if code == 1:
+        _check_line(said.removesuffix("\n"))
+    elif "Warning" in said or "Traceback" in said:
+        raise HarmError(said)
+    return int(code)
+
+
+def _check_line(said: str) -> None:
+    if not said.strip() or len(said.splitlines()) > 1 or len(said) > LONGEST_LINE:
+        raise HarmError(f"the error is not one line: {said[:500]!r}")
+
+
+def _check_recovered(path: Path, folder: Path) -> None:
+    """What is recovered is listed, exported and read by another library."""
+    from mcap.reader import make_reader
+
+    with _captured() as (_, errors):
+        code = importlib.import_module("rpud_sim.cli.info").run(
+            argparse.Namespace(bag=str(path), json=False)
+        )
+    if code:
+        raise HarmError(f"it was recovered to what cannot be listed: {errors.getvalue()}")
+    _called("export", path, "--out", str(folder / "tables"))
+    for file in path.glob("*.mcap"):
+        with file.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            for items in (
+                reader.iter_messages(),
+                reader.iter_metadata(),
+                reader.iter_attachments(),
+            ):
+                for _ in items:
+                    pass
+
+
+def _arrays(path: Path) -> bool:
+    import rpud_sim.bag
+
+    refused = False
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            with rpud_sim.bag.open(path) as bag:
+                for summary in bag.topics:
+                    try:
+                        bag.arrays(summary.topic.name)
+                    except rpud_sim.bag.BagError as error:
+                        refused = True
+                        _check_line(str(error))
+        except rpud_sim.bag.BagError as error:
+            refused = True
+            _check_line(str(error))
+    return refused
+
+
+@contextlib.contextmanager
+def _captured() -> Iterator[tuple[io.StringIO, Any]]:
+    out, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+        yield out, errors
+
+
+def _peak() -> int:
+    """Greatest memory of this process since it was last cleared [byte]."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM"):
+            return int(line.split()[1]) * 1024
+    raise RuntimeError("no VmHWM")
+
+
+def show(outcome: Outcome) -> None:
+    """Print what came of a campaign."""
+    row = "{:28} {:>8} {:>8} {:>14} {:>12}".format
+    print(row("command", "bags", "refused", "slowest [s]", "most [MB]"))
+    for way, tally in outcome.tallies.items():
+        print(
+            row(
+                way,
+                tally.inputs,
+                tally.refused,
+                f"{tally.slowest:.2f}",
+                f"{tally.largest / 1e6:.0f}",
+            )
+        )
+    print(f"crashes, hangs, greed and errors that are not one line: {len(outcome.harms)}")
+    for harm in outcome.harms[:20]:
+        print(f"harmed: {harm}", file=sys.stderr)
