@@ -72,7 +72,7 @@ def test_choices(name, value):
 
 def test_unknown_names_are_refused():
     with pytest.raises(
-        ParameterError, match=r"^mass is not a parameter; did you mean free_mass\?$"
+        ParameterError, match=r"^mass is not a parameter; did you mean rpud_mass\?$"
     ):
         Parameters().replace(mass=1.0)
 

@@ -84,6 +84,7 @@ class DrillNode(ManagedNode):
     def __init__(self, duration: float | None = None, **options: Any) -> None:
         super().__init__(NAME, **options)
         self._settings = declare_settings(self)
+        self._settings.read_scenario()  # a file that is missing ends the start, not the activation
         self._end = sys.maxsize if duration is None else round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
         self._namesakes = Namesakes(self)

@@ -174,7 +174,11 @@ def drill(
                 Parameter(name, value=float(value) if _is_whole(value) else value)
                 for name, value in values.items()
             ]
-            node = DrillNode(duration, namespace=namespace, parameter_overrides=overrides)
+            try:
+                node = DrillNode(duration, namespace=namespace, parameter_overrides=overrides)
+            except ParameterError as error:
+                complain("rpud run", error)
+                return 2
             return _drill(node, stop, bag, namespace, live, max_loss)
         finally:
             rclpy.try_shutdown()

@@ -6,6 +6,7 @@ from rclpy.parameter import Parameter
 
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.namesakes import Namesakes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation.commands import WeightOnBit
@@ -25,7 +26,7 @@ class Drill:
         self.inbox = Inbox(node.get_logger())
         self.outputs = DrillPublishers(node, publish_clock=False)
         self.blocks = []
-        self.account = Account(node, 100, self.outputs, self.inbox)
+        self.account = Account(node, 100, self.outputs, self.inbox, Namesakes(node))
         self.run = Run(Beginning(Settings(telemetry_rate=1, block_duration=1.0)), count=self.add)
         self.pacer = Pacer(100)
 

@@ -252,7 +252,6 @@ def test_parameters_of_others_are_let_through(running):
         ("regime", "moon", "regime = 'moon' is not one of free, drilling"),
         ("drive_enabled", "off", "drive_enabled = 'off' is not true or false"),
         ("telemetry_rate", 33.3, "telemetry_rate = 33.3 Hz is not a whole number"),
-        ("scenario", "/missing.yaml", "/missing.yaml: No such file or directory"),
         ("scenario", 3, "scenario = 3 is not a text"),
     ],
 )

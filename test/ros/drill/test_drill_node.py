@@ -2,7 +2,9 @@
 
 import pytest
 import rclpy
+from rclpy.parameter import Parameter
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.ros.drill.publishers import DrillPublishers
 
@@ -14,6 +16,12 @@ def node():
     yield made
     made.destroy_node()
     rclpy.try_shutdown()
+
+
+def test_a_scenario_that_is_missing_ends_the_start(node):
+    missing = Parameter("scenario", value="/missing.yaml")
+    with pytest.raises(ParameterError, match=r"^/missing\.yaml: No such file or directory$"):
+        DrillNode(namespace="/another", parameter_overrides=[missing])
 
 
 def test_a_clean_up_is_no_end_of_the_process_however_long_its_listeners_take(node, monkeypatch):

@@ -269,7 +269,7 @@ def test_the_status_says_how_the_drill_is():
     )
     simulation.advance_to(SECOND)
     simulation.inject(Fault("lost_preload"))
-    status = filled(Status(), fields.drill_fields(simulation))
+    status = filled(Status(), fields.status_fields(simulation, 0, "running", fields.Bookkeeping()))
     assert status.impacts == simulation.impact_count > 50
     assert status.vibration_amplitude == simulation.actuator.amplitude > 0.0
     assert status.resonance_frequency == 16000.0
@@ -281,7 +281,10 @@ def test_the_status_says_how_the_drill_is():
 
 
 def test_what_the_drill_does_not_have_is_not_a_number():
-    status = filled(Status(), fields.drill_fields(Simulation(preset("drilling"))))
+    status = filled(
+        Status(),
+        fields.status_fields(Simulation(preset("drilling")), 0, "running", fields.Bookkeeping()),
+    )
     assert math.isnan(status.electrical_power)
     assert math.isnan(status.depth)
     assert math.isnan(status.penetration_rate)

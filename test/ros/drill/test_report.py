@@ -54,6 +54,7 @@ def made(**counts):
         bookkeeping=bookkeeping,
         requests_refused=3,
         last_refusal="there is no fault 9 to clear",
+        namesakes=0,
         scheduling="real-time priority 10",
         timing=ON_TIME,
         figures={},
