@@ -29,9 +29,9 @@ run: install/.package ## Drill in real time for DURATION seconds (10) and record
 .PHONY: picture
 picture: install/.package ## Draw docs/images anew: record BAG for 3 s, and BAG_faults for 12 s with the faults of config
 	@$(WITH_ENV) rpud run --duration 3 --record $(BAG) && \
-	  python -m rpud_sim.analysis.picture $(BAG) docs/images/first_light.png && \
+	  python -m toolchain.pictures.first_light $(BAG) docs/images/first_light.png && \
 	  rpud run --duration 12 --set scenario=config/faults.yaml --record $(BAG)_faults && \
-	  python -m rpud_sim.analysis.layout_picture $(BAG)_faults config/foxglove.json docs/images/live.png
+	  python -m toolchain.pictures.layout $(BAG)_faults config/foxglove.json docs/images/live.png
 
 ##@ Develop
 .PHONY: test

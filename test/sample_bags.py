@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from rpud_sim.analysis import offline_bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
+from rpud_sim.inspection import offline_bag
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.run import Beginning

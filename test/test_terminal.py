@@ -7,7 +7,7 @@ import pytest
 from sample_bags import SECOND, START, STRING_DEFINITION, serialized_string
 
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.terminal import printable, table
+from rpud_sim.foundation.terminal import printable, table
 
 EVIL = "/a\x1b[2J\r\n\x9b\u202e\x00"
 ESCAPED = r"/a\x1b[2J\r\n\x9b\u202e\x00"

@@ -8,10 +8,10 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, table
+from rpud_sim.foundation.terminal import complain, table
 
 if TYPE_CHECKING:
-    from rpud_sim.analysis.export.export import Exported
+    from rpud_sim.inspection.export.export import Exported
 
 HELP = "write the topics of a bag as Parquet, CSV or NumPy files"
 EXAMPLE = "rpud export bags/first --out tables"
@@ -51,9 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Export and print the account; give the exit code."""
-    from rpud_sim.analysis.export.export import ExportError, export
     from rpud_sim.bag import BagError
     from rpud_sim.foundation.quantities import ParameterError
+    from rpud_sim.inspection.export.export import ExportError, export
 
     try:
         _check(arguments)

@@ -7,7 +7,7 @@ import json
 from datetime import datetime, timezone
 from typing import Any
 
-from rpud_sim.terminal import complain, printable, table
+from rpud_sim.foundation.terminal import complain, printable, table
 
 HELP = "list a bag's topics, counts, rates, times and losses"
 EXAMPLE = "rpud info bags/first"

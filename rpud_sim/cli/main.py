@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from rpud_sim.terminal import end_with, printable
+from rpud_sim.foundation.terminal import end_with, printable
 
 COMMANDS = (
     "run",

@@ -7,10 +7,10 @@ import json
 from typing import TYPE_CHECKING
 
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable
+from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.analysis.rebuild import Rebuilt
+    from rpud_sim.inspection.rebuild import Rebuilt
 
 HELP = "make waveforms at any rate, exact, of the trajectory in a bag"
 EXAMPLE = "rpud rebuild bags/first --rate 1000000 --out waveforms"
@@ -48,9 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Rebuild and print the account; give the exit code."""
-    from rpud_sim.analysis.rebuild import RebuildError, rebuild
     from rpud_sim.bag import BagError
     from rpud_sim.foundation.quantities import ParameterError
+    from rpud_sim.inspection.rebuild import RebuildError, rebuild
 
     try:
         _check(arguments)

@@ -7,7 +7,7 @@ import json
 from typing import TYPE_CHECKING
 
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable, table
+from rpud_sim.foundation.terminal import complain, printable, table
 
 if TYPE_CHECKING:
     from rpud_sim.bag.recovery_account import Recovery

@@ -6,7 +6,7 @@ import argparse
 import json
 
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable
+from rpud_sim.foundation.terminal import complain, printable
 
 DAMAGED = 3
 """Exit code where something of the bag is damaged and left out."""
@@ -31,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the report and say where it is; give the exit code."""
-    from rpud_sim.analysis.bag_report.report import ReportError, write_report
     from rpud_sim.bag import BagError
+    from rpud_sim.inspection.report.report import ReportError, write_report
 
     try:
         with progress_bar(" messages", scaled=True) as bar:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable
+from rpud_sim.foundation.terminal import complain, printable
 
 HELP = "reproduce the paper's figures and numbers as a report"
 EXAMPLE = "rpud reproduce --out reproduction"
@@ -32,9 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Reproduce the paper and write the report; give the exit code."""
-    from rpud_sim.analysis.reproduction.findings import summary
-    from rpud_sim.analysis.reproduction.report import REPORT, write_report
-    from rpud_sim.analysis.reproduction.reproduction import QUICK, Effort, reproduce
+    from rpud_sim.studies.reproduction.findings import summary
+    from rpud_sim.studies.reproduction.report import REPORT, write_report
+    from rpud_sim.studies.reproduction.reproduction import QUICK, Effort, reproduce
 
     folder = Path(arguments.out)
     started = time.perf_counter()

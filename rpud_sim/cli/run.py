@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
+from rpud_sim.foundation.terminal import complain
 from rpud_sim.ros.arguments import DEFAULT_NAMESPACE, LONGEST, MAX_LOSS, number
-from rpud_sim.terminal import complain
 
 HELP = "drill in real time on ROS topics"
 EXAMPLE = "rpud run --duration 10 --record bags/first --set weight_on_bit=20"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain
+from rpud_sim.foundation.terminal import complain
 
 if TYPE_CHECKING:
     from rpud_sim.simulation.configuration import Configuration
@@ -137,7 +137,7 @@ def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
     compile_kernels(configuration, _tell)
     phases = initial_phases(arguments.repeat, arguments.seed)
     if arguments.bag:
-        from rpud_sim.analysis.offline_bag import write_offline_bag
+        from rpud_sim.inspection.offline_bag import write_offline_bag
         from rpud_sim.simulation.run import Beginning
 
         beginning = Beginning(to_settings(values), phases[0], arguments.seed or 0, scenario)

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable
+from rpud_sim.foundation.terminal import complain, printable
 
 HELP = "run a design of experiments over any parameters"
 EXAMPLE = "rpud sweep config/sweep.yaml --out sweeps/first"
@@ -41,13 +41,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the sweep and print what was made; give the exit code."""
-    from rpud_sim.analysis.sweep.errors import SweepError, WorkerError
-    from rpud_sim.analysis.sweep.specification import read_specification
+    from rpud_sim.studies.sweep.errors import SweepError, WorkerError
+    from rpud_sim.studies.sweep.specification import read_specification
 
     started = time.perf_counter()
     try:
         specification = read_specification(arguments.spec)
-        from rpud_sim.analysis.sweep.sweep import run_sweep
+        from rpud_sim.studies.sweep.sweep import run_sweep
 
         with progress_bar(" simulations", specification.simulations) as bar:
             result = run_sweep(

@@ -8,10 +8,10 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable, table
+from rpud_sim.foundation.terminal import complain, printable, table
 
 if TYPE_CHECKING:
-    from rpud_sim.analysis.proof.verification import Verification
+    from rpud_sim.inspection.verify.verification import Verification
 
 HELP = "run a bag's simulation again and compare every message, bit for bit"
 EXAMPLE = "rpud verify bags/first"
@@ -34,9 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Verify and print the account; give the exit code."""
-    from rpud_sim.analysis.proof.entries import UnverifiableError
-    from rpud_sim.analysis.proof.verification import verify
     from rpud_sim.bag import BagError
+    from rpud_sim.inspection.verify.entries import UnverifiableError
+    from rpud_sim.inspection.verify.verification import verify
 
     try:
         with progress_bar(" s") as bar:

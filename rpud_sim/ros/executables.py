@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from rpud_sim.terminal import end_with
+from rpud_sim.foundation.terminal import end_with
 
 
 def drill_node() -> None:

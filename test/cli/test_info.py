@@ -8,11 +8,11 @@ from mcap.writer import Writer
 from sample_bags import CHAT, START, STRING, TALK, write_bag
 
 import rpud_sim.bag
-from rpud_sim.analysis.bag_report.rows import topic_rows
-from rpud_sim.analysis.bag_report.survey import survey
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.cli import info
+from rpud_sim.inspection.report.rows import topic_rows
+from rpud_sim.inspection.report.survey import survey
 
 
 def run(*words):

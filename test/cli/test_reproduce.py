@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.analysis.reproduction.headline import NUMBERS
+from rpud_sim.studies.reproduction.headline import NUMBERS
 
 
 def rpud(*words):

@@ -224,7 +224,7 @@ def test_a_folder_that_cannot_be_made_is_one_line(spec, tmp_path):
 
 
 def test_the_example_in_the_configuration_is_one():
-    from rpud_sim.analysis.sweep.specification import read_specification
+    from rpud_sim.studies.sweep.specification import read_specification
 
     example = read_specification(Path(__file__).parents[2] / "config" / "sweep.yaml")
     assert example.simulations == 256

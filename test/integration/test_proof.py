@@ -13,10 +13,10 @@ from rpud_msgs.srv import ResetSimulation
 from std_srvs.srv import SetBool
 
 import rpud_sim.bag
-from rpud_sim.analysis.proof.verification import PROVED, verify
-from rpud_sim.analysis.rebuild import rebuild
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.inspection.rebuild import rebuild
+from rpud_sim.inspection.verify.verification import PROVED, verify
 
 JOURNAL = "/rpud/journal"
 ACTIVATE, DEACTIVATE = Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_DEACTIVATE

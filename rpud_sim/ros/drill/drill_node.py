@@ -20,6 +20,7 @@ from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.terminal import complain
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.account import REPORT_PERIOD, Account
@@ -42,7 +43,6 @@ from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import CHANGEABLE, Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
-from rpud_sim.terminal import complain
 
 NAME = "drill_node"
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listeners [s]

@@ -20,6 +20,7 @@ from rclpy.validate_namespace import validate_namespace
 import rpud_sim.bag
 from rpud_sim.bag import BagError
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.arguments import MAX_LOSS
 from rpud_sim.ros.drill.drill_node import NAME, DrillNode, spin
 from rpud_sim.ros.drill.namesakes import NamesakeSearch
@@ -28,7 +29,6 @@ from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import Figures, compile_kernels
-from rpud_sim.terminal import complain, printable
 
 _READY = 15.0  # that the recorder may take to be ready [s]
 _HEARD = 5.0  # that the middleware may then take to tell each of the other [s]

@@ -8,8 +8,8 @@ from difflib import get_close_matches
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import Losses
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.terminal import printable
 
 _PERIOD = 1.0  # s
 

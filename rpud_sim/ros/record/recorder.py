@@ -20,6 +20,7 @@ from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest
 from rpud_sim.bag.recovery import RECORDING_RECORD
+from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.arguments import MAX_CACHE_SIZE, add_record_arguments
 from rpud_sim.ros.record.disk_room import DiskRoom
 from rpud_sim.ros.record.drill_inquiry import DrillInquiry
@@ -33,7 +34,6 @@ from rpud_sim.ros.record.recording import MessageQueue, NamedRecord, WritingThre
 from rpud_sim.ros.record.selection import TopicSelection
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
-from rpud_sim.terminal import complain, printable
 
 SKIPPED_RECORD = "rpud_skipped"
 """Metadata record of topics that could not be recorded, with the reasons."""

@@ -16,6 +16,7 @@ from rclpy.utilities import remove_ros_args
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagReader, TopicSummary
+from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.arguments import DISCOVERY_TIME, add_replay_arguments
 from rpud_sim.ros.replay.playback import NANOSECONDS, Plan, Playback
 from rpud_sim.ros.replay.playback_thread import PlaybackThread
@@ -26,7 +27,6 @@ from rpud_sim.ros.replay.replayer_node import Replayer
 from rpud_sim.ros.serving import serve
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
-from rpud_sim.terminal import complain, printable
 
 _SETTLING = 0.2  # s from a publisher's match to the subscriber's own
 _LOOK_PERIOD = 0.01  # s

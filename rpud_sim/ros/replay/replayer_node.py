@@ -15,9 +15,9 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
 from rpud_sim.bag import Message, Topic, TopicSummary
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.qos import REPLAY_DEPTH, replay_offer
 from rpud_sim.ros.types import UnknownTypeError, message_class
-from rpud_sim.terminal import printable
 
 CLOCK = "/clock"
 _LONGEST_WAIT = 5_000_000_000  # for listeners of a replay in a hurry [ns]

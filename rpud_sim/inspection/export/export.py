@@ -1,0 +1,227 @@
+"""The topics of a bag as files for other programs, in bounded memory."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Collection, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import rpud_sim.bag
+from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.bag.columns import Column
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.foundation.whole_folder import whole_folder
+from rpud_sim.inspection.damages import Damages
+from rpud_sim.inspection.export.names import file_stem
+from rpud_sim.simulation.sampling import NANOSECONDS
+
+ACCOUNT = "export.json"
+"""What was exported, and what the files themselves cannot tell."""
+
+# Module and class of each; Arrow is loaded only where it is asked for.
+FORMATS = {
+    "parquet": ("arrow_files", "ParquetFile"),
+    "csv": ("arrow_files", "CsvFile"),
+    "numpy": ("numpy_files", "NumpyFolder"),
+}
+
+
+class ExportError(Exception):
+    """A bag cannot be exported; the text says why, in one line."""
+
+
+@dataclass(frozen=True)
+class ExportedTopic:
+    """What was made of one topic.
+
+    Args:
+        name: of the topic.
+        type: of its messages.
+        messages: that were exported.
+        rows: of its table.
+        path: of its file or folder, in the folder of the export.
+        size: of its files [bytes].
+    """
+
+    name: str
+    type: str
+    messages: int
+    rows: int
+    path: str
+    size: int
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was exported.
+
+    Args:
+        path: of the folder.
+        format: one of ``FORMATS``.
+        topics: in the order of their names.
+        left_out: topics that cannot be tables, with the reason.
+        damaged: what was left out because it is damaged, by topic or record: how much, and why.
+    """
+
+    path: str
+    format: str
+    topics: tuple[ExportedTopic, ...]
+    left_out: dict[str, str]
+    damaged: dict[str, str]
+
+
+def export(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    file_format: str = "parquet",
+    topics: Collection[str] | None = None,
+    start: float = 0.0,
+    duration: float | None = None,
+    report: Callable[[int], object] = lambda messages: None,
+) -> Exported:
+    """Write one table for each topic; there is nothing at ``out`` until all of it is whole.
+
+    Args:
+        path: of the bag.
+        out: new folder for the files.
+        file_format: one of ``FORMATS``.
+        topics: names; None for all that can be tables.
+        start: leave out so much at the beginning of the bag [s].
+        duration: export at most so much [s]; None for all.
+        report: told the messages that were exported since it was told last.
+
+    Raises:
+        BagError: if the bag cannot be read, or a topic is not there or cannot be a table.
+        ExportError: if the files cannot be written.
+    """
+    with rpud_sim.bag.open(path) as bag:
+        if 0 < bag.duration < start * NANOSECONDS:
+            held = bag.duration / NANOSECONDS
+            raise ExportError(f"--start = {start:g} s is not in the {held:g} s that the bag holds")
+        left_out = bag.left_out if topics is None else {}
+        damages = Damages(bag)
+        chosen = [
+            summary
+            for summary in bag.readable_topics
+            if summary.topic.name not in left_out
+            and (topics is None or summary.topic.name in topics)
+        ]
+        length = None if duration is None else round(duration * NANOSECONDS)
+        # Before any file is made, so that an unknown topic leaves nothing behind.
+        batches = bag.batches(
+            [summary.topic.name for summary in chosen] if topics is None else topics,
+            round(start * NANOSECONDS),
+            length,
+            damages.add,
+        )
+        with _whole(out) as folder:
+            files = _Files(bag, folder, file_format, chosen, damages)
+            with files:
+                for batch in batches:
+                    files.write(batch.topic, batch.columns, len(batch), batch.message_count)
+                    report(batch.message_count)
+            exported = Exported(
+                os.fspath(out), file_format, files.exported(), left_out, damages.texts
+            )
+            account = {**asdict(exported), **files.account}
+            text = json.dumps(account, indent=2, ensure_ascii=False)
+            (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
+    return exported
+
+
+@contextmanager
+def _whole(out: str | os.PathLike[str]) -> Iterator[Path]:
+    try:
+        with whole_folder(out) as folder:
+            yield folder
+    except FileExistsError as error:
+        raise ExportError(f"{error.filename} exists already; nothing is overwritten") from None
+    except OSError as error:
+        raise ExportError(f"cannot write {out}: {error.strerror or error}") from error
+
+
+class _Files:
+    """The open files of all topics."""
+
+    def __init__(
+        self,
+        bag: BagReader,
+        folder: Path,
+        file_format: str,
+        topics: Collection[TopicSummary],
+        damages: Damages,
+    ) -> None:
+        module, name = FORMATS[file_format]
+        self._make = getattr(import_module(f"rpud_sim.inspection.export.{module}"), name)
+        self._folder = folder
+        self._topics = {summary.topic.name: summary for summary in topics}
+        self._columns = {name: bag.columns(name) for name in self._topics}
+        self._counts = {name: [0, 0] for name in self._topics}
+        self._files: dict[str, Any] = {}
+        self._open = ExitStack()
+        self._about = {
+            "bag": str(bag.path),
+            "bag_start_time": bag.start_time,
+            "manifests": damages.records(bag, MANIFEST),
+        }
+
+    def __enter__(self) -> _Files:
+        """Create the files."""
+        with self._open:
+            for name, columns in self._columns.items():
+                metadata = {"rpud_sim": {**self._about, **self._told(name)}}
+                file = self._make(self._folder / file_stem(name), columns, metadata)
+                self._files[name] = file
+                self._open.callback(file.close)
+            self._open = self._open.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
+
+    def write(self, topic: str, columns: Any, rows: int, messages: int) -> None:
+        """Add rows to the file of a topic."""
+        self._files[topic].write(columns)
+        self._counts[topic][0] += messages
+        self._counts[topic][1] += rows
+
+    def exported(self) -> tuple[ExportedTopic, ...]:
+        """Tell what was made, after the files are closed."""
+        return tuple(
+            ExportedTopic(
+                name,
+                summary.topic.type,
+                self._counts[name][0],
+                self._counts[name][1],
+                self._files[name].paths[0].relative_to(self._folder).parts[0],
+                sum(path.stat().st_size for path in self._files[name].paths),
+            )
+            for name, summary in self._topics.items()
+        )
+
+    @property
+    def account(self) -> dict[str, Any]:
+        """Give what the bag tells of itself and the columns, for those who read the files."""
+        return {**self._about, "tables": {name: self._told(name) for name in self._topics}}
+
+    def _told(self, topic: str) -> dict[str, Any]:
+        summary = self._topics[topic]
+        return {
+            "topic": topic,
+            "type": summary.topic.type,
+            "type_hash": summary.topic.type_hash,
+            "losses": asdict(summary.losses) if summary.losses else None,
+            "columns": {column.name: _column(column) for column in self._columns[topic]},
+        }
+
+
+def _column(column: Column) -> dict[str, Any]:
+    told = {"kind": column.kind.value, "unit": column.unit, "description": column.description}
+    if column.dtype != object:
+        told["dtype"] = str(column.dtype)
+    return told

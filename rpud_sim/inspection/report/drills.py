@@ -1,0 +1,216 @@
+"""What is kept of a drill's own topics: impacts, segments, waveform, faults and journal."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.inspection.report.streams import Envelope, Intervals, Spectrum, usable
+from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.simulation.statistics import count_events
+
+MOST_ENTRIES = 500
+"""Entries of the journal, and faults, that are kept; further ones are counted."""
+
+CHANNELS = (
+    "nodal_plane_position",
+    "actuator_position",
+    "free_mass_position",
+    "drill_tool_displacement",
+    "contact_force",
+    "reacting_force",
+)
+"""Of a waveform."""
+
+_CLOSER = 1000  # samples of the closer look
+_CONTENT = 400  # characters of an entry
+_LONGEST_INTERVAL = 10.0  # s; longer ones are pauses
+
+Columns = Mapping[str, np.ndarray]
+
+
+class Impacts:
+    """Impacts on the drill tool, of ``rpud_msgs/ContactForce``.
+
+    Attributes:
+        intervals: between impacts that follow each other, pauses left out [s].
+        power: energies over time; its ``rate`` is in W, its ``count`` that of the impacts.
+    """
+
+    def __init__(self, duration: float) -> None:
+        self.intervals = Intervals()
+        self.power = Envelope(duration)
+        self._last: float | None = None
+
+    def add(self, columns: Columns, times: np.ndarray) -> None:
+        """Follow impacts at times since the bag began [s]."""
+        if not len(times):
+            return
+        steps = np.diff(times, prepend=times[0] if self._last is None else self._last)
+        steps = steps[1:] if self._last is None else steps
+        self.intervals.add(steps[(steps > 0.0) & (steps < _LONGEST_INTERVAL)])
+        self._last = float(times[-1])
+        energies = columns["energy"]
+        there = usable(energies)
+        self.power.add(times[there], energies[there])
+
+
+@dataclass
+class Segments:
+    """The exact trajectory, of ``rpud_msgs/Trajectory``.
+
+    Args:
+        duration: of the segments [s].
+        events: impacts and ends of contacts.
+        actuator_impacts: of the actuator on the free mass.
+    """
+
+    duration: float = 0.0
+    events: int = 0
+    actuator_impacts: int = 0
+
+    def add(self, columns: Columns, times: np.ndarray) -> None:
+        """Follow segments."""
+        lasting = columns["duration"]
+        self.duration += float(lasting[np.isfinite(lasting)].sum())
+        events, actuator_impacts = count_events(columns["event"])
+        self.events += events
+        self.actuator_impacts += actuator_impacts
+
+
+class Waveform:
+    """Spectra and a closer look, of ``rpud_msgs/Waveform``.
+
+    Attributes:
+        spectrum: of ``CHANNELS``, since their rate changed last.
+        rate: of the samples [Hz]; 0 before the first.
+        closer: some consecutive samples of each channel, and their ``times`` since the bag began.
+    """
+
+    def __init__(self, duration: float) -> None:
+        self.spectrum = Spectrum(len(CHANNELS))
+        self.rate = 0.0
+        self.closer: dict[str, np.ndarray] = {}
+        self._middle = 0.5 * duration
+        self._next: int | None = None
+
+    def add(self, columns: Columns, times: np.ndarray) -> None:
+        """Follow samples at times since the bag began [s]."""
+        if not len(times):
+            return
+        numbers = columns["sequence"].astype(np.int64)
+        periods = columns["sample_period"]
+        samples = np.array([columns[name] for name in CHANNELS])
+        cuts = np.flatnonzero((np.diff(numbers) != 1) | (np.diff(periods) != 0.0)) + 1
+        for part in np.split(np.arange(len(numbers)), cuts):
+            rate = 1.0 / float(periods[part[0]])
+            if rate != self.rate:
+                self.spectrum, self.rate = Spectrum(len(CHANNELS)), rate
+            if numbers[part[0]] != self._next or not usable(samples[:, part]).all():
+                self.spectrum.gap()
+            if usable(samples[:, part]).all():
+                self.spectrum.add(samples[:, part])
+            self._next = int(numbers[part[-1]]) + 1
+        self._look(columns, times)
+
+    def _look(self, columns: Columns, times: np.ndarray) -> None:
+        after = np.flatnonzero(times >= self._middle)
+        if not self.closer and len(after):
+            shown = slice(int(after[0]), int(after[0]) + _CLOSER)
+            self.closer = {name: columns[name][shown].copy() for name in CHANNELS}
+            self.closer["times"] = times[shown].copy()
+
+
+@dataclass
+class Fault:
+    """A fault with its times since the bag began [s]; ``clear`` is None while it lasts."""
+
+    number: int
+    kind: str
+    channel: str
+    magnitude: float
+    onset: float
+    clear: float | None
+
+
+@dataclass
+class FaultLog:
+    """Every fault that was told, of ``rpud_msgs/Faults``.
+
+    Args:
+        faults: the last that was told of each, by run of the clock and number.
+        unlisted: how often faults were told that are not kept.
+    """
+
+    faults: dict[tuple[int, int], Fault] = field(default_factory=dict)
+    unlisted: int = 0
+
+    def add(self, columns: Columns, times: np.ndarray, jumps: int) -> None:
+        """Follow messages at times since the bag began [s]; a reset counts faults anew."""
+        for stamp, time, faults in zip(
+            columns["header.stamp"], times, columns["faults"], strict=True
+        ):
+            for told in faults:
+                try:
+                    fault = _fault(told, int(stamp), float(time))
+                except (KeyError, TypeError, ValueError):  # only the type's name is ours
+                    self.unlisted += 1
+                    continue
+                key = (jumps, fault.number)
+                if key in self.faults or len(self.faults) < MOST_ENTRIES:
+                    self.faults[key] = fault
+                else:
+                    self.unlisted += 1
+
+
+def _fault(told: Mapping[str, Any], stamp: int, time: float) -> Fault:
+    """Read a fault out of a message with this stamp [ns], sent so long after the bag began [s]."""
+
+    def since(moment: Mapping[str, int]) -> float:
+        return time - (stamp - moment["sec"] * NANOSECONDS - moment["nanosec"]) / NANOSECONDS
+
+    return Fault(
+        int(told["number"]),
+        str(told["kind"]),
+        str(told["channel"]),
+        float(told["magnitude"]),
+        since(told["onset"]),
+        None if told["active"] else since(told["clear"]),
+    )
+
+
+@dataclass
+class Journal:
+    """What changed the simulation, of ``rpud_msgs/JournalEntry``.
+
+    Args:
+        entries: time since the bag began [s], kind, content.
+        parameters: of the first simulation.
+        unlisted: entries that are not kept.
+    """
+
+    entries: list[tuple[float, str, str]] = field(default_factory=list)
+    parameters: dict[str, Any] = field(default_factory=dict)
+    unlisted: int = 0
+
+    def add(self, columns: Columns, times: np.ndarray) -> None:
+        """Follow entries at times since the bag began [s]."""
+        for time, kind, content in zip(times, columns["kind"], columns["content"], strict=True):
+            if kind == "begin" and not self.parameters:
+                self.parameters = _parameters(content)
+            if len(self.entries) >= MOST_ENTRIES:
+                self.unlisted += 1
+                continue
+            cut = "…" if len(content) > _CONTENT else ""
+            self.entries.append((float(time), str(kind), content[:_CONTENT] + cut))
+
+
+def _parameters(content: str) -> dict[str, Any]:
+    try:
+        return dict(json.loads(content)["parameters"])
+    except (KeyError, RecursionError, TypeError, ValueError):
+        return {}  # written by something else

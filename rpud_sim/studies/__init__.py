@@ -1,0 +1,1 @@
+"""Numbers, plots and reports from trajectories and bags."""

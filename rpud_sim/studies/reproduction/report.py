@@ -1,0 +1,134 @@
+"""The report: HTML with its pictures inside, the pictures, all numbers, and validation.md."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+from matplotlib.figure import Figure
+
+from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.simulation import preset
+from rpud_sim.studies.reproduction import findings
+from rpud_sim.studies.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
+from rpud_sim.studies.reproduction.headline import NUMBERS
+from rpud_sim.studies.reproduction.plots import run_figures
+from rpud_sim.studies.reproduction.reproduction import BEST, PRESETS, Reproduction
+from rpud_sim.studies.reproduction.study_plots import (
+    plot_bar_study,
+    plot_readings,
+    plot_studies,
+)
+from rpud_sim.studies.reproduction.templates import HEADINGS, HOW_TO_READ, HTML, MARKDOWN
+
+REPORT = "report.html"
+NUMBERS_FILE = "numbers.json"
+VALIDATION = "validation.md"
+
+_RANKING_LENGTH = 10  # of the table in validation.md
+_RESOLUTION = 110  # dots per inch
+
+
+def write_report(result: Reproduction, folder: Path, command: str) -> None:
+    """Write everything into a folder, which is made if it is not there.
+
+    Args:
+        result: what was reproduced.
+        folder: where to.
+        command: that makes the report, to be named in it.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    images = {}
+    for name, figure in _figures(result).items():
+        picture = _png(figure)
+        _write(folder / f"{name}.png", picture)
+        images[name] = base64.b64encode(picture).decode("ascii")
+    context = _context(result, command)
+    numbers = json.dumps(result.numbers(), indent=1, allow_nan=False, default=float)
+    _write(folder / NUMBERS_FILE, f"{numbers}\n".encode())
+    page = _environment(autoescape=True).from_string(HTML).render(images=images, **context)
+    _write(folder / REPORT, page.encode())
+    text = _environment(autoescape=False).from_string(MARKDOWN).render(**context)
+    _write(folder / VALIDATION, f"{text.rstrip()}\n".encode())
+
+
+def _write(path: Path, content: bytes) -> None:
+    with whole_file(path) as unfinished:
+        unfinished.write_bytes(content)
+
+
+def _environment(*, autoescape: bool) -> Environment:
+    return Environment(autoescape=autoescape, undefined=StrictUndefined)
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    # Without the library's version in it, the same numbers give the same file.
+    figure.savefig(buffer, format="png", dpi=_RESOLUTION, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _figures(result: Reproduction) -> dict[str, Figure]:
+    shown = {
+        f"presets: {result.presets.reading}": result.presets,
+        f"best: {result.best.reading}": result.best,
+    }
+    return {
+        **run_figures(preset("free"), preset("drilling")),
+        **plot_studies(result.studies),
+        **plot_bar_study(result.bar),
+        "readings": plot_readings(shown),
+    }
+
+
+def _context(result: Reproduction, command: str) -> dict[str, Any]:
+    slopes = {drill: result.slope(drill) for drill in result.studies}
+    return {
+        "command": command,
+        "effort": findings.effort_text(result),
+        "summary": findings.summary(result),
+        "how_to_read": HOW_TO_READ,
+        "headings": HEADINGS,
+        "numbers": findings.number_rows(result),
+        "missing": findings.missing_rows(result),
+        "ranking": findings.ranking_rows(result),
+        "ranking_heading": (*HEADINGS["ranking"], *(number.key for number in NUMBERS)),
+        "ranking_length": _RANKING_LENGTH,
+        "choices": findings.choice_rows(result),
+        "trends": {drill: findings.trend_rows(result, drill) for drill in result.trends},
+        "slopes": {drill: f"{slope:.3f} ± {half:.3f}" for drill, (slope, half) in slopes.items()},
+        "bar": findings.bar_rows(result),
+        "mesh": findings.mesh_rows(result),
+        "tools": findings.tool_rows(result),
+        "figures": [_captioned(result, name) for name in CAPTIONS],
+        "study_figures": [
+            {"name": name, "title": title, "paper": paper}
+            for name, (title, paper) in STUDY_CAPTIONS.items()
+        ],
+    }
+
+
+def _captioned(result: Reproduction, name: str) -> dict[str, Any]:
+    title, paper, keys = CAPTIONS[name]
+    numbers = [number for number in NUMBERS if number.key in keys]
+    return {
+        "name": name,
+        "title": title,
+        "paper": paper,
+        "model": [
+            f"{drill}: "
+            + "; ".join(
+                f"{number.key} {findings.show_value(fit.values[number.key], number)}"
+                for number in numbers
+            )
+            for drill, fit in ((PRESETS, result.presets), (BEST, result.best))
+            if numbers
+        ],
+    }
