@@ -37,7 +37,7 @@ from tqdm import tqdm
 from bench import soak_checks as checks
 from bench.soak_checks import Tally, Verdict
 
-NANOSECONDS = 1_000_000_000
+SECOND = 1_000_000_000
 TELEMETRY_RATE = 100  # the node's default [Hz]
 TELEMETRY = {
     "nodal_plane": NodalPlane,
@@ -112,7 +112,7 @@ class Listener:
         """Return the number of the sample at a stamp [ns], counted from the first one heard."""
         if self._start is None:
             self._start = stamp
-        return round((stamp - self._start) * TELEMETRY_RATE / NANOSECONDS)
+        return round((stamp - self._start) * TELEMETRY_RATE / SECOND)
 
     def _on_telemetry(self, name: str, message: Any, info: Any) -> None:
         stamp = _stamp(message)
@@ -122,8 +122,8 @@ class Listener:
         # When it came to this process, however much later it is heard.
         waited = time.time_ns() - info["received_timestamp"]
         arrival = time.monotonic_ns() - waited
-        if arrival // NANOSECONDS != self._second:
-            self._second = arrival // NANOSECONDS
+        if arrival // SECOND != self._second:
+            self._second = arrival // SECOND
             self.arrivals.append((stamp, arrival))
         elif arrival - stamp < self.arrivals[-1][1] - self.arrivals[-1][0]:
             self.arrivals[-1] = stamp, arrival
@@ -143,7 +143,7 @@ class Listener:
 
 def _stamp(message: Any) -> int:
     stamp = message.header.stamp
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+    return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
 class Watched:

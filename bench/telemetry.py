@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from bench.hearing import Hearing
 from bench.row import Row, row
-from rpud_sim.ros.drill.pacing import NANOSECONDS
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.publishers import TOPICS
 from rpud_sim.ros.lateness import Lateness
 
@@ -58,8 +58,8 @@ def _timer(seconds: float) -> Iterator[Row]:
     wake, lateness = threading.Event(), Lateness()
     due = time.monotonic_ns()
     for _ in range(round(seconds / PERIOD)):
-        due += round(PERIOD * NANOSECONDS)
-        wake.wait(max(0.0, (due - time.monotonic_ns()) / NANOSECONDS))
+        due += round(PERIOD * SECOND)
+        wake.wait(max(0.0, (due - time.monotonic_ns()) / SECOND))
         lateness.add(time.monotonic_ns() - due)
     for key, share in (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999)):
         late = 1e3 * lateness.quantile(share)

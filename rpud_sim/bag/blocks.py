@@ -8,8 +8,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rpud_sim.bag.columns import SECOND, Column, Kind
+from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.foundation.time import SECOND
 
 TIME = Column("time", Kind.TIME, np.dtype(np.int64), description="of the sample or segment")
 """The exact time of each row, in place of that of the first."""

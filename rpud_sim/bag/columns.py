@@ -14,11 +14,11 @@ from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.foundation.time import SECOND
 
 COLUMNS_LIMIT = 10_000
 """Columns that a table has at most."""
 
-SECOND = 1_000_000_000
 
 RECEIVED = ("log_time", "publish_time")
 """Columns that every table has; a field of that name gets underscores until no other has it."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.foundation.time import SECOND
 
 INFINITE = 2**63 - 1
 """An unlimited duration [ns]; in YAML `sec: 9223372036`, `nsec: 854775807`."""
 
-_SECOND = 1_000_000_000
 
 # The place is the number that rosbag2 wrote until version 8, the word what it writes since.
 _HISTORY = ("system_default", "keep_last", "keep_all", "unknown")
@@ -97,10 +97,10 @@ def _policy(value: Any, words: Sequence[str]) -> str:
 
 
 def _duration_to_mapping(nanoseconds: int) -> dict[str, int]:
-    return {"sec": nanoseconds // _SECOND, "nsec": nanoseconds % _SECOND}
+    return {"sec": nanoseconds // SECOND, "nsec": nanoseconds % SECOND}
 
 
 def _duration_from_mapping(value: Mapping[str, Any]) -> int:
     # Older middlewares wrote other spellings of "unlimited", all of them longer than a century.
-    nanoseconds = int(value["sec"]) * _SECOND + int(value["nsec"])
-    return INFINITE if nanoseconds >= 0x7FFFFFFF * _SECOND else nanoseconds
+    nanoseconds = int(value["sec"]) * SECOND + int(value["nsec"])
+    return INFINITE if nanoseconds >= 0x7FFFFFFF * SECOND else nanoseconds

@@ -25,13 +25,13 @@ from rpud_sim.bag.metadata import (
 )
 from rpud_sim.bag.output_file import COMPRESSIONS, LATEST, OutputFile
 from rpud_sim.bag.reserve import Reserve
+from rpud_sim.foundation.time import SECOND
 
 __all__ = ["COMPRESSIONS", "LATEST", "BagWriter"]
 
 CHUNK_SIZE = 1 << 20
 """Uncompressed bytes after which a chunk is closed."""
 
-_SECOND = 1_000_000_000
 _END = 1 << 20  # bytes of a reserve for records at the end of a bag, its metadata and its folder
 _MOST_CHANNELS = 2**16 - 1
 
@@ -72,7 +72,7 @@ class BagWriter:
         self._compression, self._chunk_size = compression, chunk_size
         self._custom_data = dict(custom_data or {})
         self._max_size = max_file_size
-        self._max_duration = max_file_duration and round(max_file_duration * _SECOND)
+        self._max_duration = max_file_duration and round(max_file_duration * SECOND)
         self._topics: dict[str, Topic] = {}
         self._named: dict[str, int] = {}  # the channel of each topic that add_topic declared
         # By their numbers in the bag; `_numbers` are those in the open file.

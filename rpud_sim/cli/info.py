@@ -8,6 +8,7 @@ from datetime import datetime, timezone
 from typing import Any
 
 from rpud_sim.foundation.terminal import complain, printable, table
+from rpud_sim.foundation.time import split_seconds
 
 HELP = "list a bag's topics, counts, rates, times and losses"
 EXAMPLE = "rpud info bags/first"
@@ -85,6 +86,6 @@ def _table(content: dict[str, Any]) -> str:
 
 
 def _moment(nanoseconds: int) -> str:
-    seconds, rest = divmod(nanoseconds, 1_000_000_000)
+    seconds, rest = split_seconds(nanoseconds)
     moment = datetime.fromtimestamp(seconds, tz=timezone.utc)
     return f"{moment:%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d} UTC"

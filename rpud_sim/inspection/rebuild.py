@@ -16,9 +16,10 @@ import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.foundation.time import join_seconds
 from rpud_sim.foundation.whole_folder import whole_folder
 from rpud_sim.simulation.rebuilding import Rebuilder, end_sample, first_sample, to_segments
-from rpud_sim.simulation.sampling import CHANNELS, NANOSECONDS, Samples
+from rpud_sim.simulation.sampling import CHANNELS, Samples
 from rpud_sim.simulation.topics import TOPICS
 
 _TYPE = TOPICS["trajectory"].type
@@ -209,7 +210,7 @@ class _Pieces:
             if message.sequence < following or start < end - _ROUNDING or not run:
                 run += 1
                 following = -1
-            origin = message.origin.sec * NANOSECONDS + message.origin.nanosec
+            origin = join_seconds(message.origin.sec, message.origin.nanosec)
             yield _Piece(run, message.sequence == following, origin, segments)
             following = message.sequence + len(segments)
             last = segments[-1]

@@ -9,9 +9,9 @@ import sys
 
 from rpud_sim.foundation.parameters import ParameterGroup, choice, flag, number, quantities
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation.commands import Drive
-from rpud_sim.simulation.sampling import NANOSECONDS
 
 # Time of a step that never comes [ns].
 NEVER = sys.maxsize
@@ -278,7 +278,7 @@ class Actuator:
 
     def _at(self, time: int) -> tuple[complex, float, float]:
         """Envelope [V] at a time on this course, and energy drawn and heat from its beginning."""
-        elapsed = (time - self._since) / NANOSECONDS
+        elapsed = (time - self._since) / SECOND
         end, away = self._end, self._envelope - self._end
         decayed = cmath.exp(-self._rate * elapsed)
         area = away * (1.0 - decayed) / self._rate
@@ -298,7 +298,7 @@ class Actuator:
     def _warm(self) -> None:
         """Take the temperature that the heat of one interval leaves."""
         parameters = self._parameters
-        interval = HEATING_INTERVAL / NANOSECONDS
+        interval = HEATING_INTERVAL / SECOND
         end = parameters.ambient_temperature + parameters.thermal_resistance * self._heat / interval
         time_constant = parameters.thermal_resistance * parameters.heat_capacity
         self._temperature -= (end - self._temperature) * math.expm1(-interval / time_constant)
@@ -322,7 +322,7 @@ class Actuator:
             rate = abs(self._rate) if self._end else self._decay
             shortest = max(SHORTEST_STEP / self._decay, 1.0 / self._frequency)
             duration = max(STEP * self._scale / (rate * away), shortest)
-            self._step = self._since + math.ceil(duration * NANOSECONDS)
+            self._step = self._since + math.ceil(duration * SECOND)
 
     def _amplitude_of(self, envelope: complex) -> float:
         return self._vibration_amplitude * abs(envelope) / self._parameters.nominal_voltage

@@ -7,19 +7,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.records import join
 from rpud_sim.model.segment import IMPACT, SEGMENT
-from rpud_sim.simulation.sampling import NANOSECONDS, Samples, Times, sample
+from rpud_sim.simulation.sampling import Samples, Times, sample
 
 
 def boundary(number: int, rate: int) -> int:
     """Simulation time at which a block of 1 / rate ends [ns], exact for any whole rate [Hz]."""
-    return number * NANOSECONDS // rate
+    return number * SECOND // rate
 
 
 def boundaries_until(time: int, rate: int) -> int:
     """Number of the last block boundary at or before a simulation time [ns]."""
-    return ((time + 1) * rate - 1) // NANOSECONDS
+    return ((time + 1) * rate - 1) // SECOND
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,8 +58,8 @@ class Block:
         Blocks that follow each other have every sample once.
         """
         return range(
-            -(-self.start * rate // NANOSECONDS),
-            -(-self.end * rate // NANOSECONDS),
+            -(-self.start * rate // SECOND),
+            -(-self.end * rate // SECOND),
         )
 
     def sample(self, times: Times) -> Samples:

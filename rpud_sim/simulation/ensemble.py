@@ -12,16 +12,17 @@ from contextlib import contextmanager
 import numpy as np
 from numba.core import event
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
 # Simulated time between two reports of progress [ns].
-_STRIDE = 10 * NANOSECONDS
+_STRIDE = 10 * SECOND
 
 COMPILING = "a model that has changed or never ran here is compiled, which takes up to a minute"
 _LONG = 3.0  # that this takes before it is told [s]
@@ -142,7 +143,7 @@ def run_ensemble(
         FaultError: if a fault of the scenario cannot be honoured.
     """
     compile_kernels(configuration)
-    end = round(duration * NANOSECONDS)
+    end = round(duration * SECOND)
     members: list[Figures] = []
     wall = 0.0
     for phase in phases:
@@ -154,11 +155,11 @@ def run_ensemble(
             block = simulation.advance_to(min(before + _STRIDE, end))
             wall += time.perf_counter() - started
             statistics.add(block)
-            report((block.end - before) / NANOSECONDS)
+            report((block.end - before) / SECOND)
         figures = statistics.figures()
         if simulation.configuration.rock.rock_model != "none":
             figures["depth"] = simulation.depth
             figures["penetration_rate"] = simulation.depth / statistics.duration
         members.append(figures)
-    simulated = end / NANOSECONDS * len(members)
+    simulated = end / SECOND * len(members)
     return Ensemble(tuple(phases), tuple(members), simulated / wall if wall > 0.0 else math.inf)

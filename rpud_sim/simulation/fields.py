@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.ledger import FaultRecord, Faults
-from rpud_sim.simulation.sampling import NANOSECONDS, Samples
+from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import MOUNT_FRAME, NODAL_PLANE_FRAME, TOOL_TIP_FRAME
 
@@ -36,7 +37,7 @@ _TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.u
 
 def time_fields(nanoseconds: int) -> Fields:
     """Fields of ``builtin_interfaces/Time``."""
-    seconds, rest = divmod(nanoseconds, NANOSECONDS)
+    seconds, rest = divmod(nanoseconds, SECOND)
     return {"sec": seconds, "nanosec": rest}
 
 
@@ -48,7 +49,7 @@ def header_fields(stamp: int, frame: str) -> Fields:
 def stamp_of(fields: Fields) -> int:
     """Stamp in the header of a message [ns]."""
     stamp = fields["header"]["stamp"]
-    return int(stamp["sec"]) * NANOSECONDS + int(stamp["nanosec"])
+    return int(stamp["sec"]) * SECOND + int(stamp["nanosec"])
 
 
 def to_array(values: np.ndarray) -> array:
@@ -129,7 +130,7 @@ def contact_force_fields(impact: np.void, origin: int) -> Fields:
     """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``."""
     # All at once: one by one they would take longer than the rest of the message.
     values = dict(zip(IMPACT.names or (), impact.item(), strict=True))
-    start = values["seconds"] * NANOSECONDS + round(values["fraction"] * NANOSECONDS)
+    start = values["seconds"] * SECOND + round(values["fraction"] * SECOND)
     return {
         "header": header_fields(origin + start, TOOL_TIP_FRAME),
         "sequence": values["sequence"],
@@ -171,8 +172,8 @@ def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fiel
     cuts = np.flatnonzero((constants[1:] != constants[:-1]).any(axis=1)) + 1
     for first, end in pairwise([0, *cuts.tolist(), len(segments)]):
         part = segments[first:end]
-        start = int(part["start_seconds"][0]) * NANOSECONDS
-        start += round(float(part["start_fraction"][0]) * NANOSECONDS)
+        start = int(part["start_seconds"][0]) * SECOND
+        start += round(float(part["start_fraction"][0]) * SECOND)
         yield {
             "header": header_fields(origin + start, MOUNT_FRAME),
             "sequence": sequence + first,

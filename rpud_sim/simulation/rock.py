@@ -8,10 +8,10 @@ import math
 import numpy as np
 
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
-from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.foundation.time import SECOND
 
 # The penetration rate is the mean over this time [ns].
-RATE_WINDOW = NANOSECONDS
+RATE_WINDOW = SECOND
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,8 +85,8 @@ class Progress:
         # One after the other, as a sum in pairs would depend on the blocks.
         depths = np.add.accumulate(np.concatenate([[self._depth], deeper]))[1:]
         self._depth = float(depths[-1])
-        fractions = np.rint(impacts["fraction"] * NANOSECONDS).astype(np.int64)
-        self._times = np.concatenate([self._times, impacts["seconds"] * NANOSECONDS + fractions])
+        fractions = np.rint(impacts["fraction"] * SECOND).astype(np.int64)
+        self._times = np.concatenate([self._times, impacts["seconds"] * SECOND + fractions])
         self._depths = np.concatenate([self._depths, deeper])
         recent = np.searchsorted(self._times, self._times[-1] - RATE_WINDOW, side="right")
         self._times, self._depths = self._times[recent:], self._depths[recent:]
@@ -100,5 +100,5 @@ class Progress:
         if not self._modelled:
             return math.nan
         recent = np.searchsorted(self._times, time - RATE_WINDOW, side="right")
-        window = min(time, RATE_WINDOW) / NANOSECONDS
+        window = min(time, RATE_WINDOW) / SECOND
         return math.fsum(self._depths[recent:]) / window if window > 0.0 else 0.0

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at
@@ -24,8 +25,6 @@ CHANNELS = (
     "reacting_force",
 )
 
-NANOSECONDS = 1_000_000_000
-
 
 @dataclasses.dataclass(frozen=True)
 class Times:
@@ -43,10 +42,10 @@ class Times:
     def from_nanoseconds(nanoseconds: np.ndarray | int) -> Times:
         """Return the times given in integer nanoseconds, shape (n,)."""
         if isinstance(nanoseconds, int):  # sampled for every telemetry message
-            whole, left = divmod(nanoseconds, NANOSECONDS)
-            return Times(np.array([whole], np.int64), np.array([left / NANOSECONDS]))
-        seconds, rest = np.divmod(np.atleast_1d(np.asarray(nanoseconds, np.int64)), NANOSECONDS)
-        return Times(seconds, rest / NANOSECONDS)
+            whole, left = divmod(nanoseconds, SECOND)
+            return Times(np.array([whole], np.int64), np.array([left / SECOND]))
+        seconds, rest = np.divmod(np.atleast_1d(np.asarray(nanoseconds, np.int64)), SECOND)
+        return Times(seconds, rest / SECOND)
 
     @staticmethod
     def from_grid(first: int, count: int, rate: int) -> Times:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import read_yaml
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError, number_of
-from rpud_sim.simulation.sampling import NANOSECONDS
 
 GREATEST_SEED = 2**63 - 1  # what a ROS parameter holds
 
@@ -132,11 +132,11 @@ def _scheduled(entry: Any, number: int, seed: int) -> ScheduledFault:
         for index, key in enumerate(_DRAWN)
     }
     onset = _drawn("onset", entry["onset"], ONSET, streams["onset"])
-    start = round(onset * NANOSECONDS)
+    start = round(onset * SECOND)
     clear = None
     if "duration" in entry:
         duration = _drawn("duration", entry["duration"], DURATION, streams["duration"])
-        clear = start + round(duration * NANOSECONDS)
+        clear = start + round(duration * SECOND)
     magnitude = entry.get("magnitude", math.nan)
     quantity = KINDS[kind].quantity_on(channel)
     if not (quantity is None or _is_nan(magnitude)):

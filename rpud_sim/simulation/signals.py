@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.channels import CHANNELS, Channel, Path
 from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.ledger import FaultRecord
-from rpud_sim.simulation.sampling import NANOSECONDS
 
 # Of the values of a channel full of garbage this share is NaN or infinite, so that mission software
 # surely meets them; of plain bit patterns it would be one in two thousand.
@@ -165,7 +165,7 @@ class _Wrong(_Stage):
 class _Slow(_Stage):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self._period = round(self._magnitude * NANOSECONDS)
+        self._period = round(self._magnitude * SECOND)
         self._next = 0
 
     def take(self, time: int, messages: list[Fields]) -> list[Fields]:
@@ -178,7 +178,7 @@ class _Slow(_Stage):
 class _Delayed(_Stage):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self._delay = round(self._magnitude * NANOSECONDS)
+        self._delay = round(self._magnitude * SECOND)
         self._waiting: deque[tuple[int, Fields]] = deque()
 
     def take(self, time: int, messages: list[Fields]) -> list[Fields]:

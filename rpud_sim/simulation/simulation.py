@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import Parameters
@@ -24,7 +25,6 @@ from rpud_sim.simulation.faults import Fault, FaultError, check_honoured, honour
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.ledger import FaultRecord, Faults
 from rpud_sim.simulation.rock import Progress
-from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 
 # Refusals that are kept until somebody takes them.
@@ -329,5 +329,5 @@ class Simulation:
 
 
 def _split(time: int) -> tuple[int, float]:
-    seconds, rest = divmod(time, NANOSECONDS)
-    return seconds, rest / NANOSECONDS
+    seconds, rest = divmod(time, SECOND)
+    return seconds, rest / SECOND

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
@@ -16,7 +17,6 @@ from rpud_sim.model.segment import (
     nodal_plane_integral,
 )
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.sampling import NANOSECONDS
 
 # Names and units.
 FIGURES = MappingProxyType(
@@ -99,7 +99,7 @@ class Statistics:
     @property
     def duration(self) -> float:
         """Simulated time of the blocks so far [s]."""
-        return self._duration / NANOSECONDS
+        return self._duration / SECOND
 
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
@@ -158,14 +158,14 @@ class Statistics:
 
 
 def _reacting_impulse(block: Block) -> float:
-    seconds, rest = divmod(block.end, NANOSECONDS)
-    from_seconds, from_rest = divmod(block.start, NANOSECONDS)
+    seconds, rest = divmod(block.end, SECOND)
+    from_seconds, from_rest = divmod(block.start, SECOND)
     return float(
         _sum_reacting_force(
             block.covering,
             seconds,
-            rest / NANOSECONDS,
+            rest / SECOND,
             from_seconds,
-            from_rest / NANOSECONDS,
+            from_rest / SECOND,
         )
     )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import fields
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
 from rpud_sim.simulation.ledger import FaultRecord
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
 
 _SENSORS = (
@@ -121,6 +122,6 @@ class Telemetry:
         numbers = block.grid(rate)
         if numbers and self._wanted("waveform"):
             samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
-            stamp = self._origin + numbers.start * NANOSECONDS // rate
+            stamp = self._origin + numbers.start * SECOND // rate
             values = fields.waveform_fields(samples, stamp, numbers.start, rate)
             yield block.end, "waveform", values

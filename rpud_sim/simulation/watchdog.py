@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.foundation.time import SECOND
 
 
 class CommandWatchdog:
@@ -25,8 +25,8 @@ class CommandWatchdog:
     def set(self, timeout: float, ramp: float) -> None:
         """Take another timeout and ramp [s]."""
         # In nanoseconds, so that the end of the ramp is exact; the shortest timeout is not never.
-        self._timeout = max(1, round(timeout * NANOSECONDS)) if timeout > 0.0 else 0
-        self._ramp = round(ramp * NANOSECONDS)
+        self._timeout = max(1, round(timeout * SECOND)) if timeout > 0.0 else 0
+        self._ramp = round(ramp * SECOND)
 
     def heard(self, time: int) -> None:
         """Note that a command came."""

@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import CONTACT_MODELS
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.studies.reproduction.contact import contact_history, single_contact
@@ -114,7 +114,7 @@ def test_the_reacting_force_is_the_impulse_of_the_collisions(regime):
     """What the tool receives in a long run, less the weight of the free mass, the RPUD gives."""
     parameters = preset(regime)
     simulation = Simulation(parameters)
-    block = simulation.advance_to(60 * NANOSECONDS)
+    block = simulation.advance_to(60 * SECOND)
     statistics = Statistics()
     statistics.add(block)
 
@@ -128,7 +128,7 @@ def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
     """Eqs. (36)-(39) against what the engine does with the same blow."""
     parameters = preset("drilling").replace(contact_model=model, gravity=0.0)
     # The first one is the start, with the actuator upon the free mass.
-    impacts = Simulation(parameters).advance_to(5 * NANOSECONDS).impacts[1:]
+    impacts = Simulation(parameters).advance_to(5 * SECOND).impacts[1:]
     contacts = [single_contact(parameters, float(v)) for v in impacts["impact_velocity"]]
     durations = np.array([contact.duration for contact in contacts])
     undisturbed = np.abs(impacts["contact_duration"] / durations - 1.0) < 1e-6

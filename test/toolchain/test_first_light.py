@@ -10,8 +10,9 @@ from sample_bags import write_offline_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from toolchain.pictures.first_light import draw, read_run
 
@@ -32,7 +33,7 @@ def run(bag):
 
 
 def test_the_part_asked_for_is_read(run):
-    block = Simulation(preset("drilling")).advance_to(NANOSECONDS)
+    block = Simulation(preset("drilling")).advance_to(SECOND)
     samples = block.sample(Times.from_grid(15_000, 10_000, 50_000))
     assert run.times == pytest.approx(np.arange(10_000) / 50_000, abs=1e-12)
     for name, values in run.waveform.items():

@@ -20,7 +20,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagError, BagReader
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.terminal import complain
-from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.foundation.time import SECOND
 
 ZOOM = 0.010  # length of the middle panel [s]
 
@@ -57,7 +57,7 @@ def read_run(bag: BagReader, start: float, duration: float) -> Run:
         BagError: if the bag does not hold that.
     """
     blocks = _messages(bag, "rpud_msgs/msg/Waveform")
-    origin = _stamp(blocks[0]) + round(start * NANOSECONDS)
+    origin = _stamp(blocks[0]) + round(start * SECOND)
     period = blocks[0].sample_period
     sequence = blocks[0].sequence
     numbers = np.concatenate(
@@ -77,7 +77,7 @@ def read_run(bag: BagReader, start: float, duration: float) -> Run:
         name: np.concatenate([getattr(block, name) for block in blocks])[shown] for name in channels
     }
     impacts = _messages(bag, "rpud_msgs/msg/ContactForce")
-    impact_times = np.array([_stamp(impact) - origin for impact in impacts]) / NANOSECONDS
+    impact_times = np.array([_stamp(impact) - origin for impact in impacts]) / SECOND
     peaks = np.array([impact.peak_force for impact in impacts])
     within = (impact_times >= 0.0) & (impact_times < duration)
     return Run(impact_times[within], peaks[within], times[shown], waveform)
@@ -153,7 +153,7 @@ def _messages(bag: BagReader, type_name: str) -> list[Any]:
 
 def _stamp(message: Any) -> int:
     stamp = message.header.stamp
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+    return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
 def main() -> int:

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagReader
 from rpud_sim.foundation.terminal import complain
-from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.foundation.time import SECOND
 
 PANEL = (9.0, 1.9)  # width and height of one plot [inch]
 STAMP = "header.stamp"
@@ -66,7 +66,7 @@ def _draw_series(axes: Axes, bag: BagReader, series: Mapping[str, Any]) -> None:
     columns = bag.arrays(topic)
     if field not in columns:
         raise BagError(f"{topic} has no field {field}")
-    time = (columns[STAMP] - bag.start_time) / NANOSECONDS
+    time = (columns[STAMP] - bag.start_time) / SECOND
     dots = series.get("showLine") is False
     axes.plot(
         time,

@@ -15,10 +15,10 @@ import rpud_sim.bag
 from rpud_sim.bag import BagReader, TopicSummary
 from rpud_sim.bag.columns import Column
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.whole_folder import whole_folder
 from rpud_sim.inspection.damages import Damages
 from rpud_sim.inspection.export.names import file_stem
-from rpud_sim.simulation.sampling import NANOSECONDS
 
 ACCOUNT = "export.json"
 """What was exported, and what the files themselves cannot tell."""
@@ -100,8 +100,8 @@ def export(
         ExportError: if the files cannot be written.
     """
     with rpud_sim.bag.open(path) as bag:
-        if 0 < bag.duration < start * NANOSECONDS:
-            held = bag.duration / NANOSECONDS
+        if 0 < bag.duration < start * SECOND:
+            held = bag.duration / SECOND
             raise ExportError(f"--start = {start:g} s is not in the {held:g} s that the bag holds")
         left_out = bag.left_out if topics is None else {}
         damages = Damages(bag)
@@ -111,11 +111,11 @@ def export(
             if summary.topic.name not in left_out
             and (topics is None or summary.topic.name in topics)
         ]
-        length = None if duration is None else round(duration * NANOSECONDS)
+        length = None if duration is None else round(duration * SECOND)
         # Before any file is made, so that an unknown topic leaves nothing behind.
         batches = bag.batches(
             [summary.topic.name for summary in chosen] if topics is None else topics,
-            round(start * NANOSECONDS),
+            round(start * SECOND),
             length,
             damages.add,
         )

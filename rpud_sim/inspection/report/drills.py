@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.report.streams import Envelope, Intervals, Spectrum, usable
-from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.statistics import count_events
 
 MOST_ENTRIES = 500
@@ -171,7 +171,7 @@ def _fault(told: Mapping[str, Any], stamp: int, time: float) -> Fault:
     """Read a fault out of a message with this stamp [ns], sent so long after the bag began [s]."""
 
     def since(moment: Mapping[str, int]) -> float:
-        return time - (stamp - moment["sec"] * NANOSECONDS - moment["nanosec"]) / NANOSECONDS
+        return time - (stamp - moment["sec"] * SECOND - moment["nanosec"]) / SECOND
 
     return Fault(
         int(told["number"]),

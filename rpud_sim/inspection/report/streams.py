@@ -7,14 +7,14 @@ import math
 import numpy as np
 from scipy import signal
 
-from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.foundation.time import SECOND
 
 _BINS = 1000  # of an envelope
 _CLASSES = 2048  # of a distribution
 _GREATEST = 1e150  # squares of values beyond would overflow
-_BACK = NANOSECONDS  # a step back of a clock that is more than lateness
-_AHEAD = 60 * NANOSECONDS  # a step ahead that is more than time that went by
-_OLDEST = 86_400 * NANOSECONDS  # that a latched message may be; others have another clock
+_BACK = SECOND  # a step back of a clock that is more than lateness
+_AHEAD = 60 * SECOND  # a step ahead that is more than time that went by
+_OLDEST = 86_400 * SECOND  # that a latched message may be; others have another clock
 _GAP = 3  # times the usual distance between messages
 _INSTANT = 1e-9  # s; log times are integer nanoseconds
 
@@ -58,7 +58,7 @@ class Timeline:
             old = self._old(stamps)
             if old:
                 rest = self.elapsed(stamps[old:], log_times[old:])
-                return np.append((stamps[:old] - self._zero) / NANOSECONDS, rest)
+                return np.append((stamps[:old] - self._zero) / SECOND, rest)
             self._stamp, self._log_time = int(stamps[0]), int(log_times[0])
             self._offset = zero_stamp(stamps, log_times, self._begin)
             # Far from the others it has a clock of its own, or that was set before its first.
@@ -71,7 +71,7 @@ class Timeline:
         self._stamp, self._log_time = int(stamps[-1]), int(log_times[-1])
         self._offset = int(offsets[-1])
         self.jumps += int(np.count_nonzero(jumped))
-        return (stamps - offsets) / NANOSECONDS
+        return (stamps - offsets) / SECOND
 
     def _old(self, stamps: np.ndarray) -> int:
         """Return how many stamps of a latched topic are older than the bag, before all others."""

@@ -9,6 +9,7 @@ from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.damages import Damages
 from rpud_sim.inspection.report.drills import (
     CHANNELS,
@@ -20,7 +21,6 @@ from rpud_sim.inspection.report.drills import (
 )
 from rpud_sim.inspection.report.streams import zero_stamp
 from rpud_sim.inspection.report.topics import TopicSurvey, is_latched, stamp_column
-from rpud_sim.simulation.sampling import NANOSECONDS
 
 MOST_TOPICS = 200
 """Topics that are followed; of others the report has what the bag's index tells."""
@@ -104,7 +104,7 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
     """
     left_out = bag.left_out
     damages = Damages(bag)
-    duration = bag.duration / NANOSECONDS
+    duration = bag.duration / SECOND
     seen = Survey(
         str(bag.path),
         bag.start_time,

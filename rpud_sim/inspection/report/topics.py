@@ -10,6 +10,7 @@ import numpy as np
 from rpud_sim.bag import TopicSummary
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.tables import Batch
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.report.streams import (
     Distribution,
     Envelope,
@@ -17,7 +18,6 @@ from rpud_sim.inspection.report.streams import (
     Timeline,
     usable,
 )
-from rpud_sim.simulation.sampling import NANOSECONDS
 
 MOST_SERIES = 40
 """Columns of a topic that are followed; further ones are only counted."""
@@ -156,11 +156,11 @@ class TopicSurvey:
             last = np.append(np.flatnonzero(ends), len(times) - 1)
         log_times = columns["log_time"][last]
         before = log_times[0] if self._last_log_time is None else self._last_log_time
-        steps = np.diff(log_times, prepend=before) / NANOSECONDS
+        steps = np.diff(log_times, prepend=before) / SECOND
         self.timing.intervals.add(steps[1:] if self._last_log_time is None else steps)
         self._last_log_time = int(log_times[-1])
         if self.timing.stamped:
-            delays = (log_times - columns[self._stamp][last]) / NANOSECONDS
+            delays = (log_times - columns[self._stamp][last]) / SECOND
             self.timing.delay.add(delays)
             self.timing.delays.add(times[last], delays)
         if self._numbered:

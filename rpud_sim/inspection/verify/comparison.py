@@ -13,6 +13,7 @@ import numpy as np
 
 from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.foundation.time import join_seconds
 from rpud_sim.inspection.verify.runs import Position, Span, Stretches
 from rpud_sim.simulation.fields import Fields, stamp_of
 
@@ -284,7 +285,7 @@ def recorded_key(recorded: Message, codec: Codec) -> Key:
     except BagFormatError:
         return _UNREADABLE
     stamp = message.header.stamp
-    return stamp.sec * 1_000_000_000 + stamp.nanosec, getattr(message, "sequence", 0)
+    return join_seconds(stamp.sec, stamp.nanosec), getattr(message, "sequence", 0)
 
 
 def without_padding(message: Message, codec: Codec) -> bytes:

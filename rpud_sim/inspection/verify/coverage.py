@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.verify.runs import Position, Span, Stretches
-from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.topics import TOPICS
 
 # At the end of the bag, in which stamps are looked for [ns].
-_LAST = 10 * NANOSECONDS
+_LAST = 10 * SECOND
 # Topics reach a recorder one a little before the other [ns].
-_DELAY = 1 * NANOSECONDS
+_DELAY = 1 * SECOND
 _NOWHERE: Position = (-1, -1)
 _STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
 
@@ -83,4 +83,4 @@ def _decode(message: Message, codecs: Mapping[str, Codec]) -> tuple[int, str] | 
         state = decoded.state if codec.type_name == TOPICS["status"].type else ""
     except (AttributeError, BagFormatError):
         return None
-    return stamp.sec * NANOSECONDS + stamp.nanosec, str(state)
+    return join_seconds(stamp.sec, stamp.nanosec), str(state)

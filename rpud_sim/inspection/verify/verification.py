@@ -13,6 +13,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message, Topic, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.verify.comparison import Counts, Difference, Suspect, TopicComparison
 from rpud_sim.inspection.verify.content import ContentComparison
 from rpud_sim.inspection.verify.coverage import find_coverage
@@ -21,13 +22,12 @@ from rpud_sim.inspection.verify.runs import BEGINNINGS, Position, Stretches
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
-from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.topics import PROVED, TOPICS
 from rpud_sim.simulation.versions import engine_and_processor
 
 _JOURNAL = TOPICS["journal"].type
 # The simulation goes on this long after the last stamp: a block may end later [ns].
-_TAIL = 2 * NANOSECONDS
+_TAIL = 2 * SECOND
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,7 @@ class _Proof:
             last = self._coverage.last_stamp + _TAIL - rerun.origin
             while rerun.time < last:
                 before = rerun.time
-                for _, name, values in rerun.advance_to(min(before + NANOSECONDS, last)):
+                for _, name, values in rerun.advance_to(min(before + SECOND, last)):
                     yield name, values, (stretch, rerun.origin + rerun.time)
                 self._count(rerun.time - before, report)
         except (JournalError, EngineError) as error:
@@ -256,7 +256,7 @@ class _Proof:
 
     def _count(self, simulated: int, report: Callable[[float], object]) -> None:
         self._simulated += simulated
-        report(simulated / NANOSECONDS)
+        report(simulated / SECOND)
 
     def _check_versions(self, content: Any) -> None:
         own = engine_and_processor()

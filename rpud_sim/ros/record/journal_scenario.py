@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-_NANOSECONDS = 1_000_000_000
+from rpud_sim.foundation.time import SECOND
 
 
 def scenario_text(content: str) -> str:
@@ -25,11 +25,11 @@ def scenario_text(content: str) -> str:
 
 def _planned(entry: Mapping[str, Any]) -> dict[str, Any]:
     onset, clear = entry["onset"], entry["clear"]
-    planned: dict[str, Any] = {"kind": str(entry["kind"]), "onset": int(onset) / _NANOSECONDS}
+    planned: dict[str, Any] = {"kind": str(entry["kind"]), "onset": int(onset) / SECOND}
     if entry["channel"]:
         planned["channel"] = str(entry["channel"])
     if clear is not None:
-        planned["duration"] = (int(clear) - int(onset)) / _NANOSECONDS
+        planned["duration"] = (int(clear) - int(onset)) / SECOND
     if math.isfinite(entry["magnitude"]):
         planned["magnitude"] = float(entry["magnitude"])
     return planned

@@ -17,6 +17,7 @@ from rclpy.qos import (
     ReliabilityPolicy,
 )
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.qos import RECORDING_DEPTH
 
 _SIZE_LIMIT = 1_000_000  # bytes
@@ -56,7 +57,7 @@ def _flag(value: Any) -> bool:
 def _duration(value: Any) -> Duration:
     parts = value if isinstance(value, Mapping) else {}
     seconds, nanoseconds = parts.get("sec"), parts.get("nsec")
-    for part, most in ((seconds, _DURATION_LIMIT), (nanoseconds, 10**9 - 1)):
+    for part, most in ((seconds, _DURATION_LIMIT), (nanoseconds, SECOND - 1)):
         if not isinstance(part, int) or isinstance(part, bool) or not 0 <= part <= most:
             raise ValueError(
                 f"{value!r:.80}; it must be sec from 0 to {_DURATION_LIMIT} "

@@ -9,13 +9,13 @@ from math import inf, isfinite
 from typing import Protocol
 
 from rpud_sim.bag import Message
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.arguments import FASTEST_RATE
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.ros.replay.replaying import Timeline
 
-NANOSECONDS = 1_000_000_000
-_BEHIND = NANOSECONDS // 20  # later than this, messages come as fast as they can
-_LOOP_PAUSE = NANOSECONDS // 10  # between two passes, so that a bag of one message is no flood
+_BEHIND = SECOND // 20  # later than this, messages come as fast as they can
+_LOOP_PAUSE = SECOND // 10  # between two passes, so that a bag of one message is no flood
 
 
 class RefusedError(Exception):
@@ -132,7 +132,7 @@ class Playback:
         earliest = min(due, self._tick)
         now = self._clock()
         if now < earliest:
-            return (earliest - now) / NANOSECONDS
+            return (earliest - now) / SECOND
         if self._tick <= due:
             # A tick comes before the messages of its time, however late both are.
             self._outputs.publish_clock(self._timeline.position_at(round(self._tick)))
@@ -184,8 +184,7 @@ class Playback:
         first, last = self._plan.first, self._plan.last
         if position > last:
             raise RefusedError(
-                f"time = {position / NANOSECONDS:.3f} s is after the last, "
-                f"{last / NANOSECONDS:.3f} s"
+                f"time = {position / SECOND:.3f} s is after the last, {last / SECOND:.3f} s"
             )
         position = max(first, position)
         self._open(position)

@@ -9,8 +9,9 @@ from types import TracebackType
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from tqdm import tqdm
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.replay.keyboard import Keyboard
-from rpud_sim.ros.replay.playback import NANOSECONDS, Plan, Playback, RefusedError
+from rpud_sim.ros.replay.playback import Plan, Playback, RefusedError
 from rpud_sim.ros.replay.playback_thread import PlaybackThread
 from rpud_sim.ros.requests import StoppedError
 
@@ -35,7 +36,7 @@ class ReplayConsole:
     ) -> None:
         self._thread = thread
         self._first = plan.first
-        self._length = (plan.last - plan.first) / NANOSECONDS
+        self._length = (plan.last - plan.first) / SECOND
         self._logger = logger
         self._title = title
         self._keyboard = Keyboard()
@@ -70,7 +71,7 @@ class ReplayConsole:
             except (RefusedError, StoppedError) as error:
                 self._logger.warning(str(error))
         if not self._bar.disable:
-            self._bar.n = min((playback.position - self._first) / NANOSECONDS, self._length)
+            self._bar.n = min((playback.position - self._first) / SECOND, self._length)
             state = "paused" if playback.paused else f"x{playback.rate:g}"
             self._bar.set_postfix_str(f"{state}, {playback.published} messages")
 

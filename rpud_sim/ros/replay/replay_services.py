@@ -10,14 +10,15 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from rpud_sim.ros.replay.playback import NANOSECONDS, Playback, RefusedError
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.replay.playback import Playback, RefusedError
 from rpud_sim.ros.replay.playback_thread import PlaybackThread
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import raised
 
 
 def _seek(playback: Playback, request: Any) -> None:
-    playback.seek(int(request.time.sec) * NANOSECONDS + int(request.time.nanosec))
+    playback.seek(int(request.time.sec) * SECOND + int(request.time.nanosec))
 
 
 def _play(playback: Playback, request: Any) -> None:

@@ -17,8 +17,9 @@ from rclpy.utilities import remove_ros_args
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagReader, TopicSummary
 from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.arguments import DISCOVERY_TIME, add_replay_arguments
-from rpud_sim.ros.replay.playback import NANOSECONDS, Plan, Playback
+from rpud_sim.ros.replay.playback import Plan, Playback
 from rpud_sim.ros.replay.playback_thread import PlaybackThread
 from rpud_sim.ros.replay.read_ahead import ReadAhead
 from rpud_sim.ros.replay.replay_console import ReplayConsole
@@ -83,7 +84,7 @@ def _without_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:
 
 def _chosen(bag: BagReader, arguments: argparse.Namespace) -> list[TopicSummary]:
     """Check the arguments against the bag, and give the topics that have something to replay."""
-    duration = bag.duration / NANOSECONDS
+    duration = bag.duration / SECOND
     if arguments.start > duration:
         raise _UsageError(
             f"--start is {arguments.start:g} s; it must be from 0 to {duration:.3f} s, "
@@ -110,17 +111,17 @@ def _chosen(bag: BagReader, arguments: argparse.Namespace) -> list[TopicSummary]
 
 
 def _plan(bag: BagReader, arguments: argparse.Namespace) -> Plan:
-    first = bag.start_time + round(arguments.start * NANOSECONDS)
+    first = bag.start_time + round(arguments.start * SECOND)
     last = bag.end_time
     if arguments.duration is not None:
-        last = min(last, first + round(arguments.duration * NANOSECONDS))
+        last = min(last, first + round(arguments.duration * SECOND))
     return Plan(
         first=first,
         last=last,
         rate=arguments.rate,
         paused=arguments.start_paused,
         loop=arguments.loop,
-        tick=None if arguments.clock is None else NANOSECONDS / arguments.clock,
+        tick=None if arguments.clock is None else SECOND / arguments.clock,
     )
 
 

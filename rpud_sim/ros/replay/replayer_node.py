@@ -16,6 +16,7 @@ from rosgraph_msgs.msg import Clock
 
 from rpud_sim.bag import Message, Topic, TopicSummary
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.time import split_seconds
 from rpud_sim.ros.qos import REPLAY_DEPTH, replay_offer
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
@@ -144,7 +145,7 @@ class Replayer(Node):
         """Publish the bag's time [ns] on /clock."""
         assert self._clock_publisher is not None
         stamp = self._clock_message.clock
-        stamp.sec, stamp.nanosec = divmod(bag_time, 1_000_000_000)
+        stamp.sec, stamp.nanosec = split_seconds(bag_time)
         self._clock_publisher.publish(self._clock_message)
 
     def wait_for_acknowledgement(self, seconds: float) -> list[str]:

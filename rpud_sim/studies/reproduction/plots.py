@@ -6,9 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.sampling import NANOSECONDS, Samples, Times
+from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.studies.reproduction.contact import contact_history, single_contact
 from rpud_sim.studies.reproduction.headline import CONTACT_SPEED
@@ -51,7 +52,7 @@ def run_figures(free: Parameters, drilling: Parameters) -> dict[str, Figure]:
 
 
 def _run(parameters: Parameters) -> Block:
-    return Simulation(parameters).advance_to(round(LONG * NANOSECONDS))
+    return Simulation(parameters).advance_to(round(LONG * SECOND))
 
 
 def _sample(block: Block, start: float, end: float, rate: int) -> tuple[np.ndarray, Samples]:

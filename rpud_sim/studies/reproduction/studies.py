@@ -14,8 +14,8 @@ import dataclasses
 import numpy as np
 from scipy import stats
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import EngineError, Parameters
-from rpud_sim.simulation.sampling import NANOSECONDS
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.studies.reproduction.work import Track, gather
@@ -152,8 +152,8 @@ def _run(parameters: Parameters, phase: float, duration: float) -> list[float]:
     simulation = Simulation(parameters, phase)
     statistics = Statistics()
     try:
-        simulation.advance_to(round(SETTLING * NANOSECONDS))
-        statistics.add(simulation.advance_to(round((SETTLING + duration) * NANOSECONDS)))
+        simulation.advance_to(round(SETTLING * SECOND))
+        statistics.add(simulation.advance_to(round((SETTLING + duration) * SECOND)))
     except EngineError:
         return [np.nan] * len(OUTPUTS)
     figures = statistics.figures()

@@ -10,10 +10,11 @@ import dataclasses
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT
 from rpud_sim.simulation import EngineError, Parameters
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
@@ -58,10 +59,10 @@ def run_windows(parameters: Parameters, phases: np.ndarray) -> Members:
 def _run_window(parameters: Parameters, phase: float) -> dict[str, float]:
     simulation = Simulation(parameters, phase)
     statistics = Statistics()
-    block = simulation.advance_to(round(SHORT * NANOSECONDS))
+    block = simulation.advance_to(round(SHORT * SECOND))
     figures = _short_figures(block)
     statistics.add(block)
-    statistics.add(simulation.advance_to(round(LONG * NANOSECONDS)))
+    statistics.add(simulation.advance_to(round(LONG * SECOND)))
     figures["reacting_force_mean"] = float(statistics.figures()["reacting_force_mean"] or 0.0)
     return figures
 
