@@ -59,7 +59,7 @@ class ActuatorParameters:
     """All parameters of the actuator, in SI units.
 
     The paper gives none of them: the resonance frequency is that of its drive, the others are
-    assumed; docs/actuator.md says why.
+    assumed; docs/explanation/actuator.md says why.
 
     Raises:
         ParameterError: if a value is outside the range in ``ACTUATOR_QUANTITIES``, or if the

@@ -1,7 +1,8 @@
-"""The README is true: commands run, output is what they print, tables are the code's."""
+"""The pages are true: commands run, output is what they print, tables are the code's."""
 
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
+from rpud_sim.cli.main import COMMANDS
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.ros.drill.parameters import (
     ALL_NAMES,
@@ -23,14 +25,28 @@ from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import Configuration
 
 ROOT = Path(__file__).resolve().parent.parent
-README = (ROOT / "README.md").read_text()
-DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]
+DOCS = ROOT / "docs"
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "examples" / "README.md",
+    *sorted(DOCS.rglob("*.md")),
+]
 NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
-def blocks(language):
-    """Return the fenced blocks of a language, in order."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+def name_of(page):
+    return str(page.relative_to(ROOT))
+
+
+def blocks(page):
+    """Return the fenced blocks of a page in order, each with its language."""
+    return BLOCK.findall(page.read_text())
+
+
+def runs(page):
+    return any(language in ("bash", "python") for language, _ in blocks(page))
 
 
 def shape(line):
@@ -48,43 +64,56 @@ def run(command, folder):
     return result.stdout.replace(f"{folder}/", "")
 
 
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=name_of)
+def test_every_command_runs_and_prints_what_is_shown(page, tmp_path):
+    for folder in ("config", "examples"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    printed, shown, ran = [], [], False
+    for language, block in blocks(page):
+        source = re.match(r"# (examples/\S+)\n", block)
+        if language == "bash":
+            printed.append(run(["bash", "-euc", block], tmp_path))
+            ran = True
+        elif source:
+            assert block.removeprefix(source[0]) == (ROOT / source[1]).read_text()
+        elif language == "python":
+            printed.append(run([sys.executable, "-c", block], tmp_path))
+        elif language == "text" and ran:
+            shown.append(block)
+        elif language == "text" and (ROOT / ".venv").exists():  # what `make run` prints
+            bag = tmp_path / "bags" / "made"
+            command = ["make", "--no-print-directory", "run", "DURATION=3", f"BAG={bag}"]
+            printed.append(run(command, ROOT).replace(f"{tmp_path}/", ""))
+            shown.append(block)
+    found = {shape(line) for line in "".join(printed).splitlines()}
+    expected = {shape(line) for line in "".join(shown).splitlines() if line != "..."}
+    assert expected - found == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_console_blocks_hold_only_what_cannot_run_here(page):
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    console = "".join(block for language, block in blocks(page) if language == "console")
+    for line in console.splitlines():
+        words = line.removeprefix("$ ").split()
+        if words[0] == "make":
+            assert {word for word in words[1:] if "=" not in word} <= targets
+        elif words[:3] == ["python", "-m", "pytest"]:  # `make test` runs it
+            assert (ROOT / words[3]).exists()
+        else:
+            assert words[0] in ("ros2", "source", "export") or "--scheduler" in words, line
+
+
 def cells(line):
     return [cell.strip().strip("`") for cell in line.strip("|").split("|")]
 
 
-def rows(heading):
-    """Return the cells of a table below a heading, without its own head."""
-    section = README.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
-    lines = [line for line in section.splitlines() if line.startswith("|")]
-    return [cells(line) for line in lines if not re.match(r"\|[-| ]+$", line)]
-
-
-@pytest.mark.timeout(240)
-def test_every_command_runs_and_prints_what_is_shown(tmp_path):
-    for script in blocks("python"):
-        name = re.match(r"# (\w+\.py)", script)[1]
-        (tmp_path / name).write_text(script)
-    printed = [run(["bash", "-euc", block], tmp_path) for block in blocks("bash")]
-    texts = blocks("text")
-    if (ROOT / ".venv").exists():
-        bag = tmp_path / "bags" / "made"
-        command = ["make", "--no-print-directory", "run", "DURATION=3", f"BAG={bag}"]
-        printed.append(run(command, ROOT).replace(f"{tmp_path}/", ""))
-    else:
-        texts = texts[1:]  # set up without make, as a ROS workspace
-    found = {shape(line) for line in "".join(printed).splitlines()}
-    shown = {shape(line) for line in "".join(texts).splitlines() if line != "..."}
-    assert shown - found == set()
-
-
-def test_console_blocks_hold_only_what_cannot_run_here():
-    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
-    for line in "".join(blocks("console")).splitlines():
-        words = line.removeprefix("$ ").split()
-        if words[0] == "make":
-            assert {word for word in words[1:] if "=" not in word} <= targets
-        else:
-            assert words[0] in ("ros2", "source"), line
+def rows(page, heading):
+    """Return the cells of the tables between a heading and the next, without their heads."""
+    text = (DOCS / page).read_text()
+    section = re.split(r"\n#+ ", text.partition(f"# {heading}\n")[2])[0]
+    return [cells(line) for line in section.splitlines() if line.startswith("| `")]
 
 
 def test_the_tables_of_parameters_are_those_of_the_code():
@@ -112,7 +141,7 @@ def test_the_tables_of_parameters_are_those_of_the_code():
             allowed, meaning = "a path", TEXTS[name]
         changes = "yes" if name in CHANGEABLE else ""
         expected.append([name, default, allowed, changes, meaning])
-    text = (ROOT / "docs" / "parameters.md").read_text()
+    text = (DOCS / "reference" / "parameters.md").read_text()
     found = [cells(line) for line in text.splitlines() if line.startswith("| `")]
     assert found == expected
 
@@ -142,7 +171,7 @@ def test_the_table_of_topics_is_that_of_the_node(node):
     found = {p.topic_name.removeprefix("/rpud/"): offered(p) for p in node.publishers}
     found |= {s.topic_name.removeprefix("/rpud/"): offered(s) for s in node.subscriptions}
     expected = {topic: offer for topic, offer in found.items() if topic not in own}
-    table = {row[0]: (row[1], row[3]) for row in rows("Topics")[1:]}
+    table = {row[0]: (row[1], row[3]) for row in rows("reference/topics.md", "Topics")}
     assert table == expected
 
 
@@ -154,10 +183,21 @@ def test_the_table_of_services_is_that_of_the_node(node):
         for service in node.services
         if "drill_node/" not in service.service_name
     }
-    assert {row[0]: row[1] for row in rows("As a device under test")[1:]} == found
+    assert {row[0]: row[1] for row in rows("reference/services.md", "Drill")} == found
 
 
-@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
-def test_links_lead_somewhere(document):
-    for target in re.findall(r"\]\((?!https?:)([^)#]+)", document.read_text()):
-        assert (document.parent / target).exists(), target
+def test_the_table_of_commands_is_that_of_the_program():
+    table = rows("reference/commands.md", "Commands")
+    assert [row[0].split()[1] for row in table] == list(COMMANDS)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
+        assert (page.parent / target).exists(), target
+
+
+def test_every_page_is_in_the_index():
+    index = (DOCS / "index.md").read_text()
+    pages = {str(page.relative_to(DOCS).with_suffix("")) for page in DOCS.rglob("*.md")}
+    assert pages - {"index"} == set(re.findall(r"^([a-z/_-]+)$", index, re.MULTILINE))
