@@ -10,8 +10,6 @@ copyright = author
 release = version = manifest.findtext("version")
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-exclude_patterns = []
-nitpicky = False
 
 # Links to headings are checked as links to pages are.
 myst_heading_anchors = 3
@@ -24,6 +22,8 @@ default_role = "code"
 
 html_theme = "furo"
 html_title = f"rpud_sim {release}"
+html_static_path = ["_static"]
+html_css_files = ["pages.css"]
 html_theme_options = {"source_directory": "docs/"}
 html_show_copyright = False
 html_show_sphinx = False

@@ -78,7 +78,7 @@ class BagReader:
 
     @property
     def compression(self) -> str:
-        """Compression of the chunks: `none`, `zstd`, `lz4`, or several with commas."""
+        """Compression of the chunks, one of `none`, `zstd` and `lz4`, or several with commas."""
         names = {
             index.compression or "none" for file in self._files for index in file.chunk_indexes
         }
