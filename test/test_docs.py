@@ -1,6 +1,7 @@
 """The pages are true: commands run, output is what they print, tables are the code's."""
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -89,6 +90,13 @@ def test_every_command_runs_and_prints_what_is_shown(page, tmp_path):
     found = {shape(line) for line in "".join(printed).splitlines()}
     expected = {shape(line) for line in "".join(shown).splitlines() if line != "..."}
     assert expected - found == set()
+    if (ROOT / ".git").exists():  # what a reader makes in the clone disturbs neither git nor lint
+        made = {path.name + "/" * path.is_dir() for path in tmp_path.iterdir()}
+        new = made - {"config/", "examples/"}
+        ignored = subprocess.run(
+            ["git", "check-ignore", *new], cwd=ROOT, stdout=subprocess.PIPE, text=True
+        )
+        assert set(ignored.stdout.split()) == new
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -96,7 +104,7 @@ def test_console_blocks_hold_only_what_cannot_run_here(page):
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
     console = "".join(block for language, block in blocks(page) if language == "console")
     for line in console.splitlines():
-        words = line.removeprefix("$ ").split()
+        words = shlex.split(line.removeprefix("$ "))
         if words[0] == "make":
             assert {word for word in words[1:] if "=" not in word} <= targets
         elif words[:3] == ["python", "-m", "pytest"]:  # `make test` runs it
