@@ -51,6 +51,12 @@ format: .venv/.lint ## Format the code and mend what ruff can
 	@.venv/bin/ruff format
 	@.venv/bin/ruff check --fix
 
+.PHONY: docs
+docs: install/.package .venv/.docs ## Publish docs/ as pages in build/docs; a warning or a broken link fails
+	@$(WITH_ENV) export PYTHONPATH="$$PWD/.venv/docs:$$PYTHONPATH" && \
+	  python -m sphinx --builder html --jobs auto --fail-on-warning --keep-going --quiet docs build/docs
+	@echo "Pages: build/docs/index.html"
+
 .PHONY: bench
 bench: install/.package .venv/.bench ## Run the benchmarks, or those of BENCH_ARGS; installs MuJoCo to compare with
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
@@ -107,6 +113,12 @@ help: ## Show this help
 
 .venv/.bench: toolchain/requirements/bench.lock .venv/.installed
 	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@touch $@
+
+# In a folder of its own, as docs.in says why.
+.venv/.docs: toolchain/requirements/docs.lock .venv/.installed
+	@rm -rf .venv/docs
+	@$(PIP_INSTALL) --only-binary :all: --target .venv/docs -r $<
 	@touch $@
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)

@@ -36,7 +36,7 @@ class ActuatorParameters(ParameterGroup):
     """All parameters of the actuator, in SI units.
 
     The paper gives none of them: the resonance frequency is that of its drive, the others are
-    assumed; docs/actuator.md says why.
+    assumed; docs/explanation/actuator.md says why.
 
     Raises:
         ParameterError: if a value is outside its range, or if the actuator is to heat without the

@@ -1,8 +1,8 @@
 """Faults: what can fail, checked when it is made, and by what the drill can honour.
 
 A physical fault changes the drill, so that every channel shows its effect through the physics. A
-signal fault changes what one channel says of a drill that is well. ``docs/faults.md`` explains the
-kinds; how their magnitudes act is assumed wherever it says so.
+signal fault changes what one channel says of a drill that is well. ``docs/reference/faults.md``
+explains the kinds; how their magnitudes act is assumed wherever it says so.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ class RockParameters(ParameterGroup):
     The specific energy is the sandstone's compressive strength, 75 MPa: the least that drilling
     takes, very roughly, after Teale, "The concept of specific energy in rock drilling", Int. J.
     Rock Mech. Min. Sci. 2 (1965) 57-73. The hole is as wide as part II of the drill tool. The
-    share of the energy is assumed; docs/rock.md says what it stands for.
+    share of the energy is assumed; docs/explanation/rock.md says what it stands for.
 
     Raises:
         ParameterError: if a value is outside its range.

@@ -88,7 +88,7 @@ def test_validation_names_its_command_and_every_number(made):
 
 def test_the_validation_in_the_documents_is_of_this_kind(made):
     folder, _ = made
-    document = Path(__file__).parents[2] / "docs" / "validation.md"
+    document = Path(__file__).parents[2] / "docs" / "explanation" / "validation.md"
     texts = [path.read_text(encoding="utf-8") for path in (folder / "validation.md", document)]
 
     assert "`rpud reproduce --out DIR`" in texts[1]

@@ -1,4 +1,4 @@
-"""The actuator follows the equations in docs/actuator.md, whenever it is asked."""
+"""The actuator follows the equations in docs/explanation/actuator.md, whenever it is asked."""
 
 import cmath
 import dataclasses

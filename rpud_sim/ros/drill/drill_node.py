@@ -52,7 +52,7 @@ _THREADS = 3  # a step, a short request, and whatever else comes
 class DrillNode(ManagedNode):
     """A drill in soft real time: a managed node that activates itself unless told otherwise.
 
-    Publishers (relative names; see the README for types and QoS): ``nodal_plane``, ``drill_tool``,
+    Publishers (types and QoS: docs/reference/topics.md): ``nodal_plane``, ``drill_tool``,
     ``reacting_force``, ``wrench`` and ``joint_states`` at ``telemetry_rate``; ``contact_force`` for
     every impact on the drill tool; ``waveform`` and ``trajectory`` in blocks; ``faults`` when one
     begins or ends; ``status`` and ``/diagnostics`` every second and on change; ``/clock`` with
