@@ -1,5 +1,6 @@
 """A message with a time or a payload that cannot be is damaged, and counted once."""
 
+import itertools
 import time
 
 import pytest
@@ -40,6 +41,7 @@ def info(number, sent=NOW, received=NOW):
         (DATA, 2**63 - 1, NOW),
         (DATA, NOW, -1),
     ],
+    ids=itertools.count(),
 )
 def test_what_cannot_be_a_message_is_damaged(data, log_time, publish_time):
     assert is_damaged(data, log_time, publish_time)
