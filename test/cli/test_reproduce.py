@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rpud_sim.studies.reproduction.headline import NUMBERS
+from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
 
 
 def rpud(*words):

@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator
 from datetime import datetime, timezone
 
-from rpud_sim.inspection.report.drills import FaultLog
-from rpud_sim.inspection.report.streams import Distribution
+from rpud_sim.inspection.report.drill_topics import FaultLog
+from rpud_sim.inspection.report.running_statistics import Distribution
 from rpud_sim.inspection.report.survey import Survey
-from rpud_sim.inspection.report.topics import TopicSurvey
+from rpud_sim.inspection.report.topic_survey import TopicSurvey
 
 Rows = list[tuple[str, ...]]
 

@@ -11,7 +11,7 @@ from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.damages import Damages
-from rpud_sim.inspection.report.drills import (
+from rpud_sim.inspection.report.drill_topics import (
     CHANNELS,
     FaultLog,
     Impacts,
@@ -19,8 +19,8 @@ from rpud_sim.inspection.report.drills import (
     Segments,
     Waveform,
 )
-from rpud_sim.inspection.report.streams import zero_stamp
-from rpud_sim.inspection.report.topics import TopicSurvey, is_latched, stamp_column
+from rpud_sim.inspection.report.running_statistics import zero_stamp
+from rpud_sim.inspection.report.topic_survey import TopicSurvey, is_latched, stamp_column
 
 MOST_TOPICS = 200
 """Topics that are followed; of others the report has what the bag's index tells."""
@@ -179,7 +179,7 @@ def _manifests(bag: BagReader, damages: Damages) -> list[Manifest]:
         try:
             found.append(manifest_from_record(record))
         except BagFormatError as error:
-            damages.leave_out_record(MANIFEST, error)
+            damages.add_record(MANIFEST, error)
     return found
 
 

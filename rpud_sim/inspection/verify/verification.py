@@ -1,4 +1,4 @@
-"""A bag beside the simulation that its journal tells of, run again, in bounded memory."""
+"""Verification of a bag: its journal is run again and every message compared, in bounded memory."""
 
 from __future__ import annotations
 
@@ -14,11 +14,16 @@ from rpud_sim.bag import BagFormatError, BagReader, Message, Topic, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.verify.comparison import Counts, Difference, Suspect, TopicComparison
-from rpud_sim.inspection.verify.content import ContentComparison
+from rpud_sim.inspection.verify.content_comparison import ContentComparison
 from rpud_sim.inspection.verify.coverage import find_coverage
-from rpud_sim.inspection.verify.entries import UnverifiableError, entries
-from rpud_sim.inspection.verify.runs import BEGINNINGS, Position, Stretches
+from rpud_sim.inspection.verify.recorded_journal import (
+    BEGINNINGS,
+    Position,
+    Stretches,
+    UnverifiableError,
+    journal_entries,
+)
+from rpud_sim.inspection.verify.topic_comparison import Counts, Difference, Suspect, TopicComparison
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
@@ -26,22 +31,22 @@ from rpud_sim.simulation.topics import PROVED, TOPICS
 from rpud_sim.simulation.versions import engine_and_processor
 
 _JOURNAL = TOPICS["journal"].type
-# The simulation goes on this long after the last stamp: a block may end later [ns].
+# Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What came of it.
+    """Result of re-running a bag's journal.
 
     Args:
-        topics: what was found on each topic, by its name.
-        lost: what its recorder knows to have lost on each of them, None where nobody counted.
-        first_difference: by the bag's clock, of a message that no run gives; None if there is none.
-        undecided: why it cannot be decided whether messages differ, a line; empty if it can.
+        topics: results of each topic, by its name.
+        lost: messages that the recorder counted as lost, by topic; None if it did not count.
+        first_difference: by the bag's clock, of a message that no run gives; None if all agree.
+        undecided: why it cannot be decided whether messages differ, one line; empty if it can.
         simulated: simulation time that was run again [ns].
-        warnings: what else is to be said, a line each.
-        other_versions: whether something else made the bag than what verified it.
+        warnings: one line each.
+        other_versions: whether other versions made the bag than those that verified it.
     """
 
     topics: dict[str, Counts]
@@ -66,15 +71,15 @@ class Verification:
 def verify(
     path: str | os.PathLike[str], report: Callable[[float], object] = lambda seconds: None
 ) -> Verification:
-    """Run the simulations of a bag again and compare every message that they gave.
+    """Run the simulations of a bag again and compare every message with those in the bag.
 
     Args:
         path: of the bag.
-        report: told the seconds that were simulated since it was told last.
+        report: called with the seconds that were simulated since its last call.
 
     Raises:
         BagError: if the bag cannot be read.
-        UnverifiableError: if it holds no whole journal, or nothing that it could prove.
+        UnverifiableError: if it holds no complete journal, or nothing that the journal could prove.
     """
     with rpud_sim.bag.open(path) as bag:
         journals = [summary for summary in bag.topics if summary.topic.type == _JOURNAL]
@@ -97,7 +102,7 @@ def verify(
 
 
 class _Proof:
-    """The proof of one namespace."""
+    """Proof of one namespace of a bag."""
 
     def __init__(self, bag: BagReader, journal: TopicSummary) -> None:
         self._bag = bag
@@ -129,7 +134,7 @@ class _Proof:
         status = self._summaries.get("status")
         if status and status.topic.type == TOPICS["status"].type and status.definition:
             with contextlib.suppress(BagFormatError):
-                # Any version of it shows how far the drill has come.
+                # A status of any version shows the progress of the drill.
                 codecs[status.topic.name] = Codec(TOPICS["status"].type, status.definition)
         self._coverage = find_coverage(self._bag, codecs, self._stretches)
         comparisons = self._compare(report)
@@ -163,7 +168,7 @@ class _Proof:
         )
 
     def _compare(self, report: Callable[[float], object]) -> dict[str, TopicComparison]:
-        """Compare each message with those of the run that it was published in."""
+        """Compare each message with those of the run in which it was published."""
         comparisons = {
             name: TopicComparison(
                 self._summaries[name].topic.name,
@@ -193,8 +198,8 @@ class _Proof:
     ) -> list[Difference]:
         """Look for suspects in all runs; return the differences of those that no run gives.
 
-        Times may mislead: another recorder does not keep when messages were published, or the
-        clock was set back. The counts of a topic are corrected if its messages prove themselves.
+        Times may mislead: other recorders do not keep publishing times, or the clock was set back.
+        If the content of a topic's messages proves all of them, its counts are corrected.
         """
         simulated = self._simulated
         contents = {
@@ -216,13 +221,13 @@ class _Proof:
             difference
             for content in contents.values()
             if not content.in_order
-            for difference in content.strangers
+            for difference in content.unmatched
         ]
 
     def _computed(
         self, report: Callable[[float], object]
     ) -> Iterator[tuple[str, dict[str, Any], Position]]:
-        """Yield what the simulation gives: topic, message, and where the drill stands then."""
+        """Yield what the simulation gives: topic, message, and the position of the drill."""
         rerun = Rerun()
         stretch = -1
         try:
@@ -249,7 +254,7 @@ class _Proof:
             raise UnverifiableError(f"{self._journal}: {error}") from error
 
     def _entries(self) -> Iterator[tuple[Message, JournalEntry]]:
-        return entries(self._bag.messages({self._journal}), self._codec)
+        return journal_entries(self._bag.messages({self._journal}), self._codec)
 
     def _messages(self, name: str) -> Iterator[Message]:
         return self._bag.messages({self._summaries[name].topic.name})
@@ -269,7 +274,11 @@ class _Proof:
 
 
 def _codec(summary: TopicSummary) -> Codec:
-    """The codec of a topic whose type is the one that is installed here."""
+    """Return the codec of a topic.
+
+    Raises:
+        UnverifiableError: if its type is not the one that is installed here.
+    """
     topic = summary.topic
     expected = _expected_type(topic)
     if topic.type != expected:

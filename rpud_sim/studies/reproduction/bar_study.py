@@ -6,10 +6,10 @@ import dataclasses
 
 from rpud_sim.model.parameters import CONTACT_MODELS
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.studies.reproduction.contact import Contact, single_contact
 from rpud_sim.studies.reproduction.elastic_bar import BarImpact, strike
-from rpud_sim.studies.reproduction.headline import CONTACT_SPEED
-from rpud_sim.studies.reproduction.work import Track, gather
+from rpud_sim.studies.reproduction.jobs import Track, gather
+from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED
+from rpud_sim.studies.reproduction.single_contact import Contact, single_contact
 
 FREE_MASSES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)  # [kg]
 SPEEDS = (1.0, 2.0, CONTACT_SPEED, 10.0)  # [m/s]

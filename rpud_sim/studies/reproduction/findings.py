@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.model.parameters import CONTACT_MODELS
-from rpud_sim.studies.reproduction.headline import NUMBERS, Number
+from rpud_sim.studies.reproduction.paper_numbers import NUMBERS, Number
+from rpud_sim.studies.reproduction.parameter_studies import CLAIMS, OUTPUTS
 from rpud_sim.studies.reproduction.readings import Fit, Value, not_reproduced
 from rpud_sim.studies.reproduction.reproduction import (
     BEST,
@@ -16,7 +17,6 @@ from rpud_sim.studies.reproduction.reproduction import (
     Reproduction,
     figure_12_implies,
 )
-from rpud_sim.studies.reproduction.studies import CLAIMS, OUTPUTS
 
 SOURCES = ("section", "abstract", "conclusion")
 _SAID = ("Section IV", "abstract", "conclusion")

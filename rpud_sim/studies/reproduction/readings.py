@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.studies.reproduction.contact import single_contact
-from rpud_sim.studies.reproduction.headline import CONTACT_SPEED, NUMBERS, Number
+from rpud_sim.studies.reproduction.jobs import Track, gather
+from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED, NUMBERS, Number
+from rpud_sim.studies.reproduction.single_contact import single_contact
 from rpud_sim.studies.reproduction.windows import Members, run_windows
-from rpud_sim.studies.reproduction.work import Track, gather
 
 AMPLITUDES = (35e-6, 17.5e-6)  # 35 um read as amplitude, and as peak-to-peak [m]
 WEIGHTS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0)  # while drilling; before it there is none [N]

@@ -10,16 +10,16 @@ from scipy import stats
 
 from rpud_sim.simulation import preset
 from rpud_sim.studies.reproduction.bar_study import BarStudy, Comparison, run_bar_study
-from rpud_sim.studies.reproduction.headline import CONTACT_SPEED, NUMBERS
-from rpud_sim.studies.reproduction.readings import Fit, Reading, not_reproduced, search
-from rpud_sim.studies.reproduction.studies import (
+from rpud_sim.studies.reproduction.jobs import Track, silent
+from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED, NUMBERS
+from rpud_sim.studies.reproduction.parameter_studies import (
     OUTPUTS,
     Study,
     Trend,
     find_trends,
     run_studies,
 )
-from rpud_sim.studies.reproduction.work import Track, silent
+from rpud_sim.studies.reproduction.readings import Fit, Reading, not_reproduced, search
 
 PRESETS = "presets"  # the paper's tables
 BEST = "best reading"

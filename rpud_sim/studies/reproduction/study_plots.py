@@ -10,12 +10,12 @@ from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.reproduction.bar_study import BarStudy
-from rpud_sim.studies.reproduction.contact import contact_history, single_contact
 from rpud_sim.studies.reproduction.elastic_bar import impedance
-from rpud_sim.studies.reproduction.headline import NUMBERS
-from rpud_sim.studies.reproduction.plots import new_figure
+from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
+from rpud_sim.studies.reproduction.parameter_studies import OUTPUTS, Study
 from rpud_sim.studies.reproduction.readings import Fit
-from rpud_sim.studies.reproduction.studies import OUTPUTS, Study
+from rpud_sim.studies.reproduction.run_plots import new_figure
+from rpud_sim.studies.reproduction.single_contact import contact_history, single_contact
 
 STUDY_FIGURES = {
     "actuator_restitution": "figure_15",

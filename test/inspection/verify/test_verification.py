@@ -10,7 +10,7 @@ from sample_bags import write_offline_bag
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.verify.entries import UnverifiableError
+from rpud_sim.inspection.verify.recorded_journal import UnverifiableError
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import parse_scenario

@@ -3,7 +3,7 @@
 import pytest
 
 from rpud_sim.bag import Message
-from rpud_sim.inspection.verify.runs import Stretches
+from rpud_sim.inspection.verify.recorded_journal import Stretches
 from rpud_sim.simulation.journal import JournalEntry
 
 

@@ -15,9 +15,9 @@ from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.simulation import preset
 from rpud_sim.studies.reproduction import findings
 from rpud_sim.studies.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
-from rpud_sim.studies.reproduction.headline import NUMBERS
-from rpud_sim.studies.reproduction.plots import run_figures
+from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
 from rpud_sim.studies.reproduction.reproduction import BEST, PRESETS, Reproduction
+from rpud_sim.studies.reproduction.run_plots import run_figures
 from rpud_sim.studies.reproduction.study_plots import (
     plot_bar_study,
     plot_readings,

@@ -11,10 +11,10 @@ from jinja2 import Environment, StrictUndefined
 
 import rpud_sim.bag
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.inspection.report import plots, rows
-from rpud_sim.inspection.report.page import HEADINGS, HTML
+from rpud_sim.inspection.report import pictures, rows
 from rpud_sim.inspection.report.survey import Survey, survey
-from rpud_sim.inspection.report.topics import MOST_SERIES, TopicSurvey
+from rpud_sim.inspection.report.template import HEADINGS, HTML
+from rpud_sim.inspection.report.topic_survey import MOST_SERIES, TopicSurvey
 
 _MOST_DRAWN = 20  # topics
 _MOST_PANELS = 12  # of a picture
@@ -126,13 +126,13 @@ def _context(seen: Survey) -> dict[str, Any]:
             for topic in seen.topics.values()
             if topic.type == rows.STATUS and topic.find("real_time_factor").count
         ],
-        "delays": plots.picture(plots.delays, late, seen.span) if late else "",
+        "delays": pictures.picture(pictures.delays, late, seen.span) if late else "",
         "faults": [
             {
                 "name": name,
                 "rows": rows.fault_rows(log),
                 "more": log.unlisted,
-                "picture": plots.picture(plots.faults, log.faults, seen.span),
+                "picture": pictures.picture(pictures.faults, log.faults, seen.span),
             }
             for name, log in seen.faults.items()
         ],
@@ -167,8 +167,9 @@ def _impacts(seen: Survey, name: str) -> dict[str, Any]:
         "name": name,
         "figures": rows.impact_rows(seen, name),
         "energy": rows.energy_rows(seen, name) if there else [],
-        "over_time": there and plots.picture(plots.impacts_over_time, impacts, topic, seen.span),
-        "distributions": there and plots.picture(plots.distributions, impacts, topic),
+        "over_time": there
+        and pictures.picture(pictures.impacts_over_time, impacts, topic, seen.span),
+        "distributions": there and pictures.picture(pictures.distributions, impacts, topic),
     }
 
 
@@ -177,11 +178,11 @@ def _waveform(seen: Survey, name: str) -> dict[str, Any]:
     densities = waveform.spectrum.density(waveform.rate) if waveform.rate else None
     return {
         "name": name,
-        "spectra": plots.picture(plots.spectra, waveform, densities) if densities else "",
+        "spectra": pictures.picture(pictures.spectra, waveform, densities) if densities else "",
         "segments": waveform.spectrum.segments,
         "length": 2 * (len(densities[0]) - 1) if densities else 0,
         "rate": rows.show(waveform.rate, "Hz"),
-        "closer": plots.picture(plots.closer, waveform) if waveform.closer else "",
+        "closer": pictures.picture(pictures.closer, waveform) if waveform.closer else "",
     }
 
 
@@ -195,7 +196,7 @@ def _series(topic: TopicSurvey, span: float) -> dict[str, Any]:
         more.append(f"not followed: {topic.left_out} fields beyond the first {MOST_SERIES}")
     return {
         "name": topic.name,
-        "picture": plots.picture(plots.series, drawn, span) if drawn else "",
+        "picture": pictures.picture(pictures.series, drawn, span) if drawn else "",
         "constant": ", ".join(
             f"{item.column.name} = {rows.show(item.values.mean, item.column.unit)}"
             for item in constant

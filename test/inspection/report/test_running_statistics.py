@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from rpud_sim.inspection.report.streams import (
+from rpud_sim.inspection.report.running_statistics import (
     Distribution,
     Envelope,
     Intervals,

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.inspection.report.drills import CHANNELS, Fault, Impacts, Waveform
-from rpud_sim.inspection.report.streams import Distribution, Envelope, Intervals
-from rpud_sim.inspection.report.topics import Series, TopicSurvey
+from rpud_sim.inspection.report.drill_topics import CHANNELS, Fault, Impacts, Waveform
+from rpud_sim.inspection.report.running_statistics import Distribution, Envelope, Intervals
+from rpud_sim.inspection.report.topic_survey import Series, TopicSurvey
 
 _WIDTH = 10.0  # inches
 _RESOLUTION = 100  # dots per inch

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.report.streams import Envelope, Intervals, Spectrum, usable
+from rpud_sim.inspection.report.running_statistics import Envelope, Intervals, Spectrum, usable
 from rpud_sim.simulation.statistics import count_events
 
 MOST_ENTRIES = 500

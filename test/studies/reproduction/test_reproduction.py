@@ -10,8 +10,9 @@ from rpud_sim.model.parameters import CONTACT_MODELS
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
-from rpud_sim.studies.reproduction.contact import contact_history, single_contact
-from rpud_sim.studies.reproduction.headline import NUMBERS
+from rpud_sim.studies.reproduction.jobs import gather, silent
+from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
+from rpud_sim.studies.reproduction.parameter_studies import OUTPUTS, Study, find_trends, holm
 from rpud_sim.studies.reproduction.readings import (
     Fit,
     Reading,
@@ -20,9 +21,8 @@ from rpud_sim.studies.reproduction.readings import (
     not_reproduced,
 )
 from rpud_sim.studies.reproduction.reproduction import figure_12_implies
-from rpud_sim.studies.reproduction.studies import OUTPUTS, Study, find_trends, holm
+from rpud_sim.studies.reproduction.single_contact import contact_history, single_contact
 from rpud_sim.studies.reproduction.windows import run_windows
-from rpud_sim.studies.reproduction.work import gather, silent
 
 
 def study(*slopes, noise=0.01, seed=0):

@@ -18,7 +18,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import EngineError, Parameters
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
-from rpud_sim.studies.reproduction.work import Track, gather
+from rpud_sim.studies.reproduction.jobs import Track, gather
 
 VALUES = {
     "actuator_restitution": np.linspace(0.5, 1.0, 9),
