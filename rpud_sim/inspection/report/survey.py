@@ -1,4 +1,4 @@
-"""One pass through a bag, from which the whole report is made."""
+"""Survey of a bag in one pass: everything that a report shows."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from rpud_sim.inspection.report.drill_topics import (
     Segments,
     Waveform,
 )
-from rpud_sim.inspection.report.running_statistics import zero_stamp
+from rpud_sim.inspection.report.timeline import zero_stamp
 from rpud_sim.inspection.report.topic_survey import TopicSurvey, is_latched, stamp_column
 
 MOST_TOPICS = 200
-"""Topics that are followed; of others the report has what the bag's index tells."""
+"""Number of topics that are surveyed; of others the report only shows the bag's index."""
 
-# Columns without which a topic is not ours, whatever its type is called: of numbers the kind of
-# their dtype, of others their own kind.
+# Columns that a topic of ours has, since other types may have the same name: the kind of the dtype
+# of numbers, and the kind of other columns.
 _NEEDED = {
     "rpud_msgs/msg/ContactForce": {"header.stamp": "time", "energy": "f", "peak_force": "f"},
     "rpud_msgs/msg/Trajectory": {"time": "time", "event": "u", "duration": "f"},
@@ -43,20 +43,21 @@ _NEEDED = {
 
 @dataclass
 class Survey:
-    """What was seen of a bag.
+    """Content of a bag, as far as a report shows it.
 
     Args:
         path: of the bag.
-        start: log time at which it begins [ns].
+        start: log time of its beginning [ns].
         duration: [s].
         size: of its files [bytes].
         message_count: of all topics.
         compression: of its chunks.
-        manifests: how its runs came about.
+        manifests: of its runs.
         summaries: of all topics.
-        left_out: topics that were not followed, with the reason.
-        topics: those that were, by name; and the drill's own.
-        damaged: what was left out because it is damaged, by topic or record: how much, and why.
+        left_out: topics that are not surveyed, with the reason.
+        topics: surveyed topics, by name.
+        impacts, segments, waveforms, faults, journals: content of the drill's own topics, by name.
+        damaged: amount and reason of the damaged parts that were skipped, by topic or record.
     """
 
     path: str
@@ -78,9 +79,9 @@ class Survey:
 
     @property
     def span(self) -> float:
-        """From the bag's beginning to the last of all stamps and log times [s].
+        """Time from the bag's beginning to the last of all stamps and log times [s].
 
-        Where time passes faster than on the recorder's clock, that is more than the duration.
+        It exceeds the duration if simulation time passes faster than the recorder's clock.
         """
         return max([self.duration, *(topic.end for topic in self.topics.values())])
 
@@ -93,11 +94,11 @@ class Survey:
 
 
 def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: None) -> Survey:
-    """Go through a bag once.
+    """Read a bag once and return its survey.
 
     Args:
         bag: open.
-        report: told the messages that were read since it was told last.
+        report: called with the number of messages that were read since its last call.
 
     Raises:
         BagError: if the bag is damaged.
@@ -127,12 +128,12 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
         columns = bag.columns(name)
         zero = zeros.get(_namespace(name))
         seen.topics[name] = TopicSurvey(summary, columns, bag.start_time, duration, zero)
-        _follow(seen, summary, columns)
+        _add_drill_topic(seen, summary, columns)
     for batch in bag.batches([*seen.topics], leave_out=damages.add):
         times = seen.topics[batch.topic].add(batch)
-        for followed in (seen.impacts, seen.segments, seen.waveforms, seen.journals):
-            if batch.topic in followed:
-                followed[batch.topic].add(batch.columns, times)
+        for kept in (seen.impacts, seen.segments, seen.waveforms, seen.journals):
+            if batch.topic in kept:
+                kept[batch.topic].add(batch.columns, times)
         if batch.topic in seen.faults:
             jumps = seen.topics[batch.topic].timeline.jumps
             seen.faults[batch.topic].add(batch.columns, times, jumps)
@@ -146,9 +147,9 @@ def _namespace(topic: str) -> str:
 
 
 def _zeros(bag: BagReader) -> dict[str, int]:
-    """Return what the clock of each namespace showed when the bag began [ns].
+    """Return the stamp of each namespace's clock at the bag's beginning [ns].
 
-    It is that of the first message which was sent then: latched ones may be older.
+    The first message of a topic that is not latched shows it: latched ones may be older.
     """
     begin = bag.start_time
     stamped = [
@@ -183,7 +184,7 @@ def _manifests(bag: BagReader, damages: Damages) -> list[Manifest]:
     return found
 
 
-def _follow(seen: Survey, summary: TopicSummary, columns: Sequence[Column]) -> None:
+def _add_drill_topic(seen: Survey, summary: TopicSummary, columns: Sequence[Column]) -> None:
     name, kind = summary.topic.name, summary.topic.type
     held = {
         (column.name, column.dtype.kind if column.kind is Kind.NUMBER else column.kind.value)

@@ -1,4 +1,4 @@
-"""Template of a report, for jinja2 with autoescape: nothing of a bag is taken for HTML."""
+"""Template of a report, for ``render_page``, and the headings of its tables."""
 
 HEADINGS = {
     "topics": ("topic", "type", "messages", "rate [Hz]", "lost"),
@@ -15,53 +15,10 @@ HEADINGS = {
     "journal": ("time [s]", "kind", "content"),
 }  # fmt: skip
 
-HTML = """\
-{%- macro table(heading, rows, numeric=true) %}
-<div class="wide"><table{% if numeric %} class="numeric"{% endif %}>
-{%- if heading %}
-<thead><tr>{% for name in heading %}<th>{{ name }}</th>{% endfor %}</tr></thead>
-{%- endif %}
-<tbody>
-{%- for row in rows %}
-<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>
-{%- endfor %}
-</tbody></table></div>
-{%- endmacro %}
-{%- macro picture(data, title) %}
-<img alt="{{ title }}" src="data:image/png;base64,{{ data }}">
-{%- endmacro %}
+BODY = """\
 {%- macro missing(text) %}
 <p class="none">{{ text }}</p>
-{%- endmacro -%}
-<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:;
- style-src 'unsafe-inline'">
-<title>{{ title }}</title>
-<style>
-body { font: 15px/1.5 system-ui, sans-serif; color: #1c2733; max-width: 1100px; margin: 2em auto;
- padding: 0 1em; }
-h1 { margin-bottom: 0; overflow-wrap: anywhere; }
-h2 { margin-top: 2.2em; border-bottom: 2px solid #0072B2; padding-bottom: 3px; }
-h3 { margin: 1.6em 0 .3em; overflow-wrap: anywhere; }
-nav a { margin-right: 1.2em; color: #0072B2; }
-img { max-width: 100%; display: block; margin: .5em 0; }
-table { border-collapse: collapse; font-size: 13px; margin: .8em 0; }
-th, td { border-bottom: 1px solid #dde3e9; padding: 3px 9px; text-align: left;
- vertical-align: top; overflow-wrap: anywhere; }
-th { background: #eef3f7; }
-.numeric td:not(:first-child) { font-variant-numeric: tabular-nums; }
-.wide { overflow-x: auto; }
-.parameters table { columns: 3; display: block; }
-.tiles { display: flex; flex-wrap: wrap; gap: 12px; margin: 1.2em 0; }
-.tile { background: #eef3f7; border-radius: 6px; padding: 10px 16px; }
-.tile b { display: block; font-size: 20px; }
-.none { color: #5b6b7a; font-style: italic; }
-.warning { border-left: 4px solid #D55E00; padding-left: .8em; }
-@media print { body { max-width: none; margin: 0; font-size: 11px; } nav { display: none; }
- img, tr { break-inside: avoid; } h2, h3 { break-after: avoid; } .wide { overflow: visible; } }
-</style></head><body>
-<h1>{{ title }}</h1>
+{%- endmacro %}
 <nav><a href="#run">Run</a><a href="#impacts">Impacts</a><a href="#force">Contact force</a>
 <a href="#energy">Energy</a><a href="#spectra">Spectra</a><a href="#series">Time series</a>
 <a href="#timing">Timing</a><a href="#faults">Faults</a></nav>
@@ -159,11 +116,10 @@ its last row; jitter is from its 1 % to its 99 % quantile.</p>
 {%- if item.rows %}
 {{ picture(item.picture, "faults over time") }}
 {{ table(headings.faults, item.rows) }}
-{% if item.more %}{{ missing("More faults were told than are listed.") }}{% endif %}
+{% if item.more %}{{ missing("More faults were reported than are listed.") }}{% endif %}
 {%- else %}{{ missing("There were none.") }}{% endif %}
 {%- else %}
 {{ missing("Nothing is known of faults: record the topic faults.") }}
 {%- endfor %}
 <p class="none">Made by rpud report.</p>
-</body></html>
 """

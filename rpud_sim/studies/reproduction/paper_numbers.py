@@ -1,4 +1,4 @@
-"""The numbers that the paper states, and where the model's counterpart is found."""
+"""Numbers that the paper states, and which figure of which run is the model's counterpart."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import dataclasses
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """A number of the paper.
+    """Number of the paper.
 
     Args:
         key: its name in the JSON.
         paper: its value, in SI units.
         unit: SI unit.
-        source: where the paper has it.
-        statement: what it is, with the paper's words where they matter.
-        regime: in which the model gives it; ``contact`` is the single collision at 5 m/s.
+        source: figure of the paper.
+        statement: meaning, in the paper's words where they matter.
+        regime: of the model's run; ``contact`` is the single collision at 5 m/s.
         figure: name of the figure of that run.
-        measured: whether the paper measured it rather than simulate it.
+        measured: whether the paper measured it, rather than simulated it.
     """
 
     key: str

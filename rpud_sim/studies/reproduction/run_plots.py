@@ -1,4 +1,4 @@
-"""The paper's figures 3-5 and 8-14, from one run each, with initial phase zero as in eq. (1)."""
+"""Plots of single runs: the paper's figures 3-5 and 8-14, with initial phase zero as in eq. (1)."""
 
 from __future__ import annotations
 
