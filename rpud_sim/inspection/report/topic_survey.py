@@ -11,12 +11,7 @@ from rpud_sim.bag import TopicSummary
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.tables import Batch
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.report.running_statistics import (
-    Distribution,
-    Envelope,
-    Intervals,
-    usable,
-)
+from rpud_sim.inspection.report.running_statistics import Distribution, Envelope, Intervals, usable
 from rpud_sim.inspection.report.timeline import Timeline
 
 MOST_SERIES = 40

@@ -39,27 +39,20 @@ LITTLE = 0.05
 
 # The paper's claims about each study, in the order of OUTPUTS. Section IV swaps the letters of the
 # panels (c) and (d) of Fig. 17.
+_HARDER_BLOWS = {
+    "section": ("rises", "falls", "rises", "rises"),
+    "abstract": ("rises", "", "rises", ""),
+    "conclusion": ("rises", "", "rises", "rises"),
+}
 CLAIMS: dict[str, dict[str, tuple[str, ...]]] = {
-    "actuator_restitution": {
-        "section": ("rises", "falls", "rises", "rises"),
-        "abstract": ("rises", "", "rises", ""),
-        "conclusion": ("rises", "", "rises", "rises"),
-    },
-    "free_mass": {
-        "section": ("rises", "falls", "rises", "rises"),
-        "abstract": ("rises", "", "rises", ""),
-        "conclusion": ("rises", "", "rises", "rises"),
-    },
+    "actuator_restitution": _HARDER_BLOWS,
+    "free_mass": _HARDER_BLOWS,
     "rpud_damping_ratio": {
         "section": ("flat", "rises", "rises", "falls"),
         "abstract": ("falls", "", "falls", ""),
         "conclusion": ("rises", "", "rises", "falls"),
     },
-    "weight_on_bit": {
-        "section": ("flat", "rises", "rises", "rises"),
-        "abstract": ("rises", "", "rises", ""),
-        "conclusion": ("rises", "", "rises", "rises"),
-    },
+    "weight_on_bit": {**_HARDER_BLOWS, "section": ("flat", "rises", "rises", "rises")},
 }
 
 

@@ -18,11 +18,7 @@ from rpud_sim.studies.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
 from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
 from rpud_sim.studies.reproduction.reproduction import BEST, PRESETS, Reproduction
 from rpud_sim.studies.reproduction.run_plots import run_figures
-from rpud_sim.studies.reproduction.study_plots import (
-    plot_bar_study,
-    plot_readings,
-    plot_studies,
-)
+from rpud_sim.studies.reproduction.study_plots import plot_bar_study, plot_readings, plot_studies
 from rpud_sim.studies.reproduction.templates import BODY, HEADINGS, HOW_TO_READ, MARKDOWN
 
 REPORT = "report.html"
