@@ -115,7 +115,7 @@ def impact_rows(seen: Survey, name: str) -> Rows:
         ("contact_force_max", show(topic.find("peak_force").greatest, "N"), ""),
         ("contact_duration_mean", show(topic.find("contact_duration").mean, "s"), ""),
     ]
-    segments = seen.beside(name, "rpud_msgs/msg/Trajectory")
+    segments = seen.sibling(name, "rpud_msgs/msg/Trajectory")
     if segments is not None and segments.name in seen.segments:
         exact = seen.segments[segments.name]
         actuator = exact.actuator_impacts / exact.duration if exact.duration > 0.0 else None
@@ -127,7 +127,7 @@ def impact_rows(seen: Survey, name: str) -> Rows:
         ("rpud_msgs/msg/Waveform", "reacting_force"),
         ("rpud_msgs/msg/ReactingForce", "force"),
     ):
-        force = seen.beside(name, kind)
+        force = seen.sibling(name, kind)
         if force is not None and force.find(column).count:
             mean = force.find(column).mean
             rows.append(("reacting_force_mean", show(mean, "N"), f"of the samples in {force.name}"))
@@ -146,7 +146,7 @@ def energy_rows(seen: Survey, name: str) -> Rows:
         ("kinetic_energy_rate", show(power, "W"), "power that arrives at the drill tool"),
         ("impulse of an impact", show(topic.find("impulse").mean, "N s"), "on the drill tool"),
     ]
-    status = seen.beside(name, STATUS)
+    status = seen.sibling(name, STATUS)
     if status is None:
         return rows
     electrical = status.find("electrical_power")

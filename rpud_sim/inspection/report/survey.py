@@ -85,8 +85,8 @@ class Survey:
         """
         return max([self.duration, *(topic.end for topic in self.topics.values())])
 
-    def beside(self, topic: str, kind: str) -> TopicSurvey | None:
-        """Return the topic of a type in the namespace of another."""
+    def sibling(self, topic: str, kind: str) -> TopicSurvey | None:
+        """Return the topic of a type in the same namespace as another topic."""
         for name, found in self.topics.items():
             if _namespace(name) == _namespace(topic) and found.type == kind:
                 return found
@@ -103,32 +103,19 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
     Raises:
         BagError: if the bag is damaged.
     """
-    left_out = bag.left_out
     damages = Damages(bag)
-    duration = bag.duration / SECOND
     seen = Survey(
         str(bag.path),
         bag.start_time,
-        duration,
+        bag.duration / SECOND,
         bag.size,
         bag.message_count,
         bag.compression,
         _manifests(bag, damages),
         bag.readable_topics,
-        left_out,
+        bag.left_out,
     )
-    zeros = _zeros(bag)
-    for summary in bag.readable_topics:
-        name = summary.topic.name
-        if name in left_out:
-            continue
-        if len(seen.topics) >= MOST_TOPICS:
-            left_out[name] = f"the bag has more than {MOST_TOPICS} topics"
-            continue
-        columns = bag.columns(name)
-        zero = zeros.get(_namespace(name))
-        seen.topics[name] = TopicSurvey(summary, columns, bag.start_time, duration, zero)
-        _add_drill_topic(seen, summary, columns)
+    _choose_topics(seen, bag)
     for batch in bag.batches([*seen.topics], leave_out=damages.add):
         times = seen.topics[batch.topic].add(batch)
         for kept in (seen.impacts, seen.segments, seen.waveforms, seen.journals):
@@ -140,6 +127,21 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
         report(batch.message_count)
     seen.damaged.update(damages.texts)
     return seen
+
+
+def _choose_topics(seen: Survey, bag: BagReader) -> None:
+    zeros = _zeros(bag)
+    for summary in bag.readable_topics:
+        name = summary.topic.name
+        if name in seen.left_out:
+            continue
+        if len(seen.topics) >= MOST_TOPICS:
+            seen.left_out[name] = f"the bag has more than {MOST_TOPICS} topics"
+            continue
+        columns = bag.columns(name)
+        zero = zeros.get(_namespace(name))
+        seen.topics[name] = TopicSurvey(summary, columns, seen.start, seen.duration, zero)
+        _add_drill_topic(seen, summary, columns)
 
 
 def _namespace(topic: str) -> str:

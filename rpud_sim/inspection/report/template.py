@@ -26,7 +26,7 @@ BODY = """\
 <div class="tile"><b>{{ value }}</b>{{ name }}</div>{% endfor %}</div>
 {% for line in warnings %}<p class="warning">{{ line }}</p>
 {% endfor %}
-<h2 id="run">What the run was</h2>
+<h2 id="run">The run</h2>
 {{ table((), bag, false) }}
 {% for rows in runs %}{{ table((), rows, false) }}{% else %}
 {{ missing("The bag has no manifest: no recorder of rpud wrote it.") }}{% endfor %}
@@ -38,7 +38,7 @@ BODY = """\
 {% else %}{{ missing("None are told: neither a manifest nor the topic journal is in the bag.") }}
 {% endif %}
 {%- for name, rows, more in journals %}
-<h3>What changed the simulation: {{ name }}</h3>
+<h3>Changes of the simulation: {{ name }}</h3>
 {{ table(headings.journal, rows) }}
 {% if more %}{{ missing("And " ~ more ~ " more.") }}{% endif %}
 {%- endfor %}
@@ -85,8 +85,8 @@ samples at {{ item.rate }}, Hann's window, half overlapping, without their means
 <h3>A closer look: {{ item.name }}</h3>
 {{ picture(item.closer, "some milliseconds of the waveform") }}
 {%- endfor %}
-<p>Line: mean; band: least to greatest in each thousandth of the time. Left out are values that are
-not finite, or beyond 1e150. Quantiles are exact to about a hundredth of the range.</p>
+<p>Line: mean; band: least to greatest in each thousandth of the time. Values that are not finite,
+or beyond 1e150, are left out. Quantiles are exact to about a hundredth of the range.</p>
 {%- for item in series %}
 <h3>{{ item.name }}</h3>
 {% if item.picture %}{{ picture(item.picture, "time series of " ~ item.name) }}{% endif %}
@@ -99,8 +99,8 @@ not finite, or beyond 1e150. Quantiles are exact to about a hundredth of the ran
 {% if series_more %}{{ missing("Not drawn, too many topics: " ~ series_more) }}{% endif %}
 
 <h2 id="timing">Timing health</h2>
-<p>Log − stamp is how long after its stamp a message was recorded, for a block after the stamp of
-its last row; jitter is from its 1 % to its 99 % quantile.</p>
+<p>Log − stamp is the time from the stamp of a message to its recording; for a block it counts from
+the stamp of the last row. Jitter is the distance from its 1 % to its 99 % quantile.</p>
 {{ table(headings.timing, timing) }}
 {%- for name, rows in statuses %}
 <h3>The drill's own account: {{ name }}</h3>

@@ -98,8 +98,8 @@ class _Recorded:
 class TopicComparison:
     """Comparison of one topic's computed messages with its recorded ones, both in order.
 
-    Either side may lack messages: a recorder began late, ended early or lost some, or somebody
-    inserted messages. Only the messages that follow show whether one is missing or altered, so the
+    Either side may lack messages: a recorder began late, ended early or lost some, or messages were
+    inserted. Only the messages that follow show whether one is missing or altered, so the
     comparison always looks at two of each side.
 
     Args:
@@ -210,7 +210,7 @@ class TopicComparison:
         expected = self._codec.encode(computed.fields)
         equal = self._is_equal(recorded, expected)
         counts = self.counts
-        # What precedes a topic's first message was published before the recorder subscribed.
+        # Messages before a topic's first one were published before the recorder subscribed.
         missing = self._missing if counts.equal + counts.different else 0
         self._missing = 0
         self.counts = dataclasses.replace(

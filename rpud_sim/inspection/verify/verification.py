@@ -6,16 +6,15 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import rpud_sim.bag
-from rpud_sim.bag import BagFormatError, BagReader, Message, Topic, TopicSummary
+from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.verify.content_comparison import ContentComparison
 from rpud_sim.inspection.verify.coverage import find_coverage
+from rpud_sim.inspection.verify.installed_types import JOURNAL, installed_codec, is_installed
 from rpud_sim.inspection.verify.recorded_journal import (
     BEGINNINGS,
     Position,
@@ -30,7 +29,6 @@ from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.topics import PROVED, TOPICS
 from rpud_sim.simulation.versions import engine_and_processor
 
-_JOURNAL = TOPICS["journal"].type
 # Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
 
@@ -82,7 +80,7 @@ def verify(
         UnverifiableError: if it holds no complete journal, or nothing that the journal could prove.
     """
     with rpud_sim.bag.open(path) as bag:
-        journals = [summary for summary in bag.topics if summary.topic.type == _JOURNAL]
+        journals = [summary for summary in bag.topics if summary.topic.type == JOURNAL]
         held = [summary for summary in journals if summary.message_count]
         if not held:
             raise UnverifiableError(
@@ -107,7 +105,7 @@ class _Proof:
     def __init__(self, bag: BagReader, journal: TopicSummary) -> None:
         self._bag = bag
         self._journal = journal.topic.name
-        self._codec = _codec(journal)
+        self._codec = installed_codec(journal.topic)
         prefix = self._journal[: -len("journal")]
         self._summaries = {
             summary.topic.name.removeprefix(prefix): summary
@@ -118,25 +116,18 @@ class _Proof:
             name
             for name in PROVED
             if name in self._summaries
-            and (self._summaries[name].message_count or _fits(self._summaries[name].topic))
+            and (self._summaries[name].message_count or is_installed(self._summaries[name].topic))
         ]
         if not any(self._summaries[name].message_count for name in self._names):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
+        self._codecs = {name: installed_codec(self._summaries[name].topic) for name in self._names}
         self._warnings: dict[str, None] = {}
         self._other_versions = False
         self._simulated = 0
 
     def run(self, report: Callable[[float], object]) -> Verification:
         self._stretches = Stretches(self._entries())
-        codecs = {
-            self._summaries[name].topic.name: _codec(self._summaries[name]) for name in self._names
-        }
-        status = self._summaries.get("status")
-        if status and status.topic.type == TOPICS["status"].type and status.definition:
-            with contextlib.suppress(BagFormatError):
-                # A status of any version shows the progress of the drill.
-                codecs[status.topic.name] = Codec(TOPICS["status"].type, status.definition)
-        self._coverage = find_coverage(self._bag, codecs, self._stretches)
+        self._coverage = find_coverage(self._bag, self._coverage_codecs(), self._stretches)
         comparisons = self._compare(report)
         counts = {name: comparison.counts for name, comparison in comparisons.items()}
         suspects = {name: c.suspects for name, c in comparisons.items() if c.suspects}
@@ -167,17 +158,26 @@ class _Proof:
             self._other_versions,
         )
 
+    def _coverage_codecs(self) -> dict[str, Codec]:
+        codecs = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
+        status = self._summaries.get("status")
+        if status and status.topic.type == TOPICS["status"].type and status.definition:
+            with contextlib.suppress(BagFormatError):
+                # A status of any version shows the progress of the drill.
+                codecs[status.topic.name] = Codec(TOPICS["status"].type, status.definition)
+        return codecs
+
     def _compare(self, report: Callable[[float], object]) -> dict[str, TopicComparison]:
         """Compare each message with those of the run in which it was published."""
         comparisons = {
             name: TopicComparison(
                 self._summaries[name].topic.name,
-                _codec(self._summaries[name]),
+                codec,
                 self._messages(name),
                 self._stretches,
                 self._coverage.span,
             )
-            for name in self._names
+            for name, codec in self._codecs.items()
         }
         for name, values, position in self._computed(report):
             if name in comparisons:
@@ -203,7 +203,7 @@ class _Proof:
         """
         simulated = self._simulated
         contents = {
-            name: ContentComparison(group, _codec(self._summaries[name]), self._messages(name))
+            name: ContentComparison(group, self._codecs[name], self._messages(name))
             for name, group in suspects.items()
         }
         for name, values, _ in self._computed(report):
@@ -271,34 +271,3 @@ class _Proof:
             if other != version:
                 self._other_versions = True
                 self._warnings[f"made by {name} {other!s:.80}, verified by {version}"] = None
-
-
-def _codec(summary: TopicSummary) -> Codec:
-    """Return the codec of a topic.
-
-    Raises:
-        UnverifiableError: if its type is not the one that is installed here.
-    """
-    topic = summary.topic
-    expected = _expected_type(topic)
-    if topic.type != expected:
-        raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
-    if not _fits(topic):
-        raise UnverifiableError(f"{topic.name} is of another version of {expected}")
-    return _own_codec(expected)
-
-
-def _expected_type(topic: Topic) -> str:
-    own = TOPICS.get(topic.name.rpartition("/")[2])
-    return _JOURNAL if topic.type == _JOURNAL or own is None else own.type
-
-
-def _fits(topic: Topic) -> bool:
-    """Whether a topic's type is the one that is installed here."""
-    expected = _expected_type(topic)
-    return topic.type == expected and topic.type_hash in ("", find_type_hash(expected))
-
-
-@cache
-def _own_codec(type_name: str) -> Codec:
-    return Codec(type_name, find_definition(type_name))

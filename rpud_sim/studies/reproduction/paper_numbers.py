@@ -32,7 +32,6 @@ class Number:
 
 CONTACT_SPEED = 5.0  # Fig. 12 [m/s]
 
-
 # Regime, figure, value, unit, source, statement.
 _SIMULATED = (
     ("free", "impact_rate", 260 / 0.6, "1/s", "Fig. 3", "260 impacts in 0.6 s, “nearly 430 Hz”"),

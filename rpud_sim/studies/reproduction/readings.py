@@ -20,7 +20,7 @@ from rpud_sim.studies.reproduction.single_contact import single_contact
 from rpud_sim.studies.reproduction.windows import Members, run_windows
 
 AMPLITUDES = (35e-6, 17.5e-6)  # 35 um read as amplitude, and as peak-to-peak [m]
-WEIGHTS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0)  # while drilling; before it there is none [N]
+WEIGHTS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0)  # while drilling; it is zero before drilling [N]
 MODULI = (1.96e9, 1.96e11)  # as printed, and of steel [Pa]
 CONTACT_MODELS = ("printed", "rayleigh")
 COUNTS = ("one", "both")  # impacts on the drill tool, or these and those of the actuator

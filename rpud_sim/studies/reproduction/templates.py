@@ -97,14 +97,14 @@ The measured reacting force rises with the weight on bit. In the model its slope
 {{ slope }} N per N ({{ drill }}){{ ", " if not loop.last }}
 {%- endfor %}.
 
-## The energy balance beside an elastic bar
+## The energy balance compared with an elastic bar
 
 The drill tool as a stepped elastic bar, fixed in the rock, struck by the rigid free mass;
 × is the ratio to the bar.
 {{ table(headings.bar, bar) }}
 The bar's convergence, for 5 g at 5 m/s:
 {{ table(headings.mesh, mesh) }}
-What Fig. 12 implies by eqs. (21), (30) and (36), beside the two contact models with steel:
+The tool that Fig. 12 implies by eqs. (21), (30) and (36), and those of both contact models:
 {{ table(headings.tools, tools) }}"""
 
 BODY = """\
@@ -146,7 +146,7 @@ Before drilling, it measured 2.6 mm (nodal plane), 14 mm (drill tool) and 5.2 N;
 {%- for drill, slope in slopes.items() %}
 <p class="model">Model ({{ drill }}): {{ slope }} N per N.</p>
 {%- endfor %}
-<h2>The energy balance beside an elastic bar</h2>
+<h2>The energy balance compared with an elastic bar</h2>
 <p>The drill tool as a stepped elastic bar, fixed in the rock, struck by the rigid free mass: the
 one-dimensional wave equation with linear finite elements, a Runge-Kutta method of order 8,
 unilateral contact. × is the ratio to the bar. The bar and both contact models are linear but for
