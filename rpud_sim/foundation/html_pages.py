@@ -75,6 +75,7 @@ def render_page(body: str, title: str, **context: object) -> str:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        keep_trailing_newline=True,
         # Only plain texts: the results of macros are HTML already, with its line breaks.
         finalize=lambda value: printable(value) if type(value) is str else value,
     )

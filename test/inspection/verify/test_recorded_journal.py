@@ -8,7 +8,7 @@ from rpud_sim.simulation.journal import JournalEntry
 
 
 def journal(*published):
-    """Give a journal: kind and time of publishing of each entry."""
+    """Return a journal: kind and time of publishing of each entry."""
     return [
         (Message("/rpud/journal", 0, time, b""), JournalEntry(number, 0, kind, {}))
         for number, (kind, time) in enumerate(published)
