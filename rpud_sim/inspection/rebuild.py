@@ -29,7 +29,7 @@ _ROUNDING = 1e-6
 
 
 class RebuildError(Exception):
-    """A waveform that cannot be rebuilt; the text gives the reason in one line."""
+    """Waveform that cannot be rebuilt; the text gives the reason in one line."""
 
 
 @dataclass(frozen=True)

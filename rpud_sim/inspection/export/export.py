@@ -36,7 +36,7 @@ FORMATS = {
 
 
 class ExportError(Exception):
-    """A bag that cannot be exported; the text gives the reason in one line."""
+    """Bag that cannot be exported; the text gives the reason in one line."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ _ORDER = (
 
 
 class ReportError(Exception):
-    """A report that cannot be written; the text gives the reason in one line."""
+    """Report that cannot be written; the text gives the reason in one line."""
 
 
 def write_report(

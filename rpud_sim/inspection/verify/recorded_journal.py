@@ -1,4 +1,4 @@
-"""The journal in a bag: its entries, and the stretches into which they divide the messages."""
+"""Journal in a bag: its entries, and the stretches into which they divide the messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Position = tuple[int, int]
 
 
 class UnverifiableError(Exception):
-    """A bag that can be neither proved nor disproved; the text gives the reason in one line."""
+    """Bag that can be neither proved nor disproved; the text gives the reason in one line."""
 
 
 @dataclasses.dataclass(frozen=True)

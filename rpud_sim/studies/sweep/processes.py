@@ -90,7 +90,7 @@ class _Worker:
 
     @property
     def end(self) -> str:
-        """How the process ended."""
+        """Exit code of the process, or the signal that ended it."""
         code = self._process.exitcode
         return f"exit code {code}" if code is None or code >= 0 else signal.Signals(-code).name
 

@@ -24,7 +24,7 @@ _DURATION = Quantity("s", "", 1e-9, 1e6)
 
 
 class SweepError(ValueError):
-    """A sweep that is not possible as specified; the text gives the reason in one line."""
+    """Sweep that is not possible as specified; the text gives the reason in one line."""
 
 
 @dataclasses.dataclass(frozen=True)
