@@ -39,7 +39,7 @@ LITTLE = 0.05
 
 # The paper's claims about each study, in the order of OUTPUTS. Section IV swaps the letters of the
 # panels (c) and (d) of Fig. 17.
-_HARDER_BLOWS = {
+_HARDER_BLOWS: dict[str, tuple[str, ...]] = {
     "section": ("rises", "falls", "rises", "rises"),
     "abstract": ("rises", "", "rises", ""),
     "conclusion": ("rises", "", "rises", "rises"),
