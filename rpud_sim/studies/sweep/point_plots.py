@@ -1,9 +1,9 @@
-"""Pictures of a sweep: every figure against every swept parameter, with intervals.
+"""Pictures of a sweep: every figure over every swept parameter, with intervals.
 
-A marker is the mean over all points with that value of the parameter, whatever the others are, or
-in designs without repeated values over a class of values next to each other. The bar is the 95 %
-interval of that mean by Student's t: from the spread of the points, or where there is one point
-from the spread of its ensemble.
+A marker is the mean over all points with one value of the parameter, whatever the other parameters
+are. In designs without repeated values it is the mean over a class of neighbouring values. The bar
+is the 95 % interval of that mean by Student's t, from the spread of the points; a single point has
+the spread of its ensemble.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _draw(
     places = _places(points[name], spread)
     choices = places is not points[name]
     if len(specification.swept) > 1 or _in_classes(specification, name):
-        # What a marker stands for.
+        # The points behind each marker.
         every = -(-len(places) // _MOST_DOTS)
         axis.plot(
             places[::every], points[output][::every], ".", color="tab:gray", markersize=1, alpha=0.5
@@ -92,7 +92,7 @@ def _draw(
 
 
 def _places(values: np.ndarray, spread: Range | Values) -> np.ndarray:
-    """Return where on the axis values are: numbers at themselves, choices at their own number."""
+    """Return the positions of values on an axis: numbers as they are, choices by their index."""
     if isinstance(spread, Values) and isinstance(spread.values[0], str):
         numbers = {value: number for number, value in enumerate(spread.values)}
         return np.array([numbers[value] for value in values], dtype=float)
@@ -104,17 +104,17 @@ def marginal_means(
 ) -> Iterator[tuple[float, float, float]]:
     """Yield value, mean, and half its 95 % interval for each level or class of a parameter.
 
-    The interval is not a number where a single point with a single member gives none.
+    The interval of a single point with a single member is NaN.
     """
     spread = specification.swept[name]
     places = _places(points[name], spread)
-    there = ~np.isnan(points[output])
+    valid = ~np.isnan(points[output])
     if _in_classes(specification, name):
         order = np.argsort(places, kind="stable")
         number = min(math.isqrt(len(places)), _MOST_CLASSES)
-        classes = [part[there[part]] for part in np.array_split(order, number)]
+        classes = [part[valid[part]] for part in np.array_split(order, number)]
     else:
-        classes = [np.flatnonzero(there & (places == level)) for level in np.unique(places)]
+        classes = [np.flatnonzero(valid & (places == level)) for level in np.unique(places)]
     for members in classes:
         values = points[output][members]
         if len(values) > 1:
@@ -130,7 +130,7 @@ def marginal_means(
 
 
 def _in_classes(specification: Specification, name: str) -> bool:
-    """Tell whether a parameter has another value at every point."""
+    """Whether a parameter has a different value at every point."""
     return specification.design != "grid" and isinstance(specification.swept[name], Range)
 
 

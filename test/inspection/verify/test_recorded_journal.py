@@ -3,12 +3,12 @@
 import pytest
 
 from rpud_sim.bag import Message
-from rpud_sim.inspection.verify.runs import Stretches
+from rpud_sim.inspection.verify.recorded_journal import Stretches
 from rpud_sim.simulation.journal import JournalEntry
 
 
 def journal(*published):
-    """Give a journal: kind and time of publishing of each entry."""
+    """Return a journal: kind and time of publishing of each entry."""
     return [
         (Message("/rpud/journal", 0, time, b""), JournalEntry(number, 0, kind, {}))
         for number, (kind, time) in enumerate(published)

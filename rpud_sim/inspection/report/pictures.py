@@ -1,9 +1,8 @@
-"""The pictures of a report. What a bag calls things is never taken for a formula."""
+"""Pictures of a report. Names from a bag are drawn as text, never as formulas."""
 
 from __future__ import annotations
 
 import base64
-import io
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 
@@ -14,39 +13,38 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from rpud_sim.foundation.html_pages import to_png
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.inspection.report.drills import CHANNELS, Fault, Impacts, Waveform
-from rpud_sim.inspection.report.streams import Distribution, Envelope, Intervals
-from rpud_sim.inspection.report.topics import Series, TopicSurvey
+from rpud_sim.inspection.report.drill_topics import CHANNELS, Fault, Impacts, Waveform
+from rpud_sim.inspection.report.running_statistics import Distribution, Envelope, Intervals
+from rpud_sim.inspection.report.topic_survey import Series, TopicSurvey
 
 _WIDTH = 10.0  # inches
 _RESOLUTION = 100  # dots per inch
 _CLASSES = 80
 _NAME = 40  # characters
 
-# Okabe and Ito's colours: told apart with every kind of colour vision.
+# Okabe and Ito's colours: distinct with every kind of colour vision.
 LINE, BAND, MARK, OTHER = "#0072B2", "#9ECBE8", "#D55E00", "#009E73"
 
 
-def picture(draw: Callable[..., Figure], *arguments: object) -> str:
-    """Draw, and return the picture as base64 of a PNG.
+def encode(draw: Callable[..., Figure], *arguments: object) -> str:
+    """Return a drawn picture as base64 of a PNG file.
 
     Args:
         draw: one of the functions below.
-        arguments: of it.
+        arguments: of that function.
     """
-    # Names and units are anybody's: `$` in them begins no formula, and no font has all letters.
+    # Names and units come from any program: `$` begins no formula, and no font has all letters.
     with matplotlib.rc_context({"text.parse_math": False}), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         with np.errstate(all="ignore"):
-            buffer = io.BytesIO()
-            figure = draw(*arguments)
-            figure.savefig(buffer, format="png", dpi=_RESOLUTION, metadata={"Software": None})
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+            png = to_png(draw(*arguments), _RESOLUTION)
+    return base64.b64encode(png).decode("ascii")
 
 
 def series(shown: Sequence[Series], span: float) -> Figure:
-    """Draw columns over time: mean, and the band from least to greatest."""
+    """Draw columns over time: the mean, and the band from least to greatest value."""
     figure, axes = _panels(len(shown), 1.35)
     for axis, item in zip(axes, shown, strict=True):
         _draw_envelope(axis, item.envelope)
@@ -59,12 +57,12 @@ def series(shown: Sequence[Series], span: float) -> Figure:
 
 
 def closer(waveform: Waveform) -> Figure:
-    """Draw some samples: the three bodies, and the reacting force."""
+    """Draw consecutive samples of the three bodies and of the reacting force."""
     figure, (positions, force) = _panels(2, 2.4)
     found = waveform.closer
     times = 1e3 * (found["times"] - found["times"][0])
     steps = np.diff(times, prepend=times[0])
-    times = np.where(steps > 1.5 * np.median(steps), np.nan, times)  # no line across missing ones
+    times = np.where(steps > 1.5 * np.median(steps), np.nan, times)  # no line across a gap
     for name, colour, label in (
         ("actuator_position", LINE, "actuator tip"),
         ("free_mass_position", MARK, "free mass"),
@@ -83,7 +81,7 @@ def closer(waveform: Waveform) -> Figure:
 
 
 def distributions(impacts: Impacts, topic: TopicSurvey) -> Figure:
-    """Draw how often impacts are how strong, fast, and far apart."""
+    """Draw the distributions of force, velocity, energy and interval of the impacts."""
     figure = Figure(figsize=(_WIDTH, 5.2), layout="constrained")
     panels = figure.subplots(2, 2).ravel()
     for axis, values, scale, label in (
@@ -99,7 +97,7 @@ def distributions(impacts: Impacts, topic: TopicSurvey) -> Figure:
 
 
 def impacts_over_time(impacts: Impacts, topic: TopicSurvey, span: float) -> Figure:
-    """Draw peak forces, the rate of impacts, and the power that they bring."""
+    """Draw peak forces, the rate of impacts, and their power."""
     figure, (force, rate, power) = _panels(3, 1.8)
     peaks = next(item for item in topic.series if item.column.name == "peak_force").envelope
     used = np.flatnonzero(peaks.count)
@@ -122,8 +120,8 @@ def spectra(waveform: Waveform, densities: tuple[np.ndarray, np.ndarray]) -> Fig
     for axis, name, density in zip(
         figure.subplots(3, 2, sharex=True).ravel(), CHANNELS, found, strict=True
     ):
-        there = (frequencies > 0.0) & (density > 0.0)
-        axis.loglog(frequencies[there], density[there], color=LINE, linewidth=0.8)
+        shown = (frequencies > 0.0) & (density > 0.0)
+        axis.loglog(frequencies[shown], density[shown], color=LINE, linewidth=0.8)
         unit = "N²/Hz" if name.endswith("force") else "m²/Hz"
         axis.set_title(name.replace("_", " "), loc="left", fontsize="medium")
         axis.set_ylabel(unit)
@@ -135,7 +133,7 @@ def spectra(waveform: Waveform, densities: tuple[np.ndarray, np.ndarray]) -> Fig
 
 
 def delays(topics: Sequence[TopicSurvey], span: float) -> Figure:
-    """Draw how long after their stamps messages were recorded."""
+    """Draw the time from the stamps of messages to their log times."""
     figure, axes = _panels(len(topics), 1.35)
     for axis, topic in zip(axes, topics, strict=True):
         _draw_envelope(axis, topic.timing.delays, 1e3)
@@ -146,7 +144,7 @@ def delays(topics: Sequence[TopicSurvey], span: float) -> Figure:
 
 
 def faults(log: Mapping[tuple[int, int], Fault], span: float) -> Figure:
-    """Draw from when to when faults lasted."""
+    """Draw the intervals in which faults were active."""
     shown = sorted(log.values(), key=lambda fault: fault.onset)[:60]
     figure = Figure(figsize=(_WIDTH, 0.9 + 0.32 * len(shown)), layout="constrained")
     axis = figure.subplots()
@@ -179,7 +177,7 @@ def _decorate(axis: Axes) -> None:
 
 
 def _plain_labels(*scales: Axis) -> None:
-    for scale in scales:  # the usual labels of logarithms are formulas
+    for scale in scales:  # Matplotlib labels logarithmic axes with formulas
         scale.set_major_formatter(lambda value, _: f"{value:g}")
         scale.set_minor_formatter(NullFormatter())
 
@@ -212,12 +210,12 @@ def _draw_distribution(axis: Axes, values: Distribution, scale: float) -> None:
 
 
 def _coarser(envelope: Envelope, span: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return edges of fewer parts of the time [s], and how many and how much a second in each."""
+    """Return edges of longer parts of the time [s], and counts and totals per second in each."""
     step = max(1, round(span / envelope.width / 100))
     starts = np.arange(0, len(envelope.count), step)
     width = step * envelope.width
     counts = np.add.reduceat(envelope.count, starts) / width
     totals = np.add.reduceat(envelope.total, starts) / width
-    whole = max(1, int(span / width + 1e-9))  # a part at the end would look like a drop
+    whole = max(1, int(span / width + 1e-9))  # an incomplete last part would look like a drop
     counts, totals = counts[:whole], totals[:whole]
     return np.arange(len(counts) + 1) * width, counts, totals

@@ -28,7 +28,7 @@ from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest
 from rpud_sim.inspection.report import rows
-from rpud_sim.inspection.report.report import ReportError, render, write_report
+from rpud_sim.inspection.report.bag_report import ReportError, render, write_report
 from rpud_sim.inspection.report.survey import survey
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import read_scenario
@@ -367,7 +367,7 @@ def test_no_folder_is_made_for_it(tmp_path):
     assert not (tmp_path / "no").exists()
 
 
-REPORT = "import sys; from rpud_sim.inspection.report.report import *\n"
+REPORT = "import sys; from rpud_sim.inspection.report.bag_report import *\n"
 
 
 def test_a_disk_that_is_full_is_one_error_and_leaves_nothing_behind(tmp_path):

@@ -1,4 +1,4 @@
-"""Recorded messages of one topic looked for in all that is computed, whatever their times are."""
+"""Comparison of one topic's recorded messages with all runs together, whatever their times are."""
 
 from __future__ import annotations
 
@@ -6,37 +6,39 @@ from collections.abc import Iterator, Sequence
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.inspection.verify.comparison import (
-    Difference,
+from rpud_sim.inspection.verify.messages import (
     Key,
-    Suspect,
     computed_key,
     recorded_key,
     without_padding,
     without_repeats,
 )
+from rpud_sim.inspection.verify.topic_comparison import Difference, Suspect
 from rpud_sim.simulation.fields import Fields
 
 
 class ContentComparison:
-    """Decides of a topic whose comparison by run has failed whether any run gives its messages.
+    """Second comparison of a topic whose comparison by run has failed.
 
     Args:
-        suspects: messages that differ from what their run gives.
+        suspects: recorded messages that their run does not give.
         codec: of the topic's type.
         recorded: all messages of the topic in the bag.
+
+    Attributes:
+        equal: number of recorded messages that were computed, in the recorded order.
     """
 
     def __init__(
         self, suspects: Sequence[Suspect], codec: Codec, recorded: Iterator[Message]
     ) -> None:
+        self.equal = 0
         self._codec = codec
         self._recorded = without_repeats(recorded)
         self._suspects: dict[Key, list[Suspect]] = {}
         for suspect in suspects:
             self._suspects.setdefault(suspect.key, []).append(suspect)
-        self._equal = 0
-        self._next = self._take()
+        self._next = self._read_next()
 
     @property
     def in_order(self) -> bool:
@@ -44,12 +46,7 @@ class ContentComparison:
         return self._next is None
 
     @property
-    def equal(self) -> int:
-        """Number of recorded messages that were computed, in the recorded order."""
-        return self._equal
-
-    @property
-    def strangers(self) -> list[Difference]:
+    def unmatched(self) -> list[Difference]:
         """Differences of those suspects that no run gives."""
         return [suspect.difference for group in self._suspects.values() for suspect in group]
 
@@ -61,14 +58,14 @@ class ContentComparison:
             return
         expected = self._codec.encode(computed)
         if awaited and self._next == (key, expected):
-            self._equal += 1
-            self._next = self._take()
+            self.equal += 1
+            self._next = self._read_next()
         if key in self._suspects:
             left = [suspect for suspect in self._suspects.pop(key) if suspect.data != expected]
             if left:
                 self._suspects[key] = left
 
-    def _take(self) -> tuple[Key, bytes] | None:
+    def _read_next(self) -> tuple[Key, bytes] | None:
         message = next(self._recorded, None)
         if message is None:
             return None

@@ -1,4 +1,4 @@
-"""What is kept of values that pass by once: envelopes, distributions, spectra, elapsed times."""
+"""Running statistics in bounded memory: envelopes, distributions and spectra of streams."""
 
 from __future__ import annotations
 
@@ -7,98 +7,23 @@ import math
 import numpy as np
 from scipy import signal
 
-from rpud_sim.foundation.time import SECOND
-
 _BINS = 1000  # of an envelope
 _CLASSES = 2048  # of a distribution
 _GREATEST = 1e150  # squares of values beyond would overflow
-_BACK = SECOND  # a step back of a clock that is more than lateness
-_AHEAD = 60 * SECOND  # a step ahead that is more than time that went by
-_OLDEST = 86_400 * SECOND  # that a latched message may be; others have another clock
-_GAP = 3  # times the usual distance between messages
+_GAP = 3  # in usual distances between messages
 _INSTANT = 1e-9  # s; log times are integer nanoseconds
 
 
 def usable(values: np.ndarray) -> np.ndarray:
-    """Tell which values can be counted and drawn: they are finite, and not beyond 1e150."""
+    """Return which values can be counted and drawn: finite ones, and not beyond 1e150."""
     return np.abs(values.astype(float)) < _GREATEST
 
 
-class Timeline:
-    """Turns stamps into time since the bag began, also where their clock was set meanwhile.
-
-    Args:
-        begin: log time at which the bag begins [ns].
-        zero: the stamp at that time, where another topic of the same clock tells it [ns].
-        latched: whether the first messages may be older than the bag.
-
-    Attributes:
-        jumps: how often the clock was set, as by a reset.
-    """
-
-    def __init__(self, begin: int, zero: int | None = None, *, latched: bool = False) -> None:
-        self._begin = begin
-        self._zero = zero
-        self._latched = latched
-        self._offset: int | None = None
-        self._stamp = 0
-        self._log_time = 0
-        self.jumps = 0
-
-    def elapsed(self, stamps: np.ndarray, log_times: np.ndarray) -> np.ndarray:
-        """Return times since the bag began, shape (n,) [s].
-
-        Args:
-            stamps: in the order of their recording, shape (n,) [ns].
-            log_times: of the same messages, shape (n,) [ns].
-        """
-        if not len(stamps):
-            return np.empty(0)
-        if self._offset is None:
-            old = self._old(stamps)
-            if old:
-                rest = self.elapsed(stamps[old:], log_times[old:])
-                return np.append((stamps[:old] - self._zero) / SECOND, rest)
-            self._stamp, self._log_time = int(stamps[0]), int(log_times[0])
-            self._offset = zero_stamp(stamps, log_times, self._begin)
-            # Far from the others it has a clock of its own, or that was set before its first.
-            if self._zero is not None and -_AHEAD < self._zero - self._offset < _BACK:
-                self._offset = self._zero
-        steps = np.diff(stamps, prepend=self._stamp)
-        passed = np.maximum(np.diff(log_times, prepend=self._log_time), 0)
-        jumped = (steps < -_BACK) | (steps - passed > _AHEAD)
-        offsets = self._offset + np.cumsum(np.where(jumped, steps - passed, 0))
-        self._stamp, self._log_time = int(stamps[-1]), int(log_times[-1])
-        self._offset = int(offsets[-1])
-        self.jumps += int(np.count_nonzero(jumped))
-        return (stamps - offsets) / SECOND
-
-    def _old(self, stamps: np.ndarray) -> int:
-        """Return how many stamps of a latched topic are older than the bag, before all others."""
-        if self._zero is None or not self._latched:
-            return 0
-        older = (stamps < self._zero) & (self._zero - stamps < _OLDEST)
-        return len(stamps) if older.all() else int(np.argmin(older))
-
-
-def zero_stamp(stamps: np.ndarray, log_times: np.ndarray, begin: int) -> int:
-    """Return what a clock showed when the bag began [ns], by the first message of a topic.
-
-    Args:
-        stamps: shape (n,) [ns].
-        log_times: of the same messages, shape (n,) [ns].
-        begin: log time at which the bag begins [ns].
-    """
-    others = np.flatnonzero(log_times != log_times[0])
-    last = int(others[0]) - 1 if len(others) else -1  # a block is recorded after its last row
-    return int(stamps[last]) - (int(log_times[0]) - begin)
-
-
 class Envelope:
-    """Least, greatest and sum of values in equal parts of the time, which grow as it does.
+    """Least, greatest and sum of values in equal parts of the time; parts double as time grows.
 
     Args:
-        duration: of the time that is expected [s].
+        duration: expected length of the time [s].
 
     Attributes:
         width: of a part [s].
@@ -134,14 +59,14 @@ class Envelope:
 
     @property
     def times(self) -> np.ndarray:
-        """The middle of each part since the beginning [s]."""
+        """Middle of each part, since the beginning [s]."""
         return (np.arange(_BINS) + 0.5) * self.width
 
     def steps(self) -> tuple[np.ndarray, np.ndarray]:
         """Return times, shape (n,) [s], and least, mean and greatest from each on, shape (3, n).
 
-        A value holds until the next; where that is much later than usual, it holds as long as
-        usual, and NaN follow.
+        A value holds until the next one. If that is much later than usual, the value holds for the
+        usual time, and NaN follow.
         """
         used = np.flatnonzero(self.count)
         values = np.array(
@@ -158,22 +83,17 @@ class Envelope:
             np.insert(values, places, more.transpose(1, 2, 0).reshape(3, -1), axis=1),
         )
 
-    @property
-    def rate(self) -> np.ndarray:
-        """Sum of the values in each part over its width."""
-        return self.total / self.width
-
 
 class Distribution:
-    """How values are distributed: exact moments and extremes, and counts in equal classes.
+    """Distribution of values: exact moments and extremes, and counts in equal classes.
 
-    The classes grow as the values do, so that there are always at least a thousand from the least
-    to the greatest.
+    The classes double in width as the range grows, so that at least a thousand lie between the
+    least and the greatest value.
 
     Attributes:
-        count: of usable values.
-        others: of all others.
-        mean, least, greatest: of the usable values; NaN where there is none.
+        count: number of usable values.
+        others: number of other values.
+        mean, least, greatest: of the usable values; NaN if there are none.
     """
 
     def __init__(self) -> None:
@@ -219,7 +139,7 @@ class Distribution:
 
     @property
     def deviation(self) -> float:
-        """Standard deviation; NaN where there are fewer than two values."""
+        """Standard deviation; NaN if there are fewer than two values."""
         return math.sqrt(self._squares / (self.count - 1)) if self.count > 1 else math.nan
 
     @property
@@ -228,7 +148,7 @@ class Distribution:
         return self.mean * self.count if self.count else 0.0
 
     def quantile(self, part: float) -> float:
-        """Return the value below which a part of all lie, as exactly as the classes tell."""
+        """Return the value below which a part of all lies, to the width of a class."""
         if not self.count:
             return math.nan
         below = np.append(0, np.cumsum(self._counts))
@@ -238,7 +158,7 @@ class Distribution:
         return min(max(value, self.least), self.greatest)
 
     def classes(self, most: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return counts, shape (n,), and edges, shape (n + 1,), of at most so many classes."""
+        """Return counts, shape (n,), and edges, shape (n + 1,), of at most ``most`` classes."""
         used = np.flatnonzero(self._counts)
         if not len(used):
             return np.zeros(0, np.int64), np.zeros(1)
@@ -250,9 +170,9 @@ class Distribution:
 
 
 class Intervals(Distribution):
-    """How intervals are distributed: their classes are equal in the logarithm.
+    """Distribution of intervals, with classes that are equal in the logarithm.
 
-    So a gap that is a thousand times as long as the others leaves these as exact as they were.
+    So the classes stay fine, even if one gap is a thousand times as long as the other intervals.
     """
 
     def __init__(self) -> None:
@@ -265,26 +185,26 @@ class Intervals(Distribution):
         self._logarithms.add(np.log10(np.maximum(values[usable(values)], _INSTANT)))
 
     def quantile(self, part: float) -> float:
-        """Return the interval below which a part of all are, to about a hundredth of it."""
+        """Return the interval below which a part of all lies, to about a hundredth of it."""
         return min(max(10.0 ** self._logarithms.quantile(part), self.least), self.greatest)
 
     def classes(self, most: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return what ``Distribution.classes`` does, with edges in equal ratios."""
+        """Return counts and edges as ``Distribution.classes`` does, with equal ratios of edges."""
         counts, edges = self._logarithms.classes(most)
         return counts, 10.0**edges
 
 
 class Spectrum:
-    """Power spectral densities by Welch's method, of samples that come block by block.
+    """Power spectral densities by Welch's method, of samples that arrive block by block.
 
-    Segments of Hann's window overlap by half, without their means. They do not reach across gaps.
+    Segments have Hann's window, overlap by half and lose their means. None spans a gap.
 
     Args:
-        channels: how many.
+        channels: number of channels.
         length: of a segment [samples].
 
     Attributes:
-        segments: how many were averaged.
+        segments: number of averaged segments.
     """
 
     def __init__(self, channels: int, length: int = 2**14) -> None:
@@ -294,7 +214,7 @@ class Spectrum:
         self.segments = 0
 
     def add(self, samples: np.ndarray) -> None:
-        """Add samples that follow those before without a gap, shape (channels, n)."""
+        """Add samples that follow the last ones without a gap, shape (channels, n)."""
         self._held = np.concatenate([self._held, samples], axis=1)
         half = self._length // 2
         count = self._held.shape[1] // half - 1
@@ -305,13 +225,13 @@ class Spectrum:
         self._held = self._held[:, count * half :].copy()
 
     def gap(self) -> None:
-        """Let what follows begin anew."""
+        """Begin a new segment: the next samples do not follow the last ones."""
         self._held = self._held[:, :0]
 
     def density(self, rate: float) -> tuple[np.ndarray, np.ndarray] | None:
         """Return frequencies, shape (n,) [Hz], and densities, shape (channels, n).
 
-        Of fewer samples than a segment there is one shorter segment; None if there are too few.
+        Fewer samples than a segment give one shorter segment, and fewer than 256 give None.
 
         Args:
             rate: of the samples [Hz].

@@ -1,9 +1,9 @@
-"""Figures 15-18: how four parameters change four outputs, with a verdict on each trend.
+"""Parameter studies of Figs. 15-18: four parameters, four outputs, and a verdict on each trend.
 
-Each point is an ensemble of long runs over initial phases, drawn anew for each point, so that all
+Each point is an ensemble of long runs over initial phases. Each point has other phases, so that all
 members are independent. A trend is tested with Kendall's tau between the parameter and the members'
-outputs (with ties: the Jonckheere-Terpstra test), the p-values of all trends held together with
-Holm's method. A trend that is significant but changes the output by less than ``LITTLE`` from end
+outputs (with ties: the Jonckheere-Terpstra test); Holm's method corrects the p-values of all trends
+together. A trend that is significant but changes the output by less than ``LITTLE`` from end
 to end counts as flat: the paper's "little effect".
 """
 
@@ -18,7 +18,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import EngineError, Parameters
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
-from rpud_sim.studies.reproduction.work import Track, gather
+from rpud_sim.studies.reproduction.jobs import Track, gather
 
 VALUES = {
     "actuator_restitution": np.linspace(0.5, 1.0, 9),
@@ -33,45 +33,38 @@ OUTPUTS = (
     "reacting_force_mean",
 )
 
-SETTLING = 1.0  # simulated before anything is counted [s]
+SETTLING = 1.0  # simulated before statistics begin [s]
 SIGNIFICANCE = 0.05
 LITTLE = 0.05
 
-# What the paper says of each study: Section IV, the abstract and the conclusion, in the order of
-# OUTPUTS. Section IV calls the panels of Fig. 17 (c) and (d) by each other's letter.
+# The paper's claims about each study, in the order of OUTPUTS. Section IV swaps the letters of the
+# panels (c) and (d) of Fig. 17.
+_HARDER_BLOWS: dict[str, tuple[str, ...]] = {
+    "section": ("rises", "falls", "rises", "rises"),
+    "abstract": ("rises", "", "rises", ""),
+    "conclusion": ("rises", "", "rises", "rises"),
+}
 CLAIMS: dict[str, dict[str, tuple[str, ...]]] = {
-    "actuator_restitution": {
-        "section": ("rises", "falls", "rises", "rises"),
-        "abstract": ("rises", "", "rises", ""),
-        "conclusion": ("rises", "", "rises", "rises"),
-    },
-    "free_mass": {
-        "section": ("rises", "falls", "rises", "rises"),
-        "abstract": ("rises", "", "rises", ""),
-        "conclusion": ("rises", "", "rises", "rises"),
-    },
+    "actuator_restitution": _HARDER_BLOWS,
+    "free_mass": _HARDER_BLOWS,
     "rpud_damping_ratio": {
         "section": ("flat", "rises", "rises", "falls"),
         "abstract": ("falls", "", "falls", ""),
         "conclusion": ("rises", "", "rises", "falls"),
     },
-    "weight_on_bit": {
-        "section": ("flat", "rises", "rises", "rises"),
-        "abstract": ("rises", "", "rises", ""),
-        "conclusion": ("rises", "", "rises", "rises"),
-    },
+    "weight_on_bit": {**_HARDER_BLOWS, "section": ("flat", "rises", "rises", "rises")},
 }
 
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """One parameter's effect on all outputs.
+    """Study of one parameter's effect on all outputs.
 
     Args:
         parameter: its name.
         values: of the parameter, shape (n,), SI units.
-        members: outputs of the members at each value, by output, shape (n, members); not a number
-            for a stalled one.
+        members: outputs of the members at each value, by output, shape (n, members); NaN for a
+            stalled member.
     """
 
     parameter: str
@@ -92,14 +85,14 @@ class Study:
 
 @dataclasses.dataclass(frozen=True)
 class Trend:
-    """The verdict on one output of one study.
+    """Verdict on one output of one study.
 
     Args:
         parameter: that is varied.
-        output: that follows.
+        output: that depends on it.
         verdict: rises, falls or flat.
-        tau: Kendall's, over all members.
-        p_value: after Holm's method over all trends.
+        tau: Kendall's tau over all members.
+        p_value: corrected by Holm's method over all trends.
         change: from the first to the last value, as a share of the mean.
         change_interval: half its 95 % interval.
         turns: whether the output turns back by more than ``LITTLE`` on the way.
@@ -118,13 +111,13 @@ class Trend:
 def run_studies(
     base: Parameters, members: int, duration: float, points: int, seed: int, track: Track
 ) -> list[Study]:
-    """Return the four studies about a drill.
+    """Return the four studies of a drill.
 
     Args:
         base: the drill.
-        members: of the ensemble at each point.
+        members: number of members of the ensemble at each point.
         duration: of each run, after it has settled [s].
-        points: at most that many of ``VALUES``, evenly taken.
+        points: greatest number of ``VALUES`` of each parameter, chosen evenly.
         seed: of the initial phases.
         track: shows the progress.
     """
@@ -172,7 +165,7 @@ def find_trends(studies: list[Study]) -> list[Trend]:
 
 
 def holm(p_values: list[float]) -> list[float]:
-    """Return p-values adjusted for all being tested together, by Holm's step-down method."""
+    """Return p-values corrected for multiple tests by Holm's step-down method."""
     adjusted = [1.0] * len(p_values)
     worst = 0.0
     for rank, index in enumerate(np.argsort(p_values)):
@@ -184,8 +177,8 @@ def holm(p_values: list[float]) -> list[float]:
 def _kendall(study: Study, output: str) -> tuple[float, float]:
     members = study.members[output]
     values = np.broadcast_to(study.values[:, None], members.shape)
-    there = np.isfinite(members)
-    result = stats.kendalltau(values[there], members[there])
+    valid = np.isfinite(members)
+    result = stats.kendalltau(values[valid], members[valid])
     return float(result.statistic), float(result.pvalue)
 
 

@@ -1,4 +1,4 @@
-"""What is kept of any topic while its rows pass by: its timing, and its numbers over time."""
+"""Survey of one topic of any type: its timing, and its numbers over time."""
 
 from __future__ import annotations
 
@@ -11,24 +11,19 @@ from rpud_sim.bag import TopicSummary
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.tables import Batch
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.report.streams import (
-    Distribution,
-    Envelope,
-    Intervals,
-    Timeline,
-    usable,
-)
+from rpud_sim.inspection.report.running_statistics import Distribution, Envelope, Intervals, usable
+from rpud_sim.inspection.report.timeline import Timeline
 
 MOST_SERIES = 40
-"""Columns of a topic that are followed; further ones are only counted."""
+"""Number of columns of a topic that are surveyed; further ones are only counted."""
 
-# What numbers messages, or tells how to read them.
+# Fields that number messages, or that only help to read them.
 _NO_SERIES = {"sequence", "sample_period"}
 
 
 @dataclass
 class Series:
-    """One column of numbers over time."""
+    """Column of numbers over time."""
 
     column: Column
     envelope: Envelope
@@ -37,13 +32,14 @@ class Series:
 
 @dataclass
 class Timing:
-    """When messages of a topic came.
+    """Timing of a topic's messages.
 
     Args:
-        delays: of the log time after the stamp over time [s]; of a block, after its last row.
+        delays: from stamp to log time, over time [s]; for a block, from its last row's stamp.
+        delay: distribution of the same [s].
         intervals: between the log times of messages [s].
-        missing: numbers that ``sequence`` jumps over.
-        stamped: whether there are stamps.
+        missing: numbers that ``sequence`` skips; None if there is no such field.
+        stamped: whether messages have stamps.
     """
 
     delays: Envelope
@@ -54,7 +50,7 @@ class Timing:
 
 
 def stamp_column(columns: Sequence[Column]) -> str:
-    """Name the column by which a topic's rows are drawn: log_time where there is no stamp."""
+    """Return the column with the times of a topic's rows: log_time if there is no stamp."""
     if columns[0].name == "time":
         return "time"
     stamped = any(column.name == "header.stamp" and column.kind is Kind.TIME for column in columns)
@@ -62,23 +58,26 @@ def stamp_column(columns: Sequence[Column]) -> str:
 
 
 def is_latched(summary: TopicSummary) -> bool:
-    """Tell whether a topic's first messages may be older than the bag."""
+    """Whether a topic's first messages may be older than the bag."""
     return any(offer.durability == "transient_local" for offer in summary.topic.offered_qos)
 
 
 class TopicSurvey:
-    """Follows one topic.
+    """Survey of one topic.
 
     Args:
         summary: of the topic.
         columns: of its table.
         begin: log time at which the bag begins [ns].
         duration: of the bag [s].
-        zero: what the clock of its stamps showed then, where another topic tells it [ns].
+        zero: stamp at that time, if another topic of the same clock shows it [ns].
 
     Attributes:
-        timeline: that turns its stamps into time since the bag began.
-        end: the last of these times [s].
+        timing: of its messages.
+        timeline: conversion of its stamps to times since the bag began.
+        series: columns of numbers, at most ``MOST_SERIES``.
+        left_out: number of further ones.
+        end: last time since the bag began [s].
     """
 
     def __init__(
@@ -107,8 +106,8 @@ class TopicSurvey:
             for column in columns
             if column.kind is Kind.NUMBER and column.name not in _NO_SERIES
         ]
-        if summary.topic.type == "rpud_msgs/msg/Trajectory":  # coefficients are nothing to look at
-            numbers = []
+        if summary.topic.type == "rpud_msgs/msg/Trajectory":
+            numbers = []  # a drawing of its coefficients would show nothing
         self.series = [Series(column, Envelope(duration)) for column in numbers[:MOST_SERIES]]
         self.left_out = len(numbers) - len(self.series)
         self._numbered = any(
@@ -120,34 +119,34 @@ class TopicSurvey:
 
     @property
     def name(self) -> str:
-        """Of the topic."""
+        """Name of the topic."""
         return self.summary.topic.name
 
     @property
     def type(self) -> str:
-        """Of its messages."""
+        """Type of its messages."""
         return self.summary.topic.type
 
     def add(self, batch: Batch) -> np.ndarray:
-        """Follow rows; return their times since the bag began, shape (n,) [s]."""
+        """Add rows; return their times since the bag began, shape (n,) [s]."""
         columns = batch.columns
         times = self.timeline.elapsed(columns[self._stamp], columns["log_time"])
         for series in self.series:
             values = columns[series.column.name].astype(float)
             series.values.add(values)
-            there = usable(values)
-            series.envelope.add(times[there], values[there])
+            valid = usable(values)
+            series.envelope.add(times[valid], values[valid])
         if len(batch):
             self.end = max(self.end, float(times.max()))
-            self._time(columns, times)
+            self._add_timing(columns, times)
         return times
 
     def find(self, column: str) -> Distribution:
-        """Return the values of a column; empty where it is not followed."""
+        """Return the values of a column; empty if it is not surveyed."""
         found = (series.values for series in self.series if series.column.name == column)
         return next(found, Distribution())
 
-    def _time(self, columns: Mapping[str, np.ndarray], times: np.ndarray) -> None:
+    def _add_timing(self, columns: Mapping[str, np.ndarray], times: np.ndarray) -> None:
         last = np.arange(len(times))  # rows that are the last of their message
         if self._blocks:
             ends = np.diff(columns["log_time"]) != 0

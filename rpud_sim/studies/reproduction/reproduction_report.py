@@ -1,45 +1,41 @@
-"""The report: HTML with its pictures inside, the pictures, all numbers, and validation.md."""
+"""Files of a reproduction: an HTML report, its pictures, all numbers, and validation.md."""
 
 from __future__ import annotations
 
 import base64
-import io
 import json
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import StrictUndefined, Template
 from matplotlib.figure import Figure
 
+from rpud_sim.foundation.html_pages import render_page, to_png
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.simulation import preset
 from rpud_sim.studies.reproduction import findings
 from rpud_sim.studies.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
-from rpud_sim.studies.reproduction.headline import NUMBERS
-from rpud_sim.studies.reproduction.plots import run_figures
+from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
 from rpud_sim.studies.reproduction.reproduction import BEST, PRESETS, Reproduction
-from rpud_sim.studies.reproduction.study_plots import (
-    plot_bar_study,
-    plot_readings,
-    plot_studies,
-)
-from rpud_sim.studies.reproduction.templates import HEADINGS, HOW_TO_READ, HTML, MARKDOWN
+from rpud_sim.studies.reproduction.run_plots import run_figures
+from rpud_sim.studies.reproduction.study_plots import plot_bar_study, plot_readings, plot_studies
+from rpud_sim.studies.reproduction.templates import BODY, HEADINGS, HOW_TO_READ, MARKDOWN
 
 REPORT = "report.html"
 NUMBERS_FILE = "numbers.json"
 VALIDATION = "validation.md"
 
-_RANKING_LENGTH = 10  # of the table in validation.md
+_RANKING_LENGTH = 10  # rows of the table in validation.md
 _RESOLUTION = 110  # dots per inch
 
 
 def write_report(result: Reproduction, folder: Path, command: str) -> None:
-    """Write everything into a folder, which is made if it is not there.
+    """Write the report, its pictures, numbers and validation.md into a folder.
 
     Args:
-        result: what was reproduced.
-        folder: where to.
-        command: that makes the report, to be named in it.
+        result: of the reproduction.
+        folder: of the files; it is created if it does not exist.
+        command: that generates the report; the report names it.
 
     Raises:
         OSError: if a file cannot be written.
@@ -47,32 +43,21 @@ def write_report(result: Reproduction, folder: Path, command: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     images = {}
     for name, figure in _figures(result).items():
-        picture = _png(figure)
+        picture = to_png(figure, _RESOLUTION)
         _write(folder / f"{name}.png", picture)
         images[name] = base64.b64encode(picture).decode("ascii")
     context = _context(result, command)
     numbers = json.dumps(result.numbers(), indent=1, allow_nan=False, default=float)
     _write(folder / NUMBERS_FILE, f"{numbers}\n".encode())
-    page = _environment(autoescape=True).from_string(HTML).render(images=images, **context)
+    page = render_page(BODY, "The paper, reproduced", images=images, **context)
     _write(folder / REPORT, page.encode())
-    text = _environment(autoescape=False).from_string(MARKDOWN).render(**context)
+    text = Template(MARKDOWN, undefined=StrictUndefined).render(**context)
     _write(folder / VALIDATION, f"{text.rstrip()}\n".encode())
 
 
 def _write(path: Path, content: bytes) -> None:
     with whole_file(path) as unfinished:
         unfinished.write_bytes(content)
-
-
-def _environment(*, autoescape: bool) -> Environment:
-    return Environment(autoescape=autoescape, undefined=StrictUndefined)
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    # Without the library's version in it, the same numbers give the same file.
-    figure.savefig(buffer, format="png", dpi=_RESOLUTION, metadata={"Software": None})
-    return buffer.getvalue()
 
 
 def _figures(result: Reproduction) -> dict[str, Figure]:

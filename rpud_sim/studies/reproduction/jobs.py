@@ -1,4 +1,4 @@
-"""Independent jobs on two threads, and their progress; the kernels release the GIL."""
+"""Independent jobs on two threads, with their progress; the kernels release the GIL."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any, TypeVar
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
-# Passes on the items of an iterable of known length, and shows how far it is under a title.
+# Yields the items of an iterable of known length, and shows the progress under a title.
 Track = Callable[[Iterable[Any], int, str], Iterable[Any]]
 
 WORKERS = 2
 
 
 def silent(items: Iterable[Any], total: int, title: str) -> Iterable[Any]:
-    """Pass on the items and show nothing."""
+    """Return the items unchanged and show nothing."""
     return items
 
 
@@ -28,6 +28,6 @@ def gather(
         try:
             return list(track(pool.map(function, jobs), len(jobs), title))
         except BaseException:
-            # Nobody waits for the other jobs, whether one failed or the user has had enough.
+            # Or the pool would finish all other jobs, after a failure or Ctrl-C, before it ends.
             pool.shutdown(cancel_futures=True)
             raise

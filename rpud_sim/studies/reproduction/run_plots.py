@@ -1,4 +1,4 @@
-"""The paper's figures 3-5 and 8-14, from one run each, with initial phase zero as in eq. (1)."""
+"""Plots of single runs: the paper's figures 3-5 and 8-14, with initial phase zero as in eq. (1)."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.studies.reproduction.contact import contact_history, single_contact
-from rpud_sim.studies.reproduction.headline import CONTACT_SPEED
+from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED
+from rpud_sim.studies.reproduction.single_contact import contact_history, single_contact
 from rpud_sim.studies.reproduction.windows import LONG, SHORT
 
 _COLORS = {"actuator": "tab:blue", "free mass": "tab:orange", "drill tool": "tab:green"}

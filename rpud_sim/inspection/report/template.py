@@ -1,4 +1,4 @@
-"""Template of a report, for jinja2 with autoescape: nothing of a bag is taken for HTML."""
+"""Template of a report, for ``render_page``, and the headings of its tables."""
 
 HEADINGS = {
     "topics": ("topic", "type", "messages", "rate [Hz]", "lost"),
@@ -15,53 +15,10 @@ HEADINGS = {
     "journal": ("time [s]", "kind", "content"),
 }  # fmt: skip
 
-HTML = """\
-{%- macro table(heading, rows, numeric=true) %}
-<div class="wide"><table{% if numeric %} class="numeric"{% endif %}>
-{%- if heading %}
-<thead><tr>{% for name in heading %}<th>{{ name }}</th>{% endfor %}</tr></thead>
-{%- endif %}
-<tbody>
-{%- for row in rows %}
-<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>
-{%- endfor %}
-</tbody></table></div>
-{%- endmacro %}
-{%- macro picture(data, title) %}
-<img alt="{{ title }}" src="data:image/png;base64,{{ data }}">
-{%- endmacro %}
+BODY = """\
 {%- macro missing(text) %}
 <p class="none">{{ text }}</p>
-{%- endmacro -%}
-<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:;
- style-src 'unsafe-inline'">
-<title>{{ title }}</title>
-<style>
-body { font: 15px/1.5 system-ui, sans-serif; color: #1c2733; max-width: 1100px; margin: 2em auto;
- padding: 0 1em; }
-h1 { margin-bottom: 0; overflow-wrap: anywhere; }
-h2 { margin-top: 2.2em; border-bottom: 2px solid #0072B2; padding-bottom: 3px; }
-h3 { margin: 1.6em 0 .3em; overflow-wrap: anywhere; }
-nav a { margin-right: 1.2em; color: #0072B2; }
-img { max-width: 100%; display: block; margin: .5em 0; }
-table { border-collapse: collapse; font-size: 13px; margin: .8em 0; }
-th, td { border-bottom: 1px solid #dde3e9; padding: 3px 9px; text-align: left;
- vertical-align: top; overflow-wrap: anywhere; }
-th { background: #eef3f7; }
-.numeric td:not(:first-child) { font-variant-numeric: tabular-nums; }
-.wide { overflow-x: auto; }
-.parameters table { columns: 3; display: block; }
-.tiles { display: flex; flex-wrap: wrap; gap: 12px; margin: 1.2em 0; }
-.tile { background: #eef3f7; border-radius: 6px; padding: 10px 16px; }
-.tile b { display: block; font-size: 20px; }
-.none { color: #5b6b7a; font-style: italic; }
-.warning { border-left: 4px solid #D55E00; padding-left: .8em; }
-@media print { body { max-width: none; margin: 0; font-size: 11px; } nav { display: none; }
- img, tr { break-inside: avoid; } h2, h3 { break-after: avoid; } .wide { overflow: visible; } }
-</style></head><body>
-<h1>{{ title }}</h1>
+{%- endmacro %}
 <nav><a href="#run">Run</a><a href="#impacts">Impacts</a><a href="#force">Contact force</a>
 <a href="#energy">Energy</a><a href="#spectra">Spectra</a><a href="#series">Time series</a>
 <a href="#timing">Timing</a><a href="#faults">Faults</a></nav>
@@ -69,7 +26,7 @@ th { background: #eef3f7; }
 <div class="tile"><b>{{ value }}</b>{{ name }}</div>{% endfor %}</div>
 {% for line in warnings %}<p class="warning">{{ line }}</p>
 {% endfor %}
-<h2 id="run">What the run was</h2>
+<h2 id="run">The run</h2>
 {{ table((), bag, false) }}
 {% for rows in runs %}{{ table((), rows, false) }}{% else %}
 {{ missing("The bag has no manifest: no recorder of rpud wrote it.") }}{% endfor %}
@@ -81,7 +38,7 @@ th { background: #eef3f7; }
 {% else %}{{ missing("None are told: neither a manifest nor the topic journal is in the bag.") }}
 {% endif %}
 {%- for name, rows, more in journals %}
-<h3>What changed the simulation: {{ name }}</h3>
+<h3>Changes of the simulation: {{ name }}</h3>
 {{ table(headings.journal, rows) }}
 {% if more %}{{ missing("And " ~ more ~ " more.") }}{% endif %}
 {%- endfor %}
@@ -128,8 +85,8 @@ samples at {{ item.rate }}, Hann's window, half overlapping, without their means
 <h3>A closer look: {{ item.name }}</h3>
 {{ picture(item.closer, "some milliseconds of the waveform") }}
 {%- endfor %}
-<p>Line: mean; band: least to greatest in each thousandth of the time. Left out are values that are
-not finite, or beyond 1e150. Quantiles are exact to about a hundredth of the range.</p>
+<p>Line: mean; band: least to greatest in each thousandth of the time. Values that are not finite,
+or beyond 1e150, are left out. Quantiles are exact to about a hundredth of the range.</p>
 {%- for item in series %}
 <h3>{{ item.name }}</h3>
 {% if item.picture %}{{ picture(item.picture, "time series of " ~ item.name) }}{% endif %}
@@ -142,8 +99,8 @@ not finite, or beyond 1e150. Quantiles are exact to about a hundredth of the ran
 {% if series_more %}{{ missing("Not drawn, too many topics: " ~ series_more) }}{% endif %}
 
 <h2 id="timing">Timing health</h2>
-<p>Log − stamp is how long after its stamp a message was recorded, for a block after the stamp of
-its last row; jitter is from its 1 % to its 99 % quantile.</p>
+<p>Log − stamp is the time from the stamp of a message to its recording; for a block it counts from
+the stamp of the last row. Jitter is the distance from its 1 % to its 99 % quantile.</p>
 {{ table(headings.timing, timing) }}
 {%- for name, rows in statuses %}
 <h3>The drill's own account: {{ name }}</h3>
@@ -159,11 +116,10 @@ its last row; jitter is from its 1 % to its 99 % quantile.</p>
 {%- if item.rows %}
 {{ picture(item.picture, "faults over time") }}
 {{ table(headings.faults, item.rows) }}
-{% if item.more %}{{ missing("More faults were told than are listed.") }}{% endif %}
+{% if item.more %}{{ missing("More faults were reported than are listed.") }}{% endif %}
 {%- else %}{{ missing("There were none.") }}{% endif %}
 {%- else %}
 {{ missing("Nothing is known of faults: record the topic faults.") }}
 {%- endfor %}
 <p class="none">Made by rpud report.</p>
-</body></html>
 """

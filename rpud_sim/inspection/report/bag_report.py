@@ -1,4 +1,4 @@
-"""A bag as one HTML page that needs nothing beside it: no script, no network, no other file."""
+"""Report of a bag: one HTML page without scripts, network or other files."""
 
 from __future__ import annotations
 
@@ -7,19 +7,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
-
 import rpud_sim.bag
-from rpud_sim.foundation.terminal import printable
-from rpud_sim.inspection.report import plots, rows
-from rpud_sim.inspection.report.page import HEADINGS, HTML
+from rpud_sim.foundation.html_pages import render_page
+from rpud_sim.inspection.output import output_reason
+from rpud_sim.inspection.report import pictures, rows
 from rpud_sim.inspection.report.survey import Survey, survey
-from rpud_sim.inspection.report.topics import MOST_SERIES, TopicSurvey
+from rpud_sim.inspection.report.template import BODY, HEADINGS
+from rpud_sim.inspection.report.topic_survey import MOST_SERIES, TopicSurvey
 
 _MOST_DRAWN = 20  # topics
 _MOST_PANELS = 12  # of a picture
 
-# The drill's topics in the order in which one looks at them; others follow by name.
+# The drill's topics, the most informative first; others follow by name.
 _ORDER = (
     "rpud_msgs/msg/Waveform",
     "rpud_msgs/msg/ReactingForce",
@@ -31,7 +30,7 @@ _ORDER = (
 
 
 class ReportError(Exception):
-    """A report cannot be made; the text says why, in one line."""
+    """Report that cannot be written; the text gives the reason in one line."""
 
 
 def write_report(
@@ -39,20 +38,20 @@ def write_report(
     out: str | os.PathLike[str],
     report: Callable[[int], object] = lambda messages: None,
 ) -> Survey:
-    """Write the report of a bag; return what was seen of it.
+    """Write the report of a bag; return the survey that it shows.
 
     Args:
         path: of the bag.
         out: of the new HTML file.
-        report: told the messages that were read since it was told last.
+        report: called with the number of messages that were read since its last call.
 
     Raises:
         BagError: if the bag cannot be read.
-        ReportError: if the file is there already, its folder is not, or it cannot be written.
+        ReportError: if the file exists, its folder does not, or it cannot be written.
     """
     target = Path(out)
     if os.path.lexists(target):
-        raise _failure(out, FileExistsError())
+        raise ReportError(output_reason(out, FileExistsError()))
     if not target.parent.is_dir():
         raise ReportError(f"cannot write {out}: there is no folder {target.parent}")
     with rpud_sim.bag.open(path) as bag:
@@ -61,35 +60,21 @@ def write_report(
     try:
         file = target.open("x", encoding="utf-8")
     except OSError as error:
-        raise _failure(out, error) from error
+        raise ReportError(output_reason(out, error)) from error
     try:
         with file:
             file.write(page)
     except BaseException as error:
         target.unlink(missing_ok=True)
         if isinstance(error, OSError):
-            raise _failure(out, error) from error
+            raise ReportError(output_reason(out, error)) from error
         raise
     return seen
 
 
-def _failure(out: str | os.PathLike[str], error: OSError) -> ReportError:
-    if isinstance(error, FileExistsError):
-        return ReportError(f"{out} exists already; nothing is overwritten")
-    return ReportError(f"cannot write {out}: {error.strerror or error}")
-
-
 def render(seen: Survey) -> str:
-    """Return the page of what was seen of a bag."""
-    environment = Environment(
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        # Of plain texts alone: what macros give is HTML already, with its line breaks.
-        finalize=lambda value: printable(value) if type(value) is str else value,
-    )
-    return environment.from_string(HTML).render(headings=HEADINGS, **_context(seen))
+    """Return the page of a survey."""
+    return render_page(BODY, Path(seen.path).resolve().name, headings=HEADINGS, **_context(seen))
 
 
 def _context(seen: Survey) -> dict[str, Any]:
@@ -101,7 +86,6 @@ def _context(seen: Survey) -> dict[str, Any]:
     ]
     late = sorted(late, key=_rank)[:_MOST_PANELS]
     return {
-        "title": Path(seen.path).resolve().name,
         "tiles": _tiles(seen),
         "warnings": [
             f"Not in this report: {name}: {reason}"
@@ -126,13 +110,13 @@ def _context(seen: Survey) -> dict[str, Any]:
             for topic in seen.topics.values()
             if topic.type == rows.STATUS and topic.find("real_time_factor").count
         ],
-        "delays": plots.picture(plots.delays, late, seen.span) if late else "",
+        "delays": pictures.encode(pictures.delays, late, seen.span) if late else "",
         "faults": [
             {
                 "name": name,
                 "rows": rows.fault_rows(log),
                 "more": log.unlisted,
-                "picture": plots.picture(plots.faults, log.faults, seen.span),
+                "picture": pictures.encode(pictures.faults, log.faults, seen.span),
             }
             for name, log in seen.faults.items()
         ],
@@ -162,13 +146,14 @@ def _tiles(seen: Survey) -> list[tuple[str, str]]:
 
 def _impacts(seen: Survey, name: str) -> dict[str, Any]:
     topic, impacts = seen.topics[name], seen.impacts[name]
-    there = topic.find("peak_force").count and topic.find("energy").count
+    has_impacts = topic.find("peak_force").count and topic.find("energy").count
     return {
         "name": name,
         "figures": rows.impact_rows(seen, name),
-        "energy": rows.energy_rows(seen, name) if there else [],
-        "over_time": there and plots.picture(plots.impacts_over_time, impacts, topic, seen.span),
-        "distributions": there and plots.picture(plots.distributions, impacts, topic),
+        "energy": rows.energy_rows(seen, name) if has_impacts else [],
+        "over_time": has_impacts
+        and pictures.encode(pictures.impacts_over_time, impacts, topic, seen.span),
+        "distributions": has_impacts and pictures.encode(pictures.distributions, impacts, topic),
     }
 
 
@@ -177,11 +162,11 @@ def _waveform(seen: Survey, name: str) -> dict[str, Any]:
     densities = waveform.spectrum.density(waveform.rate) if waveform.rate else None
     return {
         "name": name,
-        "spectra": plots.picture(plots.spectra, waveform, densities) if densities else "",
+        "spectra": pictures.encode(pictures.spectra, waveform, densities) if densities else "",
         "segments": waveform.spectrum.segments,
         "length": 2 * (len(densities[0]) - 1) if densities else 0,
         "rate": rows.show(waveform.rate, "Hz"),
-        "closer": plots.picture(plots.closer, waveform) if waveform.closer else "",
+        "closer": pictures.encode(pictures.closer, waveform) if waveform.closer else "",
     }
 
 
@@ -195,7 +180,7 @@ def _series(topic: TopicSurvey, span: float) -> dict[str, Any]:
         more.append(f"not followed: {topic.left_out} fields beyond the first {MOST_SERIES}")
     return {
         "name": topic.name,
-        "picture": plots.picture(plots.series, drawn, span) if drawn else "",
+        "picture": pictures.encode(pictures.series, drawn, span) if drawn else "",
         "constant": ", ".join(
             f"{item.column.name} = {rows.show(item.values.mean, item.column.unit)}"
             for item in constant
@@ -206,7 +191,7 @@ def _series(topic: TopicSurvey, span: float) -> dict[str, Any]:
 
 
 def _series_topics(seen: Survey) -> tuple[list[TopicSurvey], list[str]]:
-    """Return the topics whose series are drawn, and the names of others that have some."""
+    """Return the topics whose series are drawn, and the names of further ones with series."""
     found = [
         topic
         for topic in seen.topics.values()

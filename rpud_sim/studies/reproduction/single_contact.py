@@ -1,4 +1,4 @@
-"""One contact of the free mass with the drill tool in the rock, taken alone: eqs. (20)-(39)."""
+"""Single contact of the free mass with the drill tool in the rock: eqs. (20)-(39)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rpud_sim.model.parameters import Parameters
 
 @dataclasses.dataclass(frozen=True)
 class Contact:
-    """What one blow on the resting drill tool does by the energy balance.
+    """Result of one blow on the resting drill tool, by the energy balance.
 
     Args:
         tool_mass: m_eff,dt [kg].
@@ -22,7 +22,7 @@ class Contact:
         peak_force: greatest contact force [N].
         peak_displacement: of the drill tool's upper side [m].
         duration: t_con of eq. (39) [s].
-        restitution: velocity of the free mass at the end over that before.
+        restitution: velocity of the free mass after the contact over that before.
     """
 
     tool_mass: float
@@ -34,10 +34,10 @@ class Contact:
 
 
 def single_contact(parameters: Parameters, impact_velocity: float) -> Contact:
-    """Return the contact that follows a blow on the resting drill tool.
+    """Return the contact after a blow on the resting drill tool.
 
     Args:
-        parameters: of the drill; its contact model counts.
+        parameters: of the drill, with its contact model.
         impact_velocity: of the free mass [m/s].
     """
     tool = effective_tool(parameters)

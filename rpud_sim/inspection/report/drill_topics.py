@@ -1,4 +1,4 @@
-"""What is kept of a drill's own topics: impacts, segments, waveform, faults and journal."""
+"""Content of a drill's own topics for a report: impacts, segments, waveform, faults, journal."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.report.streams import Envelope, Intervals, Spectrum, usable
+from rpud_sim.inspection.report.running_statistics import Envelope, Intervals, Spectrum, usable
 from rpud_sim.simulation.statistics import count_events
 
 MOST_ENTRIES = 500
-"""Entries of the journal, and faults, that are kept; further ones are counted."""
+"""Number of journal entries, and of faults, that are kept; further ones are counted."""
 
 CHANNELS = (
     "nodal_plane_position",
@@ -24,7 +24,7 @@ CHANNELS = (
     "contact_force",
     "reacting_force",
 )
-"""Of a waveform."""
+"""Channels of a waveform message."""
 
 _CLOSER = 1000  # samples of the closer look
 _CONTENT = 400  # characters of an entry
@@ -37,8 +37,8 @@ class Impacts:
     """Impacts on the drill tool, of ``rpud_msgs/ContactForce``.
 
     Attributes:
-        intervals: between impacts that follow each other, pauses left out [s].
-        power: energies over time; its ``rate`` is in W, its ``count`` that of the impacts.
+        intervals: between consecutive impacts, without pauses [s].
+        power: energies of the impacts over time [J].
     """
 
     def __init__(self, duration: float) -> None:
@@ -47,7 +47,7 @@ class Impacts:
         self._last: float | None = None
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
-        """Follow impacts at times since the bag began [s]."""
+        """Add impacts at times since the bag began [s]."""
         if not len(times):
             return
         steps = np.diff(times, prepend=times[0] if self._last is None else self._last)
@@ -55,16 +55,16 @@ class Impacts:
         self.intervals.add(steps[(steps > 0.0) & (steps < _LONGEST_INTERVAL)])
         self._last = float(times[-1])
         energies = columns["energy"]
-        there = usable(energies)
-        self.power.add(times[there], energies[there])
+        valid = usable(energies)
+        self.power.add(times[valid], energies[valid])
 
 
 @dataclass
 class Segments:
-    """The exact trajectory, of ``rpud_msgs/Trajectory``.
+    """Sums over the exact trajectory, of ``rpud_msgs/Trajectory``.
 
     Args:
-        duration: of the segments [s].
+        duration: of all segments [s].
         events: impacts and ends of contacts.
         actuator_impacts: of the actuator on the free mass.
     """
@@ -74,21 +74,21 @@ class Segments:
     actuator_impacts: int = 0
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
-        """Follow segments."""
-        lasting = columns["duration"]
-        self.duration += float(lasting[np.isfinite(lasting)].sum())
+        """Add segments; their times are not needed."""
+        durations = columns["duration"]
+        self.duration += float(durations[np.isfinite(durations)].sum())
         events, actuator_impacts = count_events(columns["event"])
         self.events += events
         self.actuator_impacts += actuator_impacts
 
 
 class Waveform:
-    """Spectra and a closer look, of ``rpud_msgs/Waveform``.
+    """Spectra and a few samples of the waveform, of ``rpud_msgs/Waveform``.
 
     Attributes:
-        spectrum: of ``CHANNELS``, since their rate changed last.
+        spectrum: of ``CHANNELS``, since the last change of their rate.
         rate: of the samples [Hz]; 0 before the first.
-        closer: some consecutive samples of each channel, and their ``times`` since the bag began.
+        closer: consecutive samples of each channel, and their ``times`` since the bag began [s].
     """
 
     def __init__(self, duration: float) -> None:
@@ -99,7 +99,7 @@ class Waveform:
         self._next: int | None = None
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
-        """Follow samples at times since the bag began [s]."""
+        """Add samples at times since the bag began [s]."""
         if not len(times):
             return
         numbers = columns["sequence"].astype(np.int64)
@@ -115,9 +115,9 @@ class Waveform:
             if usable(samples[:, part]).all():
                 self.spectrum.add(samples[:, part])
             self._next = int(numbers[part[-1]]) + 1
-        self._look(columns, times)
+        self._keep_closer(columns, times)
 
-    def _look(self, columns: Columns, times: np.ndarray) -> None:
+    def _keep_closer(self, columns: Columns, times: np.ndarray) -> None:
         after = np.flatnonzero(times >= self._middle)
         if not self.closer and len(after):
             shown = slice(int(after[0]), int(after[0]) + _CLOSER)
@@ -127,7 +127,7 @@ class Waveform:
 
 @dataclass
 class Fault:
-    """A fault with its times since the bag began [s]; ``clear`` is None while it lasts."""
+    """Fault with its times since the bag began [s]; ``clear`` is None while it is active."""
 
     number: int
     kind: str
@@ -139,25 +139,25 @@ class Fault:
 
 @dataclass
 class FaultLog:
-    """Every fault that was told, of ``rpud_msgs/Faults``.
+    """Log of all faults, of ``rpud_msgs/Faults``.
 
     Args:
-        faults: the last that was told of each, by run of the clock and number.
-        unlisted: how often faults were told that are not kept.
+        faults: last state of each, by number of clock jumps before it and number of the fault.
+        unlisted: number of reported states that are not kept.
     """
 
     faults: dict[tuple[int, int], Fault] = field(default_factory=dict)
     unlisted: int = 0
 
     def add(self, columns: Columns, times: np.ndarray, jumps: int) -> None:
-        """Follow messages at times since the bag began [s]; a reset counts faults anew."""
+        """Add messages at times since the bag began [s]; numbers of faults restart at a reset."""
         for stamp, time, faults in zip(
             columns["header.stamp"], times, columns["faults"], strict=True
         ):
-            for told in faults:
+            for state in faults:
                 try:
-                    fault = _fault(told, int(stamp), float(time))
-                except (KeyError, TypeError, ValueError):  # only the type's name is ours
+                    fault = _to_fault(state, int(stamp), float(time))
+                except (KeyError, TypeError, ValueError):  # another type of the same name
                     self.unlisted += 1
                     continue
                 key = (jumps, fault.number)
@@ -167,30 +167,30 @@ class FaultLog:
                     self.unlisted += 1
 
 
-def _fault(told: Mapping[str, Any], stamp: int, time: float) -> Fault:
-    """Read a fault out of a message with this stamp [ns], sent so long after the bag began [s]."""
+def _to_fault(state: Mapping[str, Any], stamp: int, time: float) -> Fault:
+    """Return a fault from a message with this stamp [ns], at a time since the bag began [s]."""
 
     def since(moment: Mapping[str, int]) -> float:
         return time - (stamp - moment["sec"] * SECOND - moment["nanosec"]) / SECOND
 
     return Fault(
-        int(told["number"]),
-        str(told["kind"]),
-        str(told["channel"]),
-        float(told["magnitude"]),
-        since(told["onset"]),
-        None if told["active"] else since(told["clear"]),
+        int(state["number"]),
+        str(state["kind"]),
+        str(state["channel"]),
+        float(state["magnitude"]),
+        since(state["onset"]),
+        None if state["active"] else since(state["clear"]),
     )
 
 
 @dataclass
 class Journal:
-    """What changed the simulation, of ``rpud_msgs/JournalEntry``.
+    """Journal of the changes of a simulation, of ``rpud_msgs/JournalEntry``.
 
     Args:
         entries: time since the bag began [s], kind, content.
         parameters: of the first simulation.
-        unlisted: entries that are not kept.
+        unlisted: number of entries that are not kept.
     """
 
     entries: list[tuple[float, str, str]] = field(default_factory=list)
@@ -198,7 +198,7 @@ class Journal:
     unlisted: int = 0
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
-        """Follow entries at times since the bag began [s]."""
+        """Add entries at times since the bag began [s]."""
         for time, kind, content in zip(times, columns["kind"], columns["content"], strict=True):
             if kind == "begin" and not self.parameters:
                 self.parameters = _parameters(content)
@@ -213,4 +213,4 @@ def _parameters(content: str) -> dict[str, Any]:
     try:
         return dict(json.loads(content)["parameters"])
     except (KeyError, RecursionError, TypeError, ValueError):
-        return {}  # written by something else
+        return {}  # another program wrote it
