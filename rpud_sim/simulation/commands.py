@@ -1,4 +1,4 @@
-"""Commands to the drill: checked once, when they are made, and immutable from then on."""
+"""Commands to the drill, checked when they are made, and immutable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Samples of the trajectory: every channel at any times, exact."""
+"""Samples of a trajectory: every channel at any time, exact."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CHANNELS = (
 
 @dataclasses.dataclass(frozen=True)
 class Times:
-    """Times since the simulation's zero, each as whole seconds and a fraction from 0 to 1.
+    """Times since simulation time zero, each as whole seconds and a fraction from 0 to 1.
 
     Args:
         seconds: shape (n,), int64 [s].

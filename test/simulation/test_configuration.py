@@ -14,6 +14,7 @@ from rpud_sim.foundation.yaml_files import MOST_BYTES
 from rpud_sim.model.parameters import NAMES
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
+from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.configuration import (
     NODE_NAMES,
     PARAMETERS,
@@ -174,6 +175,21 @@ def test_a_configuration_has_its_actuator_its_rock_and_its_drive():
 def test_a_configuration_does_not_change():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Configuration().drive_enabled = False
+
+
+def test_a_drive_that_would_break_the_stack_is_refused_and_any_nominal_one_is_not():
+    configuration = to_configuration({"nominal_voltage": 10.0})
+    # Even off resonance, because the resonance may drift there.
+    with pytest.raises(ParameterError) as caught:
+        configuration.check_drive(Drive(True, 500.0, 20000.0))
+    assert str(caught.value) == (
+        "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"
+    )
+    configuration.check_drive(Drive(False, 500.0, 0.0))
+    # 1e-3 * voltage / voltage is rounded up here.
+    voltage = 125.50940033382089
+    configuration = to_configuration({"vibration_amplitude": 1e-3, "nominal_voltage": voltage})
+    configuration.check_drive(Drive(True, voltage, 16000.0))
 
 
 @pytest.mark.parametrize("value", [0, 1, "true", None, math.nan, [True]])

@@ -33,8 +33,8 @@ def made(telemetry_rate=100, sample_rate=50_000, block_duration=0.05, **options)
 
 
 def everything(telemetry, block, faults):
-    yield from telemetry.take_prompt(block, faults)
-    yield from telemetry.take_streams(block)
+    yield from telemetry.prompt(block, faults)
+    yield from telemetry.streams(block)
 
 
 def told(telemetry, times, faults=(), simulation=None):
@@ -192,8 +192,8 @@ def test_what_is_wanted_at_once_comes_before_the_streams():
     simulation = Simulation(Parameters())
     for time in periods(100):
         block = simulation.advance_to(time)
-        prompt = list(telemetry.take_prompt(block, ()))
-        streams = list(telemetry.take_streams(block))
+        prompt = list(telemetry.prompt(block, ()))
+        streams = list(telemetry.streams(block))
         assert {topic for _, topic, _ in prompt} <= {*SENSORS, "joint_states", "contact_force"}
         due = time % (50 * MILLISECOND) == 0
         assert [topic for _, topic, _ in streams] == ["waveform", "trajectory"] * due

@@ -13,7 +13,6 @@ from rpud_sim.studies.reproduction.work import Track, gather
 
 FREE_MASSES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)  # [kg]
 SPEEDS = (1.0, 2.0, CONTACT_SPEED, 10.0)  # [m/s]
-TABLE_MASS = 5e-3  # Table 2 [kg]
 
 
 @dataclasses.dataclass(frozen=True)

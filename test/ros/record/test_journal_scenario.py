@@ -20,7 +20,7 @@ def content(faults):
     journal = Journal()
     scenario = parse_scenario({"seed": 3, "faults": faults}, "x.yaml")
     journal.begin({}, 0.0, 3, scenario)
-    [entry] = journal.take()
+    [entry] = journal.drain()
     return scenario, entry.text
 
 
