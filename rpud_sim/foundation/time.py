@@ -10,6 +10,12 @@ def split_seconds(nanoseconds: int) -> tuple[int, int]:
     return divmod(nanoseconds, SECOND)
 
 
+def split_fraction(nanoseconds: int) -> tuple[int, float]:
+    """Return whole seconds and the fraction that remains, from 0 to 1 [s]."""
+    seconds, rest = divmod(nanoseconds, SECOND)
+    return seconds, rest / SECOND
+
+
 def join_seconds(seconds: int, nanoseconds: int) -> int:
     """Return whole seconds and nanoseconds as nanoseconds; the inverse of ``split_seconds``."""
     return seconds * SECOND + nanoseconds

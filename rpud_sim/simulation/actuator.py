@@ -87,7 +87,7 @@ RESONANCE_FREQUENCY = quantities(ActuatorParameters)["resonance_frequency"]
 
 
 class Actuator:
-    """The amplitude of the vibration under drives, and the power that they take.
+    """Amplitude of the vibration under drives, and the power that they take.
 
     The gain model follows the voltage at once, at every frequency. The resonance model is the
     motional branch of the Butterworth-Van Dyke circuit seen through its envelope z(t), the complex
@@ -170,13 +170,7 @@ class Actuator:
         return self._voltage * envelope.real / (2.0 * self._parameters.motional_resistance)
 
     def advance_to(self, time: int) -> None:
-        """Advance to a time [ns], over all steps until then.
-
-        Raises:
-            ValueError: if the time is before the present one.
-        """
-        if time < self._time:
-            raise ValueError(f"time {time} ns is before the present {self._time} ns")
+        """Advance to a time [ns], not before the present one, over all steps until then."""
         while (event := min(self._step, self._heating)) <= time:
             self._rebase(event)
             if event == self._heating:
@@ -189,9 +183,6 @@ class Actuator:
         """Advance to a time [ns] and put a drive into force; the amplitude goes on from its own.
 
         A frequency of zero keeps the present one. A drive that changes nothing has no effect.
-
-        Raises:
-            ValueError: if the time is before the present one.
         """
         self.advance_to(time)
         voltage = drive.voltage if drive.enabled else 0.0
@@ -202,11 +193,7 @@ class Actuator:
             self._begin()
 
     def drift(self, time: int, offset: float) -> None:
-        """Advance to a time [ns] and shift the resonance frequency from its own by an offset [Hz].
-
-        Raises:
-            ValueError: if the time is before the present one.
-        """
+        """Advance to a time [ns] and shift the resonance frequency by an offset [Hz]."""
         self.advance_to(time)
         if offset != self._offset:
             self._rebase(time)

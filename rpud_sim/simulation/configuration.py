@@ -116,7 +116,7 @@ class Settings(ParameterGroup):
     block_duration: float = number(
         0.05, "s", "length of a block of waveform and trajectory", 1e-3, 1.0
     )
-    scenario: str = text("", "a path", "file of the faults that come by themselves; none if empty")
+    scenario: str = text("", "a path", "file of the faults that begin by themselves; none if empty")
     seed: int = number(
         0,
         "",

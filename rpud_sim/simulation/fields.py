@@ -130,16 +130,8 @@ def contact_force_fields(impact: np.void, origin: int) -> Fields:
     """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``."""
     # All at once: one by one they would take longer than the rest of the message.
     values = dict(zip(IMPACT.names or (), impact.item(), strict=True))
-    start = values["seconds"] * SECOND + round(values["fraction"] * SECOND)
-    return {
-        "header": header_fields(origin + start, TOOL_TIP_FRAME),
-        "sequence": values["sequence"],
-        "peak_force": values["peak_force"],
-        "contact_duration": values["contact_duration"],
-        "impact_velocity": values["impact_velocity"],
-        "impulse": values["impulse"],
-        "energy": values["energy"],
-    }
+    start = values.pop("seconds") * SECOND + round(values.pop("fraction") * SECOND)
+    return {"header": header_fields(origin + start, TOOL_TIP_FRAME), **values}
 
 
 def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Fields:

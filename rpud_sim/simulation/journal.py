@@ -11,9 +11,6 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from rpud_sim.simulation.scenario import Scenario
-from rpud_sim.simulation.versions import engine_and_processor
-
 
 @dataclasses.dataclass(frozen=True)
 class JournalEntry:
@@ -48,35 +45,6 @@ class Journal:
         """Append an entry for a change at a simulation time [ns]."""
         self._entries.append(JournalEntry(self._sequence, time, kind, content))
         self._sequence += 1
-
-    def begin(
-        self,
-        parameters: Mapping[str, Any],
-        initial_phase: float,
-        seed: int,
-        scenario: Scenario | None,
-    ) -> None:
-        """Append the entry of a beginning.
-
-        Args:
-            parameters: all values, by name.
-            initial_phase: of the vibration [cycles].
-            seed: of faulty signals.
-            scenario: faults that begin by themselves, as they were drawn.
-        """
-        faults = [
-            {**dataclasses.asdict(planned.fault), "onset": planned.onset, "clear": planned.clear}
-            for planned in (scenario.faults if scenario else ())
-        ]
-        self.note(
-            0,
-            "begin",
-            parameters=dict(parameters),
-            initial_phase=initial_phase,
-            seed=seed,
-            faults=faults,
-            made_by=engine_and_processor(),
-        )
 
     def drain(self) -> list[JournalEntry]:
         """Return the entries since the last call."""

@@ -16,6 +16,7 @@ from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.telemetry import Entry, Telemetry
+from rpud_sim.simulation.versions import engine_and_processor
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,9 +47,26 @@ class Beginning:
             settings, initial_phases(1, seed or None)[0], seed, settings.read_scenario(seed)
         )
 
+    def to_journal(self) -> dict[str, Any]:
+        """Return the content of a journal's entry ``begin``."""
+        return {
+            "parameters": self.settings.values(),
+            "initial_phase": self.initial_phase,
+            "seed": self.seed,
+            "faults": [
+                {
+                    **dataclasses.asdict(planned.fault),
+                    "onset": planned.onset,
+                    "clear": planned.clear,
+                }
+                for planned in (self.scenario.faults if self.scenario else ())
+            ],
+            "made_by": engine_and_processor(),
+        }
+
     @staticmethod
     def from_journal(content: Mapping[str, Any]) -> Beginning:
-        """Return the beginning that the first entry of a journal holds.
+        """Return the beginning of a journal's entry ``begin``, the inverse of ``to_journal``.
 
         Raises:
             ArithmeticError, LookupError, TypeError, ValueError: if the content is unusable.
@@ -114,7 +132,7 @@ class Run:
 
     @property
     def beginning(self) -> Beginning:
-        """How the run began."""
+        """Beginning of the run."""
         return self._beginning
 
     @property
@@ -144,17 +162,13 @@ class Run:
 
     def begin(self, origin: int) -> None:
         """Start the journal, let commands act, and give simulation time zero its stamp [ns]."""
-        if self._journal is not None:
-            start = self._beginning
-            self._journal.begin(
-                start.settings.values(), start.initial_phase, start.seed, start.scenario
-            )
+        self._note("begin", **self._beginning.to_journal())
         self._control.act()
         self.place(origin)
 
     def place(self, origin: int) -> None:
         """Give simulation time zero a stamp [ns]; motion and commands go on."""
-        self._telemetry.move(origin)
+        self._telemetry.origin = origin
         self._published_faults = None
         self._note("origin", origin=origin)
 

@@ -94,7 +94,7 @@ class Simulation:
     @property
     def impact_count(self) -> int:
         """Impacts on the drill tool that have begun so far."""
-        return self._plant.impact_count
+        return self._plant.engine.impact_count
 
     @property
     def actuator(self) -> Actuator:
@@ -109,12 +109,12 @@ class Simulation:
     @property
     def depth(self) -> float:
         """Depth of the hole [m]; NaN without a rock model."""
-        return self._plant.depth
+        return self._plant.progress.depth
 
     @property
     def penetration_rate(self) -> float:
         """Mean rate over the last second [m/s]; NaN without a rock model."""
-        return self._plant.penetration_rate
+        return self._plant.progress.penetration_rate(self.time)
 
     def drain_refusals(self) -> list[str]:
         """Return why scheduled faults did not begin, since the last call."""
@@ -132,7 +132,7 @@ class Simulation:
         start = self.time
         if time < start:
             raise ValueError(f"time {time} ns is before the present {start} ns")
-        while (stop := min(self._plant.next_step, self._schedule.next_time)) <= time:
+        while (stop := min(self._plant.actuator.next_step, self._schedule.next_time)) <= time:
             self._plant.advance_to(stop)
             self._apply_due_faults()
         self._plant.advance_to(time)
@@ -151,7 +151,7 @@ class Simulation:
         """
         before = self._applied
         if isinstance(command, WeightOnBit):
-            self._plant.set_weight_on_bit(command.force)
+            self._plant.weight_on_bit = command.force
             self._applied = dataclasses.replace(
                 before, weight_on_bit=command, weight_on_bit_time=self.time
             )
@@ -159,7 +159,7 @@ class Simulation:
         else:
             drive = command.after(before.drive)
             self._configuration.check_drive(drive)
-            self._plant.drive(drive)
+            self._plant.actuator.drive(self.time, drive)
             self._applied = dataclasses.replace(before, drive=drive, drive_time=self.time)
             kind = "drive"
         self._note(kind, **dataclasses.asdict(command))

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
@@ -158,14 +158,8 @@ class Statistics:
 
 
 def _reacting_impulse(block: Block) -> float:
-    seconds, rest = divmod(block.end, SECOND)
-    from_seconds, from_rest = divmod(block.start, SECOND)
     return float(
         _sum_reacting_force(
-            block.covering,
-            seconds,
-            rest / SECOND,
-            from_seconds,
-            from_rest / SECOND,
+            block.covering, *split_fraction(block.end), *split_fraction(block.start)
         )
     )

@@ -25,6 +25,9 @@ Entry = tuple[int, str, fields.Fields]
 class Telemetry:
     """Messages of consecutive blocks, changed by the faults of their signals.
 
+    Attributes:
+        origin: stamp of simulation time zero [ns].
+
     Args:
         telemetry_rate: of the samples [Hz].
         sample_rate: of the waveform [Hz].
@@ -48,17 +51,8 @@ class Telemetry:
         self._wanted = wanted
         self._signals = SignalFaults(seed)
         self._pending: list[Block] = []
-        self._origin = 0
+        self.origin = 0
         self._segments = 0
-
-    @property
-    def origin(self) -> int:
-        """Stamp of simulation time zero [ns]."""
-        return self._origin
-
-    def move(self, origin: int) -> None:
-        """Give simulation time zero another stamp [ns]."""
-        self._origin = origin
 
     def prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
         """Yield the messages that are due at once: impacts of a block and the sample at its end.
@@ -69,8 +63,8 @@ class Telemetry:
         """
         faults = [record for record in faults if record.fault.channel]
         for impact in block.impacts:
-            values = fields.contact_force_fields(impact, self._origin)
-            began = max(block.start, fields.stamp_of(values) - self._origin)
+            values = fields.contact_force_fields(impact, self.origin)
+            began = max(block.start, fields.stamp_of(values) - self.origin)
             yield from self._signal("contact_force", began, values, faults)
         if self._boundary(block) is not None:
             yield from self._samples(block, faults)
@@ -94,7 +88,7 @@ class Telemetry:
         self._segments += len(block.segments)
         yield from self._waveform(block)
         if self._wanted("trajectory"):
-            for values in fields.trajectory_fields(block, first, self._origin):
+            for values in fields.trajectory_fields(block, first, self.origin):
                 yield block.end, "trajectory", values
 
     def _boundary(self, block: Block) -> int | None:
@@ -110,7 +104,7 @@ class Telemetry:
             yield time, channel, changed
 
     def _samples(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        stamp = self._origin + block.end
+        stamp = self.origin + block.end
         samples = block.sample(Times.from_nanoseconds(block.end))
         for channel, make in _SENSORS:
             yield from self._signal(channel, block.end, make(samples, 0, stamp), faults)
@@ -122,6 +116,6 @@ class Telemetry:
         numbers = block.grid(rate)
         if numbers and self._wanted("waveform"):
             samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
-            stamp = self._origin + numbers.start * SECOND // rate
+            stamp = self.origin + numbers.start * SECOND // rate
             values = fields.waveform_fields(samples, stamp, numbers.start, rate)
             yield block.end, "waveform", values

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.foundation.time import SECOND, join_seconds, split_seconds
+from rpud_sim.foundation.time import SECOND, join_seconds, split_fraction, split_seconds
 
 
 @given(st.integers())
@@ -20,3 +20,8 @@ def test_a_time_is_split_and_joined_without_loss(nanoseconds):
 )
 def test_the_nanoseconds_are_never_negative(nanoseconds, parts):
     assert split_seconds(nanoseconds) == parts
+
+
+def test_a_fraction_is_the_rest_of_the_second():
+    assert split_fraction(2_250_000_000) == (2, 0.25)
+    assert split_fraction(-250_000_000) == (-1, 0.75)

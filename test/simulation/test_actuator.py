@@ -221,20 +221,6 @@ def test_the_amplitude_stays_in_its_range_on_the_way(parameters, sequence):
             assert 0.0 <= amplitude <= largest
 
 
-def test_time_does_not_go_back():
-    actuator = Actuator(RESONANCE, AMPLITUDE, on())
-    actuator.advance_to(SECOND)
-    for change in (
-        lambda: actuator.advance_to(SECOND - 1),
-        lambda: actuator.drive(SECOND - 1, OFF),
-        lambda: actuator.drift(SECOND - 1, 1.0),
-    ):
-        before = seen(actuator)
-        with pytest.raises(ValueError, match="is before the present"):
-            change()
-        assert seen(actuator) == before
-
-
 # --- power and energy -------------------------------------------------------------------------
 
 

@@ -62,7 +62,7 @@ def stamps(messages):
 def test_sensors_are_sampled_at_the_boundaries_alone(rate):
     times = sorted({*periods(rate), *range(7_654_321, END, 7_654_321), END})
     telemetry = made(rate)
-    telemetry.move(ORIGIN)
+    telemetry.origin = ORIGIN
     found = told(telemetry, times)
     whole = Simulation(Parameters()).advance_to(END)
     due = periods(rate)
@@ -179,7 +179,7 @@ def test_a_move_changes_stamps_and_nothing_else():
     telemetry = made()
     simulation = Simulation(Parameters())
     told(telemetry, periods(100, END // 2), simulation=simulation)
-    telemetry.move(ORIGIN)
+    telemetry.origin = ORIGIN
     found = told(telemetry, periods(100)[10:], simulation=simulation)
     assert stamps(found["wrench"])[0] == ORIGIN + END // 2 + 10 * MILLISECOND
     assert stamps(found["waveform"])[0] == ORIGIN + END // 2
