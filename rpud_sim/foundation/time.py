@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+
 SECOND = 1_000_000_000  # ns
+
+# Time that never comes [ns].
+NEVER = sys.maxsize
 
 
 def split_seconds(nanoseconds: int) -> tuple[int, int]:

@@ -5,15 +5,11 @@ from __future__ import annotations
 import cmath
 import dataclasses
 import math
-import sys
 
 from rpud_sim.foundation.parameters import ParameterGroup, choice, flag, number, quantities
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.simulation.commands import Drive
-
-# Time of a step that never comes [ns].
-NEVER = sys.maxsize
 
 # The temperature is computed at whole multiples of this [ns]. Otherwise it would depend on how the
 # simulation is stepped.

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import heapq
-import sys
 from collections.abc import Iterator
 
+from rpud_sim.foundation.time import NEVER
 from rpud_sim.simulation.scenario import ScheduledFault
-
-# Time of an instant that never comes [ns].
-NEVER = sys.maxsize
 
 
 class FaultSchedule:

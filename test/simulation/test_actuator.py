@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from rpud_sim.foundation.parameters import quantities
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import NEVER
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation.actuator import (
     HEATING_INTERVAL,
-    NEVER,
     Actuator,
     ActuatorParameters,
 )
