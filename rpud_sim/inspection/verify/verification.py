@@ -238,7 +238,7 @@ class _Proof:
                 if entry.kind == "begin":
                     self._check_versions(entry.content)
                     before = 0
-                for _, name, values in rerun.do(entry):
+                for _, name, values in rerun.repeat(entry):
                     yield name, values, (stretch, rerun.origin + rerun.time)
                 self._count(rerun.time - before, report)
             if entry.kind == "end":

@@ -1,9 +1,9 @@
-"""Free flight, eqs. (10), (17) and (19)."""
+"""Records of a trajectory, and free flight by eqs. (10), (17) and (19)."""
 
 import pytest
 from scipy.integrate import solve_ivp
 
-from rpud_sim.model.flight import fall
+from rpud_sim.model.segment import fall
 
 
 @pytest.mark.parametrize("gravity", [0.0, 1.62, 9.81])
