@@ -30,10 +30,10 @@ import rpud_sim.bag
 from rpud_sim.bag import BagError, BagExistsError, BagFormatError, BagNotFoundError, BagWriter
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, Losses, losses_to_record
 from rpud_sim.bag.metadata import FILE_NAME as METADATA_FILE
 from rpud_sim.bag.metadata import BagMetadata, FileInformation
-from rpud_sim.bag.recovery import RECORDING_RECORD, recover
+from rpud_sim.bag.recovery import recover
 
 COUNT = 60
 TEXTS = [f"message {number}" for number in range(COUNT)]

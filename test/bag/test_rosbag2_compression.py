@@ -8,13 +8,13 @@ import zstandard
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability
 from rosbags.interfaces import QosTime as Span
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rpud_sim.cli.offline_bag import write_offline_bag
 from sample_bags import START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.recovery import recover
 from rpud_sim.cli.main import main
+from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 
 FOREVER = Span(9223372036, 854775807)

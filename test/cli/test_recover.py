@@ -6,7 +6,7 @@ import json
 import pytest
 from sample_bags import CHAT, STRING, TALK, write_bag
 
-from rpud_sim.bag.recovery import RECORDING_RECORD
+from rpud_sim.bag.losses import RECORDING_RECORD
 from rpud_sim.cli import info, recover
 
 
@@ -75,7 +75,7 @@ def test_the_recorder_s_bound_is_told(tmp_path, capsys):
 
     bag = BagWriter(tmp_path / "run")
     bag.add_record(RECORDING_RECORD, {"max_loss": "0.5"})
-    bag.abandon()
+    bag.flush()
     assert run(tmp_path / "run", "--out", tmp_path / "out") == 3
     assert capsys.readouterr().out.endswith("is missing, at most 0.5 s\n")
 
