@@ -60,6 +60,11 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(_TABLE_TYPES[name]), name)
 
 
+def __dir__() -> list[str]:
+    """Return the public names, also those that are not loaded yet."""
+    return __all__
+
+
 def open(path: str | os.PathLike[str]) -> BagReader:
     """Open a bag for reading.
 

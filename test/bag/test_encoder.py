@@ -26,8 +26,8 @@ from sensor_msgs.msg import JointState
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.encoder import CODES, Encoder
-from rpud_sim.ros.drill.publishers import TOPICS
 from rpud_sim.ros.types import members_of, message_class
+from rpud_sim.simulation.topics import TOPICS
 
 # Listed, so that none is left out by mistake.
 KINDS = [ContactForce, DrillTool, Faults, JointState, JournalEntry, NodalPlane, ReactingForce]
@@ -80,7 +80,7 @@ def message_of(kind, values):
 
 
 def test_every_topic_is_here():
-    published = {kind for name, (kind, _) in TOPICS.items() if name != "/diagnostics"}
+    published = {message_class(topic.type) for topic in TOPICS.values()}
     assert published | {Clock} == set(KINDS)
 
 

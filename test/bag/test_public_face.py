@@ -20,6 +20,10 @@ def test_every_public_name_has_a_docstring_and_annotations(name):
             assert "return" in value.__annotations__
 
 
+def test_the_public_names_are_listed():
+    assert dir(rpud_sim.bag) == sorted(rpud_sim.bag.__all__)
+
+
 def test_listing_a_bag_loads_no_libraries_for_tables():
     code = "import sys, rpud_sim.bag; print({'numpy', 'rosbags', 'pandas'} & set(sys.modules))"
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "set()\n"
