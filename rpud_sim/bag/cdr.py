@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -16,7 +15,7 @@ from rosbags.typesys.store import Typestore
 
 from rpud_sim.bag.budget import Budget
 from rpud_sim.bag.encoder import CODES, Encoder, Members, Sequence
-from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.errors import DAMAGED, BagFormatError
 
 DEFINITION_LIMIT = 256 * 2**10
 """Greatest definition of a type, with all types that it needs [characters]."""
@@ -124,18 +123,7 @@ class Codec:
     def _understanding(self, what: str) -> Iterator[None]:
         try:
             yield
-        except (
-            AssertionError,
-            LookupError,
-            MemoryError,
-            OverflowError,
-            RecursionError,
-            SerdeError,
-            TypeError,
-            TypesysError,
-            ValueError,
-            struct.error,
-        ) as error:
+        except (*DAMAGED, AssertionError, SerdeError, TypesysError) as error:
             reason = " ".join(f"{error!r:.200}".split())
             raise BagFormatError(
                 f"a {what} of {self._type:.80} cannot be understood: {reason}"

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -132,14 +133,7 @@ def _columns(
         unit = units[0] if len(units) == 1 else outer_unit
         name, attribute = names + name, attributes + attribute
 
-        def column(
-            kind: Kind,
-            dtype: np.dtype = np.dtype(object),  # noqa: B008 - it never changes
-            length: int = 0,
-            texts: tuple[str, ...] = (name, attribute, unit, comment),  # bound now, not when called
-        ) -> Column:
-            return Column(texts[0], kind, dtype, length, texts[2], texts[3], texts[1])
-
+        column = partial(Column, name, unit=unit, description=comment, attribute=attribute)
         if node == Nodetype.BASE:
             dtype = _dtype(description)
             yield column(Kind.NUMBER, dtype) if dtype else column(Kind.TEXT)

@@ -17,9 +17,8 @@ from rpud_sim.bag.latched import REPEATED_KEY
 from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
 from rpud_sim.bag.losses import RECORDING_RECORD, losses_from_record
 from rpud_sim.bag.mcap_file import McapFile
-from rpud_sim.bag.metadata import RECORD_KEY, metadata_from_record
+from rpud_sim.bag.metadata import LATEST, RECORD_KEY, metadata_from_record
 from rpud_sim.bag.metadata import RECORD_NAME as ROSBAG2_RECORD
-from rpud_sim.bag.output_file import LATEST
 from rpud_sim.bag.recovered_channels import RecoveredChannels
 from rpud_sim.bag.recovery_account import Recovery
 from rpud_sim.bag.scan import Damage, Missing, Scan

@@ -23,6 +23,8 @@ FILE_NAME = "metadata.yaml"
 RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
 VERSION = 9
+LATEST = 2**63 - 1
+"""Greatest time in a bag of rosbag2 [ns since the epoch]."""
 
 SIZE_LIMIT = 8 * 2**20
 """Greatest metadata: its characters, and _NODE_SIZE for each value; aliases count in full."""

@@ -12,7 +12,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Schema
 from mcap.writer import CompressionType, Writer
 
-from rpud_sim.bag.metadata import FileInformation, stored_name
+from rpud_sim.bag.metadata import LATEST, FileInformation, stored_name
 from rpud_sim.bag.reserve import Reserve, ReservedFile
 
 COMPRESSIONS = {
@@ -20,8 +20,6 @@ COMPRESSIONS = {
     "lz4": CompressionType.LZ4,
     "zstd": CompressionType.ZSTD,
 }
-LATEST = 2**63 - 1
-"""Greatest time in a bag of rosbag2 [ns since the epoch]."""
 
 _MESSAGE_SIZE = 31 + 16  # bytes of a message without its data, and of its entry in the index
 _END_SIZE = 16_384  # bytes at the end of a file without its lists, and of the index of times
@@ -43,7 +41,7 @@ class OutputFile:
     def __init__(
         self, path: Path, compression: str, chunk_size: int, reserve: Reserve | None = None
     ) -> None:
-        self._path = path
+        self.path = path
         self._stream = io.BufferedWriter(ReservedFile(path, reserve))
         self._writer = Writer(
             self._stream, chunk_size=chunk_size, compression=COMPRESSIONS[compression]
@@ -61,16 +59,11 @@ class OutputFile:
         self.flush()
 
     @property
-    def path(self) -> Path:
-        """Path of the file."""
-        return self._path
-
-    @property
     def information(self) -> FileInformation:
         """Entry of the file in the bag's metadata."""
         start = self._first if self._count else 0
         duration = self._last - start if self._count else 0
-        return FileInformation(stored_name(self._path), start, duration, self._count)
+        return FileInformation(stored_name(self.path), start, duration, self._count)
 
     @property
     def unwritten(self) -> int:
@@ -101,13 +94,7 @@ class OutputFile:
             schema_id = self._schemas[key]
             dataclasses.replace(schema, id=schema_id).write(copies)
         number = self._writer.register_channel(topic, encoding, schema_id, dict(metadata))
-        Channel(
-            id=number,
-            schema_id=schema_id,
-            topic=topic,
-            message_encoding=encoding,
-            metadata=dict(metadata),
-        ).write(copies)
+        Channel(number, topic, encoding, dict(metadata), schema_id).write(copies)
         # The library declares it in the first chunk only. If that were damaged, all other chunks
         # would be unreadable. So the declaration is outside of the chunks as well.
         content = copies.end()
@@ -122,13 +109,7 @@ class OutputFile:
         self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int
     ) -> None:
         """Add one message."""
-        self._writer.add_message(
-            channel_id=channel,
-            log_time=log_time,
-            data=data,
-            publish_time=publish_time,
-            sequence=sequence,
-        )
+        self._writer.add_message(channel, log_time, data, publish_time, sequence)
         self._unsafe = True
         self._count += 1
         if log_time < self._first:

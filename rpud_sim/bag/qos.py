@@ -24,6 +24,7 @@ _LIVELINESS = (
     "unknown",
     "best_available",
 )
+_DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
 
 
 @dataclass(frozen=True)
@@ -57,15 +58,8 @@ class QosProfile:
     def to_mapping(self) -> dict[str, Any]:
         """Return the fields as in rosbag2's YAML."""
         return {
-            "history": self.history,
-            "depth": self.depth,
-            "reliability": self.reliability,
-            "durability": self.durability,
-            "deadline": _duration_to_mapping(self.deadline),
-            "lifespan": _duration_to_mapping(self.lifespan),
-            "liveliness": self.liveliness,
-            "liveliness_lease_duration": _duration_to_mapping(self.liveliness_lease_duration),
-            "avoid_ros_namespace_conventions": self.avoid_ros_namespace_conventions,
+            name: _duration_to_mapping(value) if name in _DURATIONS else value
+            for name, value in vars(self).items()
         }
 
 

@@ -93,12 +93,7 @@ class Recovery:
             "damages": self.damages,
             "topics": [
                 {
-                    "name": topic.name,
-                    "type": topic.type,
-                    "recovered": topic.recovered,
-                    "unchecked": topic.unchecked,
-                    "lost": topic.lost,
-                    "gaps": topic.gaps,
+                    **vars(topic),
                     "recording_losses": (
                         topic.recording_losses.total if topic.recording_losses else None
                     ),

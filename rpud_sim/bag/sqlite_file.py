@@ -17,12 +17,10 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.errors import BagError, BagFormatError, DefinitionNotFoundError, reading
 from rpud_sim.bag.messages import Message, Source
-from rpud_sim.bag.metadata import Topic
+from rpud_sim.bag.metadata import LATEST, Topic
 from rpud_sim.bag.qos import profiles_from_yaml
 from rpud_sim.bag.records import CONTENT_LIMIT
 from rpud_sim.bag.topic_summary import TopicSummary
-
-_LATEST = 2**63 - 1
 
 
 class SqliteFile:
@@ -33,6 +31,9 @@ class SqliteFile:
     Args:
         path: of the file.
         shown: name of the file in errors.
+
+    Attributes:
+        topic_channels: connections of each topic.
 
     Raises:
         BagNotFoundError: if the file does not exist.
@@ -77,18 +78,13 @@ class SqliteFile:
         """Time of the last message [ns]; 0 without messages."""
         return max((last for count, _, last in self._spans.values() if count), default=0)
 
-    @property
-    def topic_channels(self) -> dict[str, list[Connection]]:
-        """Connections of each topic."""
-        return self._topics
-
     def records(self, name: str) -> Iterator[dict[str, str]]:
         """Yield nothing: SQLite files have no metadata records."""
         return iter(())
 
     def topic(self, name: str) -> TopicSummary:
         """Return the summary of one topic."""
-        connections = self._topics[name]
+        connections = self.topic_channels[name]
         spans = [self._spans[each.id] for each in connections if each.id in self._spans]
         first = connections[0]
         assert isinstance(first.ext, ConnectionExtRosbag2)
@@ -116,7 +112,7 @@ class SqliteFile:
         """Yield the only source of messages of ``topics`` from ``start_time`` [ns] on."""
         wanted = [
             connection
-            for name, connections in self._topics.items()
+            for name, connections in self.topic_channels.items()
             for connection in connections
             if topics is None or name in topics
         ]
@@ -136,13 +132,13 @@ class SqliteFile:
         database = self._reader.dbconn
         assert database is not None
         database.limit(apsw.SQLITE_LIMIT_LENGTH, CONTENT_LIMIT)
-        self._topics: dict[str, list[Connection]] = {}
+        self.topic_channels: dict[str, list[Connection]] = {}
         for each in self._reader.connections:
             assert isinstance(each.ext, ConnectionExtRosbag2)
             texts = (each.topic, each.msgtype, each.ext.serialization_format)
             if not all(isinstance(text, str) for text in texts):
                 raise BagFormatError("a topic has no name, type or format")
-            self._topics.setdefault(each.topic, []).append(each)
+            self.topic_channels.setdefault(each.topic, []).append(each)
         known = {each.id for each in self._reader.connections}
         self._spans: dict[int, tuple[int, int, int]] = {}
         for topic, *span in database.execute(
@@ -150,8 +146,8 @@ class SqliteFile:
             " GROUP BY topic_id"
         ):
             count, first, last = span
-            if not all(isinstance(time, int) and 0 <= time <= _LATEST for time in (first, last)):
-                raise BagFormatError(f"times are from 0 to {_LATEST}, not {first!r} to {last!r}")
+            if not all(isinstance(time, int) and 0 <= time <= LATEST for time in (first, last)):
+                raise BagFormatError(f"times are from 0 to {LATEST}, not {first!r} to {last!r}")
             if topic in known:
                 self._spans[topic] = (count, first, last)
 

@@ -12,11 +12,8 @@ from rpud_sim.bag.bag_folder import CHUNK_SIZE, BagFolder
 from rpud_sim.bag.errors import BagError
 from rpud_sim.bag.latched import LatchedMessages
 from rpud_sim.bag.messages import Message
-from rpud_sim.bag.metadata import Topic, dump_offered_qos
-from rpud_sim.bag.output_file import COMPRESSIONS, LATEST
+from rpud_sim.bag.metadata import LATEST, Topic, dump_offered_qos
 from rpud_sim.foundation.time import SECOND
-
-__all__ = ["COMPRESSIONS", "LATEST", "BagWriter"]
 
 
 class BagWriter:
