@@ -149,7 +149,9 @@ class MessageTimes:
         """Return the first and the last log time of channels in a chunk; empty without messages."""
         extremes: list[int] = []
         offsets = index.message_index_offsets
-        for channel in channels & offsets.keys():
+        for channel in channels:
+            if channel not in offsets:  # a set operation would visit all channels of the chunk
+                continue
             _, times = message_index_times(read_record(self._stream, offsets[channel], self._size))
             for time in times:
                 first, last = extremes or (time, time)

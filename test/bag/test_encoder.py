@@ -1,4 +1,4 @@
-"""What the encoder writes is what ROS writes, whatever a message says."""
+"""The encoder writes the bytes of ROS for every message."""
 
 import struct
 from array import array
@@ -49,7 +49,7 @@ def type_name(kind):
 
 
 def values_of(slot):
-    """Plain values of a message class or of a member."""
+    """Strategy for plain values of a message class or of a member."""
     if hasattr(slot, "SLOT_TYPES"):
         names = slot.get_fields_and_field_types()
         members = zip(names, map(values_of, slot.SLOT_TYPES), strict=True)
@@ -66,7 +66,7 @@ def values_of(slot):
 
 
 def message_of(kind, values):
-    """Make the ROS message."""
+    """Return the ROS message."""
     content = {}
     for name, slot in zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True):
         value = values[name]

@@ -40,7 +40,7 @@ def test_nothing_lost_is_0(tmp_path, capsys):
     assert run(tmp_path / "out", command=info) == 0
 
 
-def test_something_lost_is_3_and_told(torn, tmp_path, capsys):
+def test_a_loss_is_shown_with_exit_code_3(torn, tmp_path, capsys):
     assert run(torn, "--out", tmp_path / "out") == 3
     output = capsys.readouterr().out
     assert "recovered 40 messages" in output
@@ -70,7 +70,7 @@ def test_json_has_the_account(torn, tmp_path, capsys):
     }
 
 
-def test_the_recorder_s_bound_is_told(tmp_path, capsys):
+def test_the_recorder_s_bound_is_shown(tmp_path, capsys):
     from rpud_sim.bag import BagWriter
 
     bag = BagWriter(tmp_path / "run")
