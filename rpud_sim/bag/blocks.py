@@ -16,18 +16,18 @@ TIME = Column("time", Kind.TIME, np.dtype(np.int64), description="of the sample 
 """Column with the exact time of each row."""
 
 # Columns from which the time of a row is calculated, by type.
-_NEEDED = {
+_TIME_COLUMNS = {
     "rpud_msgs/msg/Trajectory": {"origin", "sequence", "start_seconds", "start_fraction"},
     "rpud_msgs/msg/Waveform": {"header.stamp", "sample_period", "sequence"},
 }
-_LONGEST = 9e9  # s; times are 64-bit nanoseconds
+_MAX_DURATION = 9e9  # s; times are 64-bit nanoseconds
 
 
 def holds_rows(type_name: str, columns: tuple[Column, ...]) -> bool:
     """Return whether messages of a type with these columns are blocks of rows."""
     names = {column.name for column in columns}
     simple = all(column.kind not in (Kind.ARRAY, Kind.NESTED) for column in columns)
-    return type_name in _NEEDED and _NEEDED[type_name] <= names and simple
+    return type_name in _TIME_COLUMNS and _TIME_COLUMNS[type_name] <= names and simple
 
 
 def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
@@ -97,7 +97,7 @@ def _offsets(period: float, first: int, count: int) -> np.ndarray:
     At a whole rate each time is rounded as that of the first one. Otherwise the times of samples
     would depend on how they are divided into blocks.
     """
-    if not (math.isfinite(period) and period > 0.0 and period * count < _LONGEST):
+    if not (math.isfinite(period) and period > 0.0 and period * count < _MAX_DURATION):
         raise BagFormatError(f"sample_period = {period:g} s is no time between {count} samples")
     numbers = np.arange(count)
     rate = round(1.0 / period) if period > 1.0 / SECOND else 0

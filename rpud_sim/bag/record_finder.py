@@ -35,16 +35,12 @@ _BEGINNING = re.compile(rb"[\x03-\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
 _ANY_LENGTH = (Opcode.CHUNK, Opcode.ATTACHMENT)  # to be left out if they are too large
 _PRIVATE = 0x80  # kinds from here on are for others to define
 
-# What is no record of the format raises the first; the libraries raise the others.
 UNREADABLE = (BagFormatError, *DAMAGED)
-"""Errors that damaged bytes raise."""
+"""Errors that damaged bytes raise, here and in the libraries."""
 
 
 class RecordFinder:
-    """Finds records in ``stream``, a file of ``size`` bytes.
-
-    A record is at an offset [bytes] of the file.
-    """
+    """Finder of records at offsets [bytes] of ``stream``, a file of ``size`` bytes."""
 
     def __init__(self, stream: BinaryIO, size: int) -> None:
         self._stream = stream
