@@ -16,10 +16,9 @@ from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.bag import BagError, BagWriter
-from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
+from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest
-from rpud_sim.bag.recovery import RECORDING_RECORD
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.arguments import MAX_CACHE_SIZE, add_record_arguments
 from rpud_sim.ros.record.disk_room import DiskRoom
