@@ -108,7 +108,7 @@ class Account:
         now = time.monotonic_ns()
         if self._last is None or now >= self._due or pacer is None:
             self._count()
-            timing = pacer.take() if pacer else NO_TIMING
+            timing = pacer.read() if pacer else NO_TIMING
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()

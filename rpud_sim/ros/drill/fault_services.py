@@ -87,7 +87,7 @@ class FaultServices:
 
     def _answer(self, response: Any, act: Callable[[Simulation], None]) -> Any:
         try:
-            self._host.request(lambda drilling: drilling.act_on_faults(act))
+            self._host.request(lambda drilling: drilling.act(lambda run: act(run.simulation)))
             response.success = True
         except (ParameterError, StoppedError) as error:
             self._host.refuse_request(str(error))

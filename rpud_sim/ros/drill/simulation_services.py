@@ -17,9 +17,10 @@ from rpud_msgs.srv import (
 )
 
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.drill.drilling import Drilling, InterruptedStepError
+from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.host import DrillHost
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
+from rpud_sim.ros.drill.time_control import InterruptedStepError, TimeControl
 from rpud_sim.ros.requests import StoppedError
 
 STOPPED = SimulationState.STATE_STOPPED
@@ -69,7 +70,7 @@ class SimulationServices:
     def get_state(self, request: Any, response: Any) -> Any:
         """Answer which state it is in."""
         drilling = self._host.drilling
-        response.state.state = STOPPED if drilling is None else _state_of(drilling)
+        response.state.state = STOPPED if drilling is None else _state_of(drilling.time_control)
         response.result.result = Result.RESULT_OK
         return response
 
@@ -97,7 +98,7 @@ class SimulationServices:
 
         def act(drilling: Drilling) -> None:
             if bits & whole.SCOPE_SPAWNED and not state:
-                drilling.act_on_faults(lambda simulation: simulation.clear_all())
+                drilling.act(lambda run: run.simulation.clear_all())
             drilling.reset(time=time, state=state, seed=seed)
 
         self._host.request(act)
@@ -119,10 +120,11 @@ class SimulationServices:
             )
 
         def begin(drilling: Drilling) -> Any:
+            control = drilling.time_control
             for holds, state in (
-                (drilling.playing, "playing"),
-                (drilling.at_start, "stopped"),
-                (drilling.stepping, "stepping already"),
+                (control.playing, "playing"),
+                (control.at_start, "stopped"),
+                (control.stepping, "stepping already"),
             ):
                 if holds:
                     raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
@@ -181,7 +183,7 @@ class SimulationServices:
             )
 
         def act(drilling: Drilling) -> None:
-            if _state_of(drilling) == state and not drilling.stepping:
+            if _state_of(drilling.time_control) == state and not drilling.time_control.stepping:
                 already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
                 raise RefusedError(already, "it is in that state already")
             {STOPPED: drilling.halt, PLAYING: drilling.play, PAUSED: drilling.pause}[state]()
@@ -228,7 +230,7 @@ class SimulationServices:
         return self.answer(response, lambda: self.reset(int(request.scope), seed))
 
 
-def _state_of(drilling: Drilling) -> int:
-    if drilling.playing:
+def _state_of(control: TimeControl) -> int:
+    if control.playing:
         return PLAYING
-    return STOPPED if drilling.at_start else PAUSED
+    return STOPPED if control.at_start else PAUSED
