@@ -16,8 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
 from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
-from rpud_sim.ros.record.guard import NetworkGuard
 from rpud_sim.ros.record.journal_scenario import scenario_text
+from rpud_sim.ros.record.network_guard import NetworkGuard
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _STATUS = "rpud_msgs/msg/Status"
@@ -54,7 +54,7 @@ class DrillInquiry:
         self._known: set[tuple[int, ...]] = set()  # publishers of a status
         self._questions: list[_Questions] = []
 
-    def look(self) -> None:
+    def discover(self) -> None:
         """Find drills that have appeared, and begin to ask them."""
         for topic, types in self._node.get_topic_names_and_types():
             if _STATUS not in types or not self._wants(topic):

@@ -7,7 +7,7 @@ from collections import Counter, deque
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.latched import LatchedMessages
-from rpud_sim.ros.record.recording import Declaration, MessageQueue
+from rpud_sim.ros.record.message_queue import Declaration, MessageQueue
 
 
 class Intake:

@@ -21,12 +21,12 @@ from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.ros.qos import is_satisfied, recorded_profile, request_for
-from rpud_sim.ros.record.guard import NetworkGuard
 from rpud_sim.ros.record.intake import Intake
+from rpud_sim.ros.record.message_queue import Declaration
+from rpud_sim.ros.record.network_guard import NetworkGuard
 from rpud_sim.ros.record.recorded_topic import RecordedTopic
-from rpud_sim.ros.record.recording import Declaration
-from rpud_sim.ros.record.selection import TopicSelection
 from rpud_sim.ros.record.standstill import Standstill
+from rpud_sim.ros.record.topic_selection import TopicSelection
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _BATCH = 1000  # messages of one topic taken at once, so that a fast one does not starve the rest
@@ -135,7 +135,7 @@ class Recorder(Node):
         self._renew_silent()
         return len(self._recordings) + len(self.skipped) > known
 
-    def take(self, until: int | None = None) -> bool:
+    def receive(self, until: int | None = None) -> bool:
         """Move what has arrived into the queue; tell whether there may be more.
 
         With `until` [ns since the epoch], a topic is done at the first message received later.
@@ -146,7 +146,7 @@ class Recorder(Node):
             self.get_logger().warning(f"it stood still for {pause:.1f} s")
         for recording in self._recordings.values():
             with self.guard(f"a message of {recording.name}"):
-                more |= self._take(recording, until)
+                more |= self._receive(recording, until)
         # In the bag messages are in the order in which they were received. What came since the
         # first topic was emptied may be later than what that topic has received by now.
         self._batch.sort(key=_log_time)
@@ -215,7 +215,7 @@ class Recorder(Node):
         self.get_logger().info(f"subscribed {name} [{type_name}]")
 
     def _subscribe(self, name: str, message: Any, request: QoSProfile) -> Subscription:
-        # Messages are taken in batches by `take`, so nothing ever calls the callback: an executor
+        # Messages are taken in batches by ``receive``, so nothing ever calls the callback: an executor
         # costs several times as much for each message as the message itself.
         return self.create_subscription(message, name, lambda _: None, request, raw=True)
 
@@ -249,7 +249,7 @@ class Recorder(Node):
                 self._renew(recording, "nothing was heard since the recorder stood still")
 
     def _renew(self, recording: RecordedTopic, reason: str) -> None:
-        while self._take(recording, None):
+        while self._receive(recording, None):
             pass
         self.destroy_subscription(recording.subscription)
         recording.unmatched = None
@@ -268,7 +268,7 @@ class Recorder(Node):
                     f"{reason.rstrip(';')}"
                 )
 
-    def _take(self, recording: RecordedTopic, until: int | None) -> bool:
+    def _receive(self, recording: RecordedTopic, until: int | None) -> bool:
         subscription = recording.subscription
         handle = subscription.handle
         with handle:

@@ -10,8 +10,8 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from rpud_sim.ros.record.guard import NetworkGuard
 from rpud_sim.ros.record.intake import Intake
+from rpud_sim.ros.record.network_guard import NetworkGuard
 
 
 class RecorderServices:

@@ -12,7 +12,7 @@ from rpud_sim.bag import Message
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.arguments import FASTEST_RATE
 from rpud_sim.ros.lateness import Lateness
-from rpud_sim.ros.replay.replaying import Timeline
+from rpud_sim.ros.replay.timeline import Timeline
 
 _BEHIND = SECOND // 20  # later than this, messages come as fast as they can
 _LOOP_PAUSE = SECOND // 10  # between two passes, so that a bag of one message is no flood
