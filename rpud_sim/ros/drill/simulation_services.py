@@ -32,7 +32,7 @@ LONGEST_STEP = 1e6  # [s]; longer than any mission
 
 
 class RefusedError(Exception):
-    """A request that is refused, with the number of its result."""
+    """Refused request, with the number of its result."""
 
     def __init__(self, result: int, reason: str) -> None:
         super().__init__(reason)
@@ -51,7 +51,7 @@ class SimulationServices:
 
     def __init__(self, node: Node, host: DrillHost) -> None:
         self._host = host
-        # A step takes its time: meanwhile the others must be answered.
+        # A step takes long: meanwhile the other services must answer.
         self.stepping = MutuallyExclusiveCallbackGroup()
         for kind, name, handler, group in (
             (GetSimulationState, "get_state", self.get_state, None),
@@ -63,12 +63,12 @@ class SimulationServices:
             node.create_service(kind, f"simulation/{name}", handler, callback_group=group)
 
     def controls_time(self) -> bool:
-        """Whether the time can be paused and stepped, and is not that of another's ``/clock``."""
+        """Return whether time can be paused and stepped: it follows no other ``/clock``."""
         drilling = self._host.drilling
         return drilling is None or not drilling.follows_clock
 
     def get_state(self, request: Any, response: Any) -> Any:
-        """Answer which state it is in."""
+        """Answer with the state."""
         drilling = self._host.drilling
         response.state.state = STOPPED if drilling is None else _state_of(drilling.time_control)
         response.result.result = Result.RESULT_OK
@@ -79,7 +79,7 @@ class SimulationServices:
         return self.answer(response, lambda: self._set_state(int(request.state.state)))
 
     def reset(self, scope: int, seed: int | None = None) -> None:
-        """Begin anew.
+        """Restart the time, the state or both.
 
         Raises:
             RefusedError: if that is not possible.
@@ -107,7 +107,7 @@ class SimulationServices:
         """Step to a simulation time [ns]; return the stamp that was reached.
 
         Args:
-            until_of: gives that time, called between two blocks; may raise RefusedError.
+            until_of: returns that time, called between two blocks; may raise ``RefusedError``.
 
         Raises:
             RefusedError: if that is not possible.
@@ -142,7 +142,7 @@ class SimulationServices:
         return drilling.run.origin + int(reached)
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
-        """Fill the response with what comes of an action, and return it."""
+        """Fill the response with the result of an action, and return it."""
         try:
             act()
             response.result.result = Result.RESULT_OK
@@ -158,7 +158,7 @@ class SimulationServices:
             response.result.result = Result.RESULT_INCORRECT_STATE
             response.result.error_message = str(error)
             self._host.refuse_request(str(error))
-        except Exception as error:  # a client must hear of it, whatever it is
+        except Exception as error:  # the client must get an answer in any case
             response.result.result = Result.RESULT_OPERATION_FAILED
             response.result.error_message = str(error)
             self._host.refuse_request(str(error))

@@ -57,7 +57,7 @@ class TimeSource:
 
         Args:
             stop: ends the wait.
-            serve: called again and again meanwhile.
+            serve: called repeatedly meanwhile.
         """
         if self._follows and self._now() == 0:
             self._logger.info("waiting for /clock, as use_sim_time is set")

@@ -1,4 +1,4 @@
-"""Keys of a terminal, one by one, without echo."""
+"""Keyboard: keys of a terminal, one by one, without echo."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Keyboard:
     """Reads keys while it is entered, if standard input is a terminal with this program in front.
 
     A program in the background must not touch its terminal: it would be stopped. The terminal is
-    put back at the end, and set anew when the program is continued in front.
+    restored at the end, and set again when the program continues in front.
     """
 
     def __init__(self) -> None:
