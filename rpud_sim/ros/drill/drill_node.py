@@ -1,4 +1,21 @@
-"""The drill: the managed node, and the executable `drill_node` of `ros2 run`."""
+"""Node of the drill, and the executable ``drill_node`` of ``ros2 run``.
+
+Publishers (docs/reference/topics.md): ``nodal_plane``, ``drill_tool``, ``reacting_force``,
+``wrench`` and ``joint_states`` at ``telemetry_rate``; ``contact_force`` for every impact on the
+drill tool; ``waveform`` and ``trajectory`` in blocks; ``journal`` and ``faults`` on change;
+``status`` and ``/diagnostics`` every second and on change; ``/clock`` with ``publish_clock``.
+
+Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
+(rpud_msgs/Drive). A command takes effect at the next block boundary; an invalid one is
+rejected, counted and logged.
+
+Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
+``simulation/get_state``, ``set_state``, ``step``, ``run_to`` and ``reset`` (rpud_msgs), those
+of a managed node, and those of ``simulation_interfaces`` if it is installed.
+
+Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``; those of ``CHANGEABLE`` may be
+set while it runs.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +40,8 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.account import REPORT_PERIOD, Account
+from rpud_sim.ros.drill.account import REPORT_PERIOD
+from rpud_sim.ros.drill.configured_drill import ConfiguredDrill
 from rpud_sim.ros.drill.declaration import DrillParameters
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.fault_services import FaultServices
@@ -31,8 +49,6 @@ from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.managed_node import ManagedNode, log_exceptions
 from rpud_sim.ros.drill.namesakes import Namesakes
-from rpud_sim.ros.drill.pacing_thread import PacingThread
-from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
@@ -45,28 +61,11 @@ from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
 
 NAME = "drill_node"
-_ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listeners [s]
 _THREADS = 3  # a step, a short request, and whatever else comes
 
 
 class DrillNode(ManagedNode):
     """A drill in soft real time: a managed node that activates itself by default.
-
-    Publishers (docs/reference/topics.md): ``nodal_plane``, ``drill_tool``, ``reacting_force``,
-    ``wrench`` and ``joint_states`` at ``telemetry_rate``; ``contact_force`` for every impact on the
-    drill tool; ``waveform`` and ``trajectory`` in blocks; ``journal`` and ``faults`` on change;
-    ``status`` and ``/diagnostics`` every second and on change; ``/clock`` with ``publish_clock``.
-
-    Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
-    (rpud_msgs/Drive). A command takes effect at the next block boundary; an invalid one is
-    rejected, counted and logged.
-
-    Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
-    ``simulation/get_state``, ``set_state``, ``step``, ``run_to`` and ``reset`` (rpud_msgs), those
-    of a managed node, and those of ``simulation_interfaces`` if it is installed.
-
-    Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``; those of ``CHANGEABLE`` may be
-    set while it runs.
 
     Drive and weight on bit are zero unless it is active. Simulation time begins when it is first
     activated, and ends when it is cleaned up.
@@ -86,19 +85,16 @@ class DrillNode(ManagedNode):
         self._end = sys.maxsize if duration is None else round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
         self._namesakes = Namesakes(self)
-        self._outputs: DrillPublishers | None = None
-        self._account: Account | None = None
-        self._pacing: PacingThread | None = None
+        self._drill: ConfiguredDrill | None = None
         self._quit = False
         self._sent: Counter[str] | None = None
         self._gate = Gate(self, self.settings, self._inbox, self._now)
-        self._simulation_services = SimulationServices(self, self)
+        services = SimulationServices(self, self)
         if standard_services.INSTALLED:
-            StandardServices(self, self._simulation_services, self.settings.telemetry_rate)
+            StandardServices(self, services, self.settings.telemetry_rate)
         FaultServices(self, self)
-        self.create_timer(
-            REPORT_PERIOD, self._report_before_start, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)
         self.add_on_set_parameters_callback(self._check_use_sim_time)
 
     @property
@@ -109,32 +105,32 @@ class DrillNode(ManagedNode):
     @property
     def drilling(self) -> Drilling | None:
         """The drilling, to be read; None before the first activation."""
-        return self._pacing.drilling if self._pacing and self._pacing.started else None
+        return self._drill.drilling if self._drill and self._drill.pacing.started else None
 
     @property
     def report(self) -> Report | None:
         """The latest report, None before the first."""
-        return self._account.last if self._account else None
+        return self._drill.account.last if self._drill else None
 
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
-        return self._account.totals if self._account else Statistics()
+        return self._drill.account.totals if self._drill else Statistics()
 
     @property
     def finished(self) -> bool:
         """Whether there is nothing left to do."""
-        return self._quit or (self._pacing is not None and self._pacing.finished)
+        return self._quit or (self._drill is not None and self._drill.pacing.finished)
 
     @property
     def failure(self) -> BaseException | None:
         """Error that ended the drilling, None without one."""
-        return self._pacing.failure if self._pacing else None
+        return self._drill.pacing.failure if self._drill else None
 
     @property
     def unheard(self) -> list[str]:
         """Topics of its namespace that have no subscriber."""
-        return self._outputs.unheard if self._outputs else []
+        return self._drill.publishers.unheard if self._drill else []
 
     @property
     def sent(self) -> Mapping[str, int]:
@@ -148,8 +144,8 @@ class DrillNode(ManagedNode):
     def count_sent(self) -> None:
         """Count messages from now on; topics without a subscriber are published too."""
         self._sent = Counter()
-        if self._outputs is not None:
-            self._outputs.sent = self._sent
+        if self._drill is not None:
+            self._drill.publishers.sent = self._sent
 
     def request(self, action: Callable[[Drilling], Any]) -> Any:
         """Have something done between two blocks; return what it returns, raise what it raises.
@@ -157,9 +153,9 @@ class DrillNode(ManagedNode):
         Raises:
             StoppedError: if the node has not been activated, or the drilling has ended.
         """
-        if self._pacing is None:
+        if self._drill is None:
             raise StoppedError("the node has not been activated")
-        return self._pacing.request(action)
+        return self._drill.pacing.request(action)
 
     def quit(self) -> None:
         """End the node."""
@@ -171,8 +167,8 @@ class DrillNode(ManagedNode):
         Raises:
             RuntimeError: if it cannot.
         """
-        if self.settings.autostart and self._outputs is None:
-            self._trigger(self.trigger_configure)
+        if self.settings.autostart and self._drill is None:
+            self.complete(self.trigger_configure)
 
     def start(self) -> None:
         """Configure and activate, with ``autostart``.
@@ -182,35 +178,23 @@ class DrillNode(ManagedNode):
         """
         self.prepare()
         if self.settings.autostart:
-            self._trigger(self.trigger_activate)
+            self.complete(self.trigger_activate)
         else:
             self.get_logger().info("waiting for the transitions configure and activate")
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and let listeners have the last messages."""
-        if self._pacing is not None and self._outputs is not None:
-            self._pacing.stop()
-            self._outputs.wait_for_subscribers(_ACKNOWLEDGEMENT)
+        if self._drill is not None:
+            self._drill.stop()
 
     @log_exceptions
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare everything; nothing moves yet."""
-        settings = self.settings
-        compile_kernels(settings.configuration.parameters, self.get_logger().info)
-        self._outputs = DrillPublishers(self, settings.publish_clock, self._sent)
-        self._account = Account(
-            self, settings.telemetry_rate, self._outputs, self._inbox, self._namesakes
+        compile_kernels(self.settings.configuration.parameters, self.get_logger().info)
+        restore = self._drill_parameters.restore
+        self._drill = ConfiguredDrill(
+            self, self.settings, self._inbox, self._namesakes, restore, self._end, self._sent
         )
-        drilling = Drilling(
-            self,
-            settings,
-            self._outputs,
-            self._account,
-            self._inbox,
-            self._drill_parameters.restore,
-            self._end,
-        )
-        self._pacing = PacingThread(drilling)
         # A garbage collection of all that lives by now would make blocks late.
         gc.collect()
         gc.freeze()
@@ -219,12 +203,8 @@ class DrillNode(ManagedNode):
     @log_exceptions
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let commands act; simulation time begins, if this is the first time."""
-        if self._pacing is None:
-            return TransitionCallbackReturn.FAILURE
-        if self._pacing.started:
-            self._activate_control(True)
-        else:
-            self._pacing.start(self.settings)
+        assert self._drill is not None  # an inactive node is configured
+        self._drill.activate(self.settings)
         self._gate.open(True)
         self.get_logger().info("the drill is active")
         return TransitionCallbackReturn.SUCCESS
@@ -233,22 +213,17 @@ class DrillNode(ManagedNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make drive and weight on bit zero; the drill goes on without them."""
         self._gate.open(False)
-        self._activate_control(False)
+        assert self._drill is not None
+        self._drill.deactivate()
         return TransitionCallbackReturn.SUCCESS
 
     @log_exceptions
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the drilling, and remove its publishers."""
         self._gate.open(False)
-        pacing, outputs = self._pacing, self._outputs
-        self._pacing = None  # or the end of the drilling would be the end of the process
-        if pacing is not None:
-            pacing.stop()
-            pacing.close()
-        if outputs is not None:
-            outputs.wait_for_subscribers(_ACKNOWLEDGEMENT)
-            outputs.destroy()
-        self._account = self._outputs = None
+        drill, self._drill = self._drill, None  # or its end would be the end of the process
+        if drill is not None:
+            drill.destroy()
         gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 
@@ -264,33 +239,23 @@ class DrillNode(ManagedNode):
         self._quit = True
         return TransitionCallbackReturn.SUCCESS
 
-    def _activate_control(self, active: bool) -> None:
-        self.request(lambda drilling: drilling.act(lambda run: run.control.activate(active)))
-
-    def _trigger(self, transition: Callable[[], TransitionCallbackReturn]) -> None:
-        if transition() != TransitionCallbackReturn.SUCCESS:
-            raise RuntimeError("the drill cannot be started; the log says why")
-
     def refuse_request(self, reason: str) -> None:
         """Count a request that is refused, and log why."""
         self._inbox.refuse_request(reason)
 
     def _report_before_start(self) -> None:
-        """Publish the status until the drilling does; unconfigured, count namesakes."""
-        if self._pacing is None:
+        if self._drill is None:
             self._namesakes.count()
-        elif not self._pacing.started:
-            self._pacing.drilling.announce()
+        else:
+            self._drill.report_before_start()
 
     def _now(self) -> int:
-        """The stamp that a command has if it is given now [ns]."""
-        if self.settings.publish_clock and self._pacing is not None:
-            run = self._pacing.drilling.run
-            return run.origin + run.time
+        if self.settings.publish_clock and self._drill is not None:
+            return self._drill.time
         return int(self.get_clock().now().nanoseconds)
 
     def _check_use_sim_time(self, changes: list[Parameter]) -> SetParametersResult:
-        fixed = self._pacing is not None and any(each.name == "use_sim_time" for each in changes)
+        fixed = self._drill is not None and any(each.name == "use_sim_time" for each in changes)
         reason = "use_sim_time is read-only until the drill is cleaned up" if fixed else ""
         return SetParametersResult(successful=not fixed, reason=reason)
 

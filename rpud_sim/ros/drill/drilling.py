@@ -60,15 +60,10 @@ class Drilling:
         self._restored = restored
         self._end = end
         self._logger = node.get_logger()
+        run = self._new_run(self._seed, settings, active=False)  # first what can fail
         self._source = TimeSource(node, settings.publish_clock)
-        self._paced = PacedRun(
-            self._new_run(self._seed, settings, active=False),
-            publishers,
-            account,
-            inbox,
-            Pacer(settings.telemetry_rate, schedule=self._source.schedule),
-            self._logger,
-        )
+        pacer = Pacer(settings.telemetry_rate, schedule=self._source.schedule)
+        self._paced = PacedRun(run, publishers, account, inbox, pacer, self._logger)
 
     @property
     def run(self) -> Run:
@@ -218,13 +213,8 @@ class Drilling:
         self._paced.pace(factor, self._settings.thread_priority, due)
 
     def _new_run(self, seed: int, settings: Settings, active: bool) -> Run:
-        return Run(
-            Beginning.drawn(settings, seed),
-            self._journal,
-            self._publishers.wanted,
-            active,
-            self._account.add,
-        )
+        beginning = Beginning.drawn(settings, seed)
+        return Run(beginning, self._journal, self._publishers.wanted, active, self._account.add)
 
 
 def _first_line(configuration: Configuration) -> str:

@@ -45,6 +45,15 @@ class ManagedNode(LifecycleNode):
         self._state_machine.destroy_when_not_in_use()
         super().destroy_node()
 
+    def complete(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        """Do a transition.
+
+        Raises:
+            RuntimeError: if it fails.
+        """
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            raise RuntimeError("the drill cannot be started; the log says why")
+
     def refuse_request(self, reason: str) -> None:
         """Log why a client's request to set a parameter or to change the state is rejected."""
         self.get_logger().warning(f"request refused: {reason}")

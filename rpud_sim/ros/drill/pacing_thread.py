@@ -32,11 +32,6 @@ class PacingThread:
         drilling.announce()
 
     @property
-    def drilling(self) -> Drilling:
-        """What it moves, to be read; ``request`` is the way to change it."""
-        return self._drilling
-
-    @property
     def started(self) -> bool:
         """Whether the drilling has begun."""
         return self._thread.ident is not None
@@ -66,10 +61,6 @@ class PacingThread:
         self._wake.set()
         if self._thread.is_alive():
             self._thread.join()
-
-    def close(self) -> None:
-        """Stop listening to the clock."""
-        self._drilling.close()
 
     def request(self, action: Callable[[Drilling], Any]) -> Any:
         """Have something done between two blocks; see ``Requests.do``.

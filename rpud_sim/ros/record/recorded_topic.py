@@ -12,6 +12,7 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.bag import Message
+from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.ros.qos import RECORDING_DEPTH
 
@@ -68,6 +69,10 @@ class RecordedTopic:
     renewals: int = 0
     _uncounted: int = 0  # damaged messages whose numbers are a gap in the next ones
     _latest: dict[tuple[int, int | None], None] = field(default_factory=dict)
+
+    def losses(self, refused: int) -> Losses:
+        """Return the losses; ``refused`` are messages that did not fit into the queue."""
+        return Losses(self.gaps.missing if self.numbered else None, refused, self.damaged)
 
     def misses(self, offers: Sequence[QoSProfile]) -> bool:
         """Return whether a publisher of these offers should have connected by now, and has not."""

@@ -91,23 +91,13 @@ class Recorder(Node):
     @property
     def losses(self) -> dict[str, Losses]:
         """Lost messages of each topic."""
-        return {
-            name: Losses(
-                recording.gaps.missing if recording.numbered else None,
-                self._intake.refused[name],
-                recording.damaged,
-            )
-            for name, recording in self._recordings.items()
-        }
+        refused = self._intake.refused
+        return {name: item.losses(refused[name]) for name, item in self._recordings.items()}
 
     @property
     def renewals(self) -> dict[str, int]:
         """Number of renewed subscriptions by topic, of topics that have some."""
-        return {
-            name: recording.renewals
-            for name, recording in self._recordings.items()
-            if recording.renewals
-        }
+        return {name: item.renewals for name, item in self._recordings.items() if item.renewals}
 
     @property
     def further_types(self) -> list[str]:
