@@ -59,6 +59,7 @@ from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.simulation.topics import TOPICS
 
 NAME = "drill_node"
 _THREADS = 3  # a step, a short request, and whatever else comes
@@ -134,12 +135,9 @@ class DrillNode(ManagedNode):
 
     @property
     def sent(self) -> Mapping[str, int]:
-        """Messages of each topic of its namespace, by absolute name, since `count_sent`."""
-        return {
-            self.resolve_topic_name(name): count
-            for name, count in (self._sent or {}).items()
-            if not name.startswith("/")
-        }
+        """Messages of each topic of its namespace, by absolute name, since ``count_sent``."""
+        counts = self._sent or {}
+        return {self.resolve_topic_name(name): counts[name] for name in counts if name in TOPICS}
 
     def count_sent(self) -> None:
         """Count messages from now on; topics without a subscriber are published too."""
