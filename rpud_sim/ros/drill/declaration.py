@@ -128,7 +128,7 @@ def _description(quantity: Quantity) -> str:
 
 
 def _describe(node: Node, declaration: Declaration, value: Any) -> None:
-    """Give a declared parameter its checked value and its final descriptor."""
+    """Set a declared parameter to its checked value, with its final descriptor."""
     allowed = declaration.allowed
     descriptor = ParameterDescriptor(
         name=declaration.name,

@@ -182,7 +182,7 @@ class Pacer:
 
 
 def schedule_thread(priority: int) -> str:
-    """Give the calling thread a real-time priority; return how it is scheduled now.
+    """Schedule the calling thread with a priority; return how it is scheduled now.
 
     What it starts does not inherit that. If the system denies it, the thread stays as it is.
 
