@@ -136,7 +136,7 @@ class DrillNode(ManagedNode):
     @property
     def sent(self) -> Mapping[str, int]:
         """Messages of each topic of its namespace, by absolute name, since ``count_sent``."""
-        counts = self._sent or {}
+        counts: Mapping[str, int] = self._sent or {}
         return {self.resolve_topic_name(name): counts[name] for name in counts if name in TOPICS}
 
     def count_sent(self) -> None:
