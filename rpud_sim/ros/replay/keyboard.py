@@ -34,7 +34,7 @@ class Keyboard:
         return self._terminal is not None and _in_front(self._terminal)
 
     def read(self, seconds: float) -> list[str]:
-        """Wait for keys at most this long [s]: characters, ``up``, ``down``, ``right``, ``left``."""
+        """Wait for keys [s at most]: characters, ``up``, ``down``, ``right`` and ``left``."""
         terminal = self._terminal if self.active else None
         waiting = [] if terminal is None else [terminal]
         if not select.select(waiting, [], [], seconds)[0] or terminal is None or not self.active:
