@@ -85,7 +85,7 @@ def arrived(client):
     """Wait for the telemetry up to the last status."""
     end = stamps(client.status)[-1]
     for topic in TELEMETRY:
-        client.until(lambda heard=client.heard[topic]: stamps(heard)[-1] == end)
+        client.until(lambda heard=client.heard[topic]: heard and stamps(heard)[-1] == end)
 
 
 def clear(client, number=0):

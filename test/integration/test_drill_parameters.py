@@ -81,7 +81,7 @@ def engage(client, data):
 
 
 def test_exactly_those_that_may_change_are_not_read_only(client):
-    request = DescribeParameters.Request(names=PARAMETERS)
+    request = DescribeParameters.Request(names=list(PARAMETERS))
     described = client.call(DescribeParameters, f"{NODE}/describe_parameters", request).descriptors
     assert {it.name for it in described if not it.read_only} == set(CHANGEABLE)
     [result] = set_each(client, weight_on_bit=20.0)

@@ -1,4 +1,4 @@
-"""What arrives over the network may be anything: nothing of it ends a recording."""
+"""Guard against invalid data from the network: it must not end a recording."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-_PERIOD = 10.0  # s between two lines of the log
+_LOG_PERIOD = 10.0  # between two lines [s]
 
 
 class NetworkGuard:
-    """Passes over what raises an error while it is taken from the network; counts and logs it.
+    """Suppresses, counts and logs errors that data from the network raises.
+
+    Attributes:
+        count: suppressed errors.
 
     Args:
         logger: of the node.
@@ -19,18 +22,17 @@ class NetworkGuard:
 
     def __init__(self, logger: Any) -> None:
         self.count = 0
-        """Errors that were passed over."""
         self._logger = logger
         self._next_line = float("-inf")
 
     @contextmanager
     def __call__(self, what: str) -> Iterator[None]:
-        """Guard a block that takes `what`, which the log names."""
+        """Guard a block; the log names what it receives."""
         try:
             yield
-        except Exception as error:  # a stranger decides what is raised here
+        except Exception as error:  # the data may make a library raise anything
             self.count += 1
             if time.monotonic() >= self._next_line:
-                self._next_line = time.monotonic() + _PERIOD
+                self._next_line = time.monotonic() + _LOG_PERIOD
                 reason = " ".join(f"{type(error).__name__}: {error}".split())
                 self._logger.warning(f"{what} cannot be used: {reason:.200}")

@@ -1,4 +1,4 @@
-"""Which topics are recorded."""
+"""Selection of the topics to record."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from dataclasses import dataclass
 class TopicSelection:
     """Topics by name and by expression; without either, all of a namespace.
 
-    `topics` are names. `regex` and `exclude` are searched for anywhere in the absolute name;
-    `everything` stands for every namespace. Nothing that `exclude` fits is recorded.
+    Args:
+        topics: names.
+        regex: of topics to record, searched anywhere in the absolute name.
+        exclude: of topics not to record, before all else.
+        everything: whether to record every namespace.
     """
 
     topics: Collection[str] = ()
@@ -22,13 +25,15 @@ class TopicSelection:
 
     @property
     def closed(self) -> bool:
-        """Whether nothing but `topics` can be meant."""
+        """Whether it selects by name alone."""
         return bool(self.topics) and self.regex is None and not self.everything
 
     def wants(self, name: str, prefix: str) -> bool:
-        """Tell whether to record the topic with that absolute name.
+        """Return whether to record a topic.
 
-        `topics` must be absolute too; `prefix` begins the names of the namespace.
+        Args:
+            name: absolute; those of ``topics`` must be absolute too.
+            prefix: of the names of the namespace.
         """
         if self.exclude is not None and self.exclude.search(name):
             return False

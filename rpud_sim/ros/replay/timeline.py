@@ -1,4 +1,4 @@
-"""Where in the bag a replay is, and when what is there is due. No ROS, no clock of its own."""
+"""Timeline of a replay: where in the bag it is, and when a message is due. No ROS, no clock."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True)
 class Timeline:
-    """Lays the time of a bag on a monotonic clock; all times are integer nanoseconds.
+    """Position in a bag as a function of a monotonic clock; all times are integer nanoseconds.
 
-    It stands at `position` of the bag until the clock says `since`, and from then on moves `rate`
-    times as fast as the clock, unless it is paused. Every change but a seek keeps the position.
+    Every change but a seek keeps the position.
+
+    Args:
+        position: in the bag until ``since``.
+        since: time of the clock from which on it moves, unless it is paused.
+        rate: bag time over clock time.
+        paused: whether it stands still.
     """
 
     position: int
@@ -19,31 +24,31 @@ class Timeline:
     paused: bool = False
 
     def position_at(self, now: int) -> int:
-        """Give the bag's time at the clock's time `now`."""
+        """Return the position at a time of the clock."""
         if self.paused:
             return self.position
         return self.position + round(max(0, now - self.since) * self.rate)
 
     def due(self, position: int) -> float:
-        """Give the clock's time at which the bag's time is `position` [ns]; infinite if paused."""
+        """Return the time of the clock at which a position is reached; infinite if paused."""
         if self.paused:
             return float("inf")
         return self.since + (position - self.position) / self.rate
 
     def seek(self, now: int, position: int) -> Timeline:
-        """Go to `position`, at the clock's time `now`."""
+        """Return a timeline that is at a position now."""
         return replace(self, position=position, since=now)
 
     def pause(self, now: int) -> Timeline:
-        """Stand still from `now` on."""
+        """Return a timeline that stands still from now on."""
         return replace(self._held(now), paused=True)
 
     def resume(self, now: int) -> Timeline:
-        """Go on from `now` on."""
+        """Return a timeline that moves from now on."""
         return replace(self._held(now), paused=False)
 
     def with_rate(self, now: int, rate: float) -> Timeline:
-        """Move `rate` times as fast as the clock from `now` on."""
+        """Return a timeline that moves at another rate from now on."""
         return replace(self._held(now), rate=rate)
 
     def _held(self, now: int) -> Timeline:

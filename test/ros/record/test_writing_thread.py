@@ -1,6 +1,5 @@
-"""The recorder's queue is bounded, and its thread loses nothing."""
+"""The writing thread loses nothing, and says so where it cannot help it."""
 
-import queue
 import threading
 import time
 
@@ -11,45 +10,13 @@ import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message
 from rpud_sim.bag.losses import Losses
 from rpud_sim.ros.record.disk_room import DiskRoom
+from rpud_sim.ros.record.message_queue import Declaration, MessageQueue, NamedRecord
 from rpud_sim.ros.record.record_report import late_text, lost_text
-from rpud_sim.ros.record.recording import (
-    Declaration,
-    MessageQueue,
-    NamedRecord,
-    WritingThread,
-)
+from rpud_sim.ros.record.writing_thread import WritingThread
 
 
 def message(data=b"12345678", topic=TALK.name, log_time=START):
     return Message(topic, log_time, log_time, data)
-
-
-def test_the_queue_keeps_the_order():
-    messages = MessageQueue()
-    declaration = Declaration(TALK, STRING_DEFINITION)
-    messages.declare(declaration)
-    assert messages.put(message(b"a"))
-    assert messages.put(message(b"b"))
-    messages.close()
-    assert messages.get(1.0) is declaration
-    assert [messages.get(1.0).data, messages.get(1.0).data] == [b"a", b"b"]
-    assert messages.get(1.0) is None
-
-
-def test_the_queue_refuses_what_does_not_fit_until_there_is_room():
-    messages = MessageQueue(capacity=20)
-    assert messages.put(message())
-    assert messages.put(message())
-    assert not messages.put(message())
-    assert messages.put(message(b"1234"))
-    messages.get(1.0)
-    assert messages.put(message())
-    assert not messages.put(message(b"1"))
-
-
-def test_an_empty_queue_says_so_in_time():
-    with pytest.raises(queue.Empty):
-        MessageQueue().get(0.0)
 
 
 def test_the_thread_writes_all_that_was_queued(tmp_path):

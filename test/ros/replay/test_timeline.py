@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.ros.replay.replaying import Timeline
+from rpud_sim.ros.replay.timeline import Timeline
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND

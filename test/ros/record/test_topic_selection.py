@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from rpud_sim.ros.record.selection import TopicSelection
+from rpud_sim.ros.record.topic_selection import TopicSelection
 
 NAMES = ("/rpud/status", "/rpud/deep/status", "/rpud/_hidden/status", "/other/clock", "/tf")
 

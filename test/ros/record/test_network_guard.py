@@ -2,7 +2,7 @@
 
 from rclpy.logging import get_logger
 
-from rpud_sim.ros.record.guard import NetworkGuard
+from rpud_sim.ros.record.network_guard import NetworkGuard
 
 
 def test_errors_are_passed_over_counted_and_logged_once_in_a_while(capfd):
