@@ -1,7 +1,7 @@
 """A drill that follows the /clock of somebody else."""
 
 import pytest
-from drill_client import SECOND, Client, nanoseconds, stamps, start_drill, steps
+from drill_client import SECOND, nanoseconds, stamps, steps
 from rcl_interfaces.srv import GetParameters
 from rosgraph_msgs.msg import Clock
 from rpud_msgs.msg import Result, SimulationState, Status
@@ -32,10 +32,8 @@ class Source:
 
 
 @pytest.fixture
-def client():
-    client = Client("/following")
-    yield client
-    client.close()
+def client(connect):
+    return connect("/following")
 
 
 @pytest.fixture
@@ -44,19 +42,17 @@ def source(client):
 
 
 @pytest.fixture
-def drill():
+def drill(start_drill):
     # Its own factor has no meaning: the time is not its own.
-    process = start_drill("/following", use_sim_time=True, real_time_factor=0.0, seed=3)
-    yield process
-    process.stop()
+    parameters = {"use_sim_time": True, "real_time_factor": 0.0, "seed": 3}
+    return start_drill("/following", "waiting for /clock, as use_sim_time is set", **parameters)
 
 
 def test_it_goes_and_stands_with_the_clock_and_begins_anew_when_that_goes_back(
     drill, client, source
 ):
-    drill.wait_for_line("waiting for /clock, as use_sim_time is set", timeout=100.0)
     planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
-    statuses = client.listen("status")
+    statuses = client.status
     # It answers while it waits.
     state = client.call(
         GetSimulationState, "simulation/get_state", GetSimulationState.Request()
@@ -97,7 +93,7 @@ def test_it_goes_and_stands_with_the_clock_and_begins_anew_when_that_goes_back(
     # and begins anew when the clock does.
     assert statuses[-1].active_faults == 1
     source.run(-SECOND)
-    drill.wait_for_line("/clock went back: the drill begins anew")
+    drill.wait_for_line("/clock went back: the drill begins again")
     client.until(lambda: statuses[-1].active_faults == 0)
     back = len(planes)
     assert stamps(statuses)[-1] == source.now
@@ -110,8 +106,7 @@ def test_it_goes_and_stands_with_the_clock_and_begins_anew_when_that_goes_back(
     assert sequence[second] == 0
 
 
-def test_a_signal_ends_it_while_it_waits(drill, client):
-    drill.wait_for_line("waiting for /clock, as use_sim_time is set", timeout=100.0)
+def test_a_signal_ends_it_while_it_waits(drill):
     drill.terminate()
     assert drill.wait() == 0
     assert "Traceback" not in drill.output

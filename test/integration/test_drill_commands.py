@@ -5,33 +5,25 @@ import re
 
 import numpy as np
 import pytest
-from drill_client import SECOND, Client, nanoseconds, stamps, steps
+from drill_client import SECOND, nanoseconds, stamps, steps
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rpud_msgs.msg import Drive, WeightOnBit
-from support import Process
 
 from rpud_sim.model.parameters import NAMES
 from rpud_sim.simulation.configuration import NODE_NAMES
 
 
 @pytest.fixture(scope="module")
-def drill():
-    process = Process("drill_node", "--ros-args", "-r", "__ns:=/commanded")
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=100.0)
-        yield process
-    finally:
-        process.stop()
+def drill(start_module_drill):
+    return start_module_drill("/commanded")
 
 
 @pytest.fixture
-def client(drill):
-    client = Client("/commanded")
-    client.status = client.listen("status")
+def client(drill, connect):
+    client = connect("/commanded")
     client.until(lambda: client.status)
-    yield client
-    client.close()
+    return client
 
 
 @pytest.fixture

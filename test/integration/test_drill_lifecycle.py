@@ -1,7 +1,7 @@
 """A managed drill: nothing is driven unless it is active, and no request ends it."""
 
 import pytest
-from drill_client import COMPILED, SECOND, Client, duration, stamps, start_drill
+from drill_client import SECOND, duration, stamps
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
@@ -15,6 +15,7 @@ CLEANUP = Transition.TRANSITION_CLEANUP
 PARAMETERS = {"autostart": False, "start_paused": True, "publish_clock": True}
 # Elastic masses that nobody drives would bounce for ever.
 INELASTIC = {"actuator_restitution": 0.8, "drill_tool_restitution": 0.8}
+WAITING = "waiting for the transitions configure and activate"
 WAYS = {
     "active": (DEACTIVATE, CLEANUP),
     "inactive": (CLEANUP,),
@@ -30,21 +31,19 @@ def scenario(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def drill(scenario):
-    process = start_drill("/managed", scenario=scenario, **PARAMETERS, **INELASTIC)
-    yield process
-    process.stop()
+def drill(start_module_drill, scenario):
+    return start_module_drill("/managed", WAITING, scenario=scenario, **PARAMETERS, **INELASTIC)
 
 
 @pytest.fixture
-def client(drill):
-    """To a drill that is not configured."""
-    client = Client("/managed")
+def client(drill, connect):
+    """To a drill that is not configured, with its status from then on."""
+    client = connect("/managed")
     for transition in WAYS[state_of(client)]:
         assert change(client, transition)
-    client.status = client.listen("status")
-    yield client
-    client.close()
+    client.until(lambda: client.node.count_publishers("/managed/status") == 0)
+    client.status.clear()
+    return client
 
 
 def change(client, transition, node=NODE):
@@ -80,7 +79,7 @@ def test_without_autostart_it_waits_and_says_so_to_whoever_asks(client):
 
 
 def test_it_says_what_it_waits_for_and_when_it_is_active(client, drill):
-    drill.wait_for_line("waiting for the transitions configure and activate")
+    drill.wait_for_line(WAITING)
     assert change(client, CONFIGURE)
     # At least the latched one, and one for each of two seconds.
     client.until(lambda: len(client.status) >= 3)
@@ -200,26 +199,18 @@ def test_a_reset_that_cannot_be_changes_nothing(client, drill, scenario):
         ((CONFIGURE, ACTIVATE), Transition.TRANSITION_ACTIVE_SHUTDOWN),
     ],
 )
-def test_a_shutdown_ends_the_process(before, transition):
-    process = start_drill("/shut", **PARAMETERS)
-    client = Client("/shut")
-    try:
-        for each in (*before, transition):
-            assert change(client, each, "/shut/drill_node")
-        assert process.wait(COMPILED) == 0
-        assert "Traceback" not in process.output
-    finally:
-        client.close()
-        process.stop()
+def test_a_shutdown_ends_the_process(start_drill, connect, before, transition):
+    process = start_drill("/shut", WAITING, **PARAMETERS)
+    client = connect("/shut")
+    for each in (*before, transition):
+        assert change(client, each, "/shut/drill_node")
+    assert process.wait() == 0
+    assert "Traceback" not in process.output
 
 
-def test_a_drill_that_cannot_start_by_itself_ends_and_says_why(tmp_path):
+def test_a_drill_that_cannot_start_by_itself_ends_and_says_why(start_drill, tmp_path):
     path = tmp_path / "scenario.yaml"
     path.write_text("faults: [{kind: hard_rock, onset: 1.0}]\n")  # and there is no rock
-    process = start_drill("/unstarted", scenario=path)
-    try:
-        assert process.wait(COMPILED) == 1
-        assert "hard_rock" in process.output
-        assert "Traceback" not in process.output
-    finally:
-        process.stop()
+    process = start_drill("/unstarted", "hard_rock", scenario=path)
+    assert process.wait() == 1
+    assert "Traceback" not in process.output

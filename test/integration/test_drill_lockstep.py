@@ -3,15 +3,13 @@
 import pytest
 from builtin_interfaces.msg import Time
 from drill_client import (
-    COMPILED,
     SECOND,
     TELEMETRY,
-    Client,
     contents,
     duration,
     nanoseconds,
+    runs,
     stamps,
-    start_drill,
     steps,
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -31,25 +29,16 @@ Reset = ResetSimulation.Request
 
 
 @pytest.fixture(scope="module")
-def drill():
-    process = start_drill("/stepped", **PARAMETERS)
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        yield process
-    finally:
-        process.stop()
+def drill(start_module_drill):
+    return start_module_drill("/stepped", **PARAMETERS)
 
 
 @pytest.fixture
-def client(drill):
+def client(drill, connect):
     """At time zero, paused, with seed zero."""
-    client = Client("/stepped")
-    client.status = client.listen("status")
-    client.set_state(SimulationState.STATE_PAUSED)
-    assert client.reset(seed=0).result == Result.RESULT_OK
-    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
-    yield client
-    client.close()
+    client = connect("/stepped")
+    client.begin(seed=0)
+    return client
 
 
 def state_of(client):
@@ -78,20 +67,18 @@ def test_steps_add_up_to_the_nanosecond_and_all_that_happened_is_heard(client):
 
     client.until(heard)
     client.reset()
-    client.drain(planes, impacts)
-    planes.clear()
-    impacts.clear()
     assert client.step(0.25) == SECOND // 4
     assert client.step(0.001234567) == SECOND // 4 + 1_234_567
     reached = run_to(client, SECOND)
     assert reached.result.result == Result.RESULT_OK
     assert nanoseconds(reached.time) == SECOND
-    client.until(lambda: len(planes) >= 100)
-    assert stamps(planes) == [number * SECOND // 100 for number in range(1, 101)]
+    client.until(lambda: len(runs(planes)[-1]) >= 100)
+    assert stamps(runs(planes)[-1]) == [number * SECOND // 100 for number in range(1, 101)]
     last = client.until(lambda: next((s for s in client.status if stamps([s]) == [SECOND]), None))
     assert last.state == Status.STATE_PAUSED
-    client.until(lambda: len(impacts) >= last.impacts - 1)
-    assert [message.sequence for message in impacts] == list(range(len(impacts)))
+    client.until(lambda: len(runs(impacts)[-1]) >= last.impacts - 1)
+    sequences = [message.sequence for message in runs(impacts)[-1]]
+    assert sequences == list(range(len(sequences)))
     assert state_of(client) == SimulationState.STATE_PAUSED
 
 
@@ -245,21 +232,26 @@ class Tape:
 
     def record(self, seed):
         """Give the contents of all messages of a run from a reset on, and the ground truth."""
-        assert self._client.reset(seed=seed).result == Result.RESULT_OK
-        self._client.until(lambda: stamps(self._client.status)[-1] == 0)
-        self._client.drain(*self._heard.values())
-        for messages in self._heard.values():
-            messages.clear()
-        end = script(self._client)
-        sampled = end - end % (SECOND // 100)
-        last = [self._heard[topic] for topic in TELEMETRY]
-        self._client.until(lambda: all(stamps(it)[-1:] == [sampled] for it in last))
-        self._client.drain(*self._heard.values())
-        recorded = {topic: list(map(contents, heard)) for topic, heard in self._heard.items()}
-        return {**recorded, "faults": contents(self._faults[-1])}
+        self._client.begin(seed)
+        script(self._client)
+        self._client.until(
+            lambda: [fault.active for fault in self._faults[-1].faults] == [False] * 3
+        )
+        faults = contents(self._faults[-1])
+        # All of this run has arrived on a topic when something of the next run has.
+        begun = {topic: len(runs(heard)) for topic, heard in self._heard.items()}
+        self._client.begin()
+        self._client.step(0.1)
+        self._client.until(
+            lambda: all(len(runs(heard)) > begun[topic] for topic, heard in self._heard.items())
+        )
+        recorded = {
+            topic: list(map(contents, runs(heard)[-2])) for topic, heard in self._heard.items()
+        }
+        return {**recorded, "faults": faults}
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(client):
+def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(client, start_drill, connect):
     tape = Tape(client)
     first, again, other = tape.record(7), tape.record(7), tape.record(8)
     for topic, recorded in first.items():
@@ -268,34 +260,21 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(client):
     for topic in ("nodal_plane", "contact_force", "trajectory", "reacting_force"):
         assert first[topic] != other[topic], topic
     # A drill that is started with the seed begins as one that is reset to it.
-    with_seed = start_drill("/seeded", seed=7, **PARAMETERS)
-    fresh = Client("/seeded")
-    try:
-        with_seed.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        fresh.status = fresh.listen("status")
-        assert Tape(fresh).record(None) == first
-    finally:
-        fresh.close()
-        with_seed.stop()
+    start_drill("/seeded", seed=7, **PARAMETERS)
+    assert Tape(connect("/seeded")).record(None) == first
 
 
-def test_a_signal_ends_a_step_and_its_client_hears_of_it():
+def test_a_signal_ends_a_step_and_its_client_hears_of_it(start_drill, connect):
     process = start_drill("/ended", **PARAMETERS)
-    client = Client("/ended")
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        status = client.listen("status")
-        request = StepSimulation.Request(duration=duration(1e6))
-        step = client.call_async(StepSimulation, "simulation/step", request)
-        client.until(lambda: status and status[-1].state == Status.STATE_RUNNING)
-        process.terminate()
-        client.until(step.done)
-        assert step.result().result.error_message == "interrupted: the drill has stopped"
-        assert process.wait(10.0) == 0
-        assert "Traceback" not in process.output
-    finally:
-        client.close()
-        process.stop()
+    client = connect("/ended")
+    request = StepSimulation.Request(duration=duration(1e6))
+    step = client.call_async(StepSimulation, "simulation/step", request)
+    client.until(lambda: client.status and client.status[-1].state == Status.STATE_RUNNING)
+    process.terminate()
+    client.until(step.done)
+    assert step.result().result.error_message == "interrupted: the drill has stopped"
+    assert process.wait() == 0
+    assert "Traceback" not in process.output
 
 
 def test_stamps_of_a_stepped_drill_are_evenly_spaced_across_steps(client):

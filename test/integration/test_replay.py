@@ -69,9 +69,8 @@ class Audience(Client):
 
 @pytest.fixture
 def audience():
-    audience = Audience()
-    yield audience
-    audience.close()
+    with Audience() as audience:
+        yield audience
 
 
 @pytest.fixture
