@@ -137,13 +137,15 @@ def test_impacts_stop_with_the_drive_and_begin_again_with_it(client, settle):
     assert (off.drive_voltage, off.drive_frequency) == (100.0, 16000.0)
     stopped = nanoseconds(off.drive_applied)
     client.until(lambda: stamps(client.status)[-1] >= stopped + int(1.2 * SECOND))
+    client.until(lambda: stamps(waveforms)[-1] > stopped + SECOND)
+    quiet = client.status[-1].impacts
+    client.until(lambda: impacts[-1].sequence + 1 >= quiet)
     last = [stamp for stamp in stamps(impacts) if stamp > stopped + SECOND // 2]
     assert last == []
     # The actuator stands still: only the suspension moves what is left of it.
     assert waveforms[-1].actuator_position == pytest.approx(
         waveforms[-1].nodal_plane_position, abs=1e-15
     )
-    quiet = client.status[-1].impacts
     assert quiet == impacts[-1].sequence + 1
     client.command(Drive(enabled=True, voltage=100.0, frequency=16000.0))
     client.until(lambda: client.status[-1].drive_enabled)

@@ -1,7 +1,7 @@
 """A managed drill: nothing is driven unless it is active, and no request ends it."""
 
 import pytest
-from drill_client import SECOND, duration, stamps
+from drill_client import SECOND, Client, duration, stamps
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
@@ -37,13 +37,12 @@ def drill(start_module_drill, scenario):
 
 @pytest.fixture
 def client(drill, connect):
-    """To a drill that is not configured, with its status from then on."""
-    client = connect("/managed")
-    for transition in WAYS[state_of(client)]:
-        assert change(client, transition)
-    client.until(lambda: client.node.count_publishers("/managed/status") == 0)
-    client.status.clear()
-    return client
+    """To a drill that is not configured."""
+    with Client("/managed") as before:
+        for transition in WAYS[state_of(before)]:
+            assert change(before, transition)
+        before.until(lambda: before.node.count_publishers("/managed/status") == 0)
+    return connect("/managed")
 
 
 def change(client, transition, node=NODE):

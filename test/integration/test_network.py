@@ -117,12 +117,15 @@ def test_all_sockets_are_bound_to_loopback_and_the_policy_names_all_that_is_offe
 
 @loopback_alone
 @pytest.mark.usefixtures("drill")
-def test_a_client_without_the_profile_finds_the_drill(process, tmp_path):
+def test_a_client_without_the_profile_finds_the_drill(process, client, tmp_path):
     environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     del environment["FASTRTPS_DEFAULT_PROFILES_FILE"]
-    recorder = process(
-        *("rpud", "record", "status", "--duration", "3", "--out", tmp_path / "bag"), env=environment
-    )
+    words = ("rpud", "record", "status", "--out", tmp_path / "bag")
+    recorder = process(*words, env=environment)
+    recorder.wait_for_line("subscribed /rpud/status")
+    count = len(client.status)
+    client.until(lambda: len(client.status) > count + 2)
+    recorder.interrupt()
     assert recorder.wait() == 0
     with rpud_sim.bag.open(tmp_path / "bag") as bag:
         assert [(each.topic.name, each.message_count > 0) for each in bag.topics] == [
