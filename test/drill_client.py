@@ -97,6 +97,23 @@ class Client:
         self.node.create_subscription(TYPES[topic], topic, heard.append, qos)
         return heard
 
+    def listen_to_runs(self, topic):
+        """Give the list of runs that the messages of a topic are added to: lists of messages.
+
+        At a reset the stamps go back. What was sent before it may arrive after its answer, but
+        never after what was sent later.
+        """
+        runs = [[]]
+
+        def hear(message):
+            run = runs[-1]
+            if run and stamps([message]) <= stamps(run[-1:]):
+                runs.append(run := [])
+            run.append(message)
+
+        self.node.create_subscription(TYPES[topic], topic, hear, PLENTY)
+        return runs
+
     def until(self, condition):
         """Hear messages until a condition holds and give its value; fail if it never does."""
         deadline = time.monotonic() + PATIENCE
@@ -195,19 +212,6 @@ def nanoseconds(time):
 def stamps(messages):
     """Give the stamps of messages in nanoseconds."""
     return [nanoseconds(message.header.stamp) for message in messages]
-
-
-def runs(messages):
-    """Give the messages of each run: at a reset the stamps go back.
-
-    What was sent before a reset may arrive after its answer, but never after what was sent later.
-    """
-    found = [[]]
-    for message, step in zip(messages, [1, *steps(stamps(messages))], strict=False):
-        if step <= 0:
-            found.append([])
-        found[-1].append(message)
-    return found
 
 
 def steps(values):

@@ -8,7 +8,6 @@ from drill_client import (
     contents,
     duration,
     nanoseconds,
-    runs,
     stamps,
     steps,
 )
@@ -58,12 +57,12 @@ def try_step(client, seconds):
 
 
 def test_steps_add_up_to_the_nanosecond_and_all_that_happened_is_heard(client):
-    planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
+    planes, impacts = map(client.listen_to_runs, ("nodal_plane", "contact_force"))
 
     def heard():
         client.reset()
         client.step(0.01)
-        return planes and impacts
+        return planes[-1] and impacts[-1]
 
     client.until(heard)
     client.reset()
@@ -72,12 +71,12 @@ def test_steps_add_up_to_the_nanosecond_and_all_that_happened_is_heard(client):
     reached = run_to(client, SECOND)
     assert reached.result.result == Result.RESULT_OK
     assert nanoseconds(reached.time) == SECOND
-    client.until(lambda: len(runs(planes)[-1]) >= 100)
-    assert stamps(runs(planes)[-1]) == [number * SECOND // 100 for number in range(1, 101)]
+    client.until(lambda: len(planes[-1]) >= 100)
+    assert stamps(planes[-1]) == [number * SECOND // 100 for number in range(1, 101)]
     last = client.until(lambda: next((s for s in client.status if stamps([s]) == [SECOND]), None))
     assert last.state == Status.STATE_PAUSED
-    client.until(lambda: len(runs(impacts)[-1]) >= last.impacts - 1)
-    sequences = [message.sequence for message in runs(impacts)[-1]]
+    client.until(lambda: len(impacts[-1]) >= last.impacts - 1)
+    sequences = [message.sequence for message in impacts[-1]]
     assert sequences == list(range(len(sequences)))
     assert state_of(client) == SimulationState.STATE_PAUSED
 
@@ -226,11 +225,11 @@ class Tape:
 
     def __init__(self, client):
         self._client = client
-        self._heard = {topic: client.listen(topic) for topic in RECORDED}
+        self._runs = {topic: client.listen_to_runs(topic) for topic in RECORDED}
         self._faults = client.listen("faults")
         # Whether the other side knows of all listeners shows in what they hear.
-        client.until(lambda: client.step(0.1) and all(self._heard.values()))
-        self._runs = 1
+        client.until(lambda: client.step(0.1) and all(map(any, self._runs.values())))
+        self._count = 1
 
     def record(self, seed):
         """Give the contents of all messages of a run from a reset on, and the ground truth."""
@@ -243,13 +242,9 @@ class Tape:
         # All of this run has arrived on a topic when something of the next run has.
         self._client.begin()
         self._client.step(0.1)
-        self._runs += 2
-        self._client.until(
-            lambda: all(len(runs(heard)) == self._runs for heard in self._heard.values())
-        )
-        recorded = {
-            topic: list(map(contents, runs(heard)[-2])) for topic, heard in self._heard.items()
-        }
+        self._count += 2
+        self._client.until(lambda: all(len(it) == self._count for it in self._runs.values()))
+        recorded = {topic: list(map(contents, runs[-2])) for topic, runs in self._runs.items()}
         return {**recorded, "faults": faults}
 
 

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from drill_client import runs, stamps
+from drill_client import stamps
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
@@ -144,14 +144,14 @@ def test_the_regime_by_parameter_and_by_engage_are_the_same(client):
     for leave in (lambda: engage(client, False), lambda: set_each(client, regime="free")):
         engage(client, True)
         client.reset()
-        heard = client.listen("reacting_force")
-        client.until(lambda heard=heard: client.step(0.1) and heard)
+        heard = client.listen_to_runs("reacting_force")
+        client.until(lambda heard=heard: client.step(0.1) and heard[-1])
         client.reset()
         client.step(0.2)
         leave()
         client.step(0.2)
-        client.until(lambda heard=heard: len(runs(heard)[-1]) == 40)
-        forces.append([message.force for message in runs(heard)[-1]])
+        client.until(lambda heard=heard: len(heard[-1]) == 40)
+        forces.append([message.force for message in heard[-1]])
     assert forces[0] == forces[1]
 
 
