@@ -1,4 +1,4 @@
-"""A plain rclpy client of the drill, as somebody else would write it."""
+"""A plain rclpy client of the drill, as a user would write it."""
 
 import itertools
 import time

@@ -1,4 +1,4 @@
-"""A drill that follows the /clock of somebody else."""
+"""A drill that follows the /clock of another node."""
 
 import pytest
 from drill_client import SECOND, nanoseconds, stamps, steps
@@ -12,7 +12,7 @@ BEGIN = 5000 * SECOND
 
 
 class Source:
-    """Somebody's simulation, whose time goes on when it is told to."""
+    """Another simulation, whose time goes on as the test wants."""
 
     def __init__(self, client):
         self._client = client
@@ -48,7 +48,7 @@ def drill(start_drill):
     return start_drill("/following", "waiting for /clock, as use_sim_time is set", **parameters)
 
 
-def test_it_goes_and_stands_with_the_clock_and_begins_anew_when_that_goes_back(
+def test_it_goes_and_stands_with_the_clock_and_begins_again_when_that_goes_back(
     drill, client, source
 ):
     planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
@@ -72,7 +72,7 @@ def test_it_goes_and_stands_with_the_clock_and_begins_anew_when_that_goes_back(
     assert set(steps(stamps(planes))) == {SECOND // 100}
     assert all(zero <= stamp <= source.now for stamp in stamps(impacts))
 
-    # The clock stands still, and so does the drill: but it tells that it is there.
+    # The clock stands still, and so does the drill: but its status still comes.
     count, heard = len(planes), len(statuses)
     client.until(lambda: len(statuses) >= heard + 2)
     assert len(planes) == count
@@ -90,7 +90,7 @@ def test_it_goes_and_stands_with_the_clock_and_begins_anew_when_that_goes_back(
     assert set(steps(stamps(planes))) == {SECOND // 100}
     assert set(steps([message.sequence for message in impacts])) == {1}
 
-    # and begins anew when the clock does.
+    # and begins again when the clock does.
     assert statuses[-1].active_faults == 1
     source.run(-SECOND)
     drill.wait_for_line("/clock went back: the drill begins again")

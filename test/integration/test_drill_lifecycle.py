@@ -63,7 +63,7 @@ def hard_impacts(impacts, since):
     ]
 
 
-def test_without_autostart_it_waits_and_says_so_to_whoever_asks(client):
+def test_without_autostart_it_waits_and_refuses_requests_with_that_reason(client):
     assert state_of(client) == "unconfigured"
     step = client.call(StepSimulation, "simulation/step", StepSimulation.Request())
     assert step.result.result == Result.RESULT_INCORRECT_STATE
@@ -108,7 +108,7 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
     assert client.status[-1].impacts > 50
     assert hard_impacts(impacts, 3 * SECOND // 2) == []
     assert abs(planes[-1].velocity) < 1e-6
-    # What is commanded begins anew.
+    # Commands begin again from the parameters.
     assert change(client, ACTIVATE)
     client.until(lambda: last() == (Status.STATE_PAUSED, 10.0, True))
     client.step(0.5)
@@ -140,7 +140,7 @@ def test_an_impossible_transition_is_answered_and_ends_nothing(client, drill, tr
     assert drill.running
 
 
-def test_after_a_clean_up_all_begins_anew(client):
+def test_after_a_clean_up_all_begins_again(client):
     assert change(client, CONFIGURE)
     assert change(client, ACTIVATE)
     assert client.step(0.5) == SECOND // 2

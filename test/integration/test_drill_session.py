@@ -10,7 +10,7 @@ from ament_index_python.packages import get_package_share_directory
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import Status
-from support import until
+from support import PATIENCE, until
 
 import rpud_sim.bag
 from rpud_sim.bag.recovery import RECORDING_RECORD
@@ -38,7 +38,7 @@ def run(*words):
         ["rpud", "run", *map(str, words)],
         capture_output=True,
         text=True,
-        timeout=100.0,
+        timeout=PATIENCE,
         check=False,
     )
     return done.returncode, done.stdout, done.stderr
@@ -226,7 +226,7 @@ def has_ended(pid: str) -> bool:
         (signal.SIGTERM, "rpud run: the recorder was stopped before the drill"),
     ],
 )
-def test_a_recorder_that_ends_does_not_stop_the_drill_but_is_told_at_the_end(
+def test_a_recorder_that_ends_does_not_stop_the_drill_and_is_named_at_the_end(
     process, connect, tmp_path, number, complaint
 ):
     running = process("rpud", "run", "--record", tmp_path / "bag")
@@ -243,7 +243,7 @@ def test_a_recorder_that_ends_does_not_stop_the_drill_but_is_told_at_the_end(
     assert "bag: " not in running.output
 
 
-def test_what_a_frozen_recorder_lacks_of_what_was_sent_is_told(process, connect, tmp_path):
+def test_messages_that_a_frozen_recorder_misses_are_counted_at_the_end(process, connect, tmp_path):
     running = process("rpud", "run", "--record", tmp_path / "bag", "--quiet")
     client = connect("/rpud")
     waveforms = client.listen("waveform")

@@ -1,4 +1,4 @@
-"""The command watchdog: what happens when commands stay out, come late, or from two sides."""
+"""The command watchdog: commands that stop arriving, arrive late, or come from two sides."""
 
 import pytest
 from builtin_interfaces.msg import Time

@@ -3,6 +3,7 @@
 import subprocess
 
 import pytest
+from support import PATIENCE
 
 NAME = "/twin/drill_node"
 
@@ -18,7 +19,7 @@ def run(*words):
         ["rpud", "run", "--namespace", "twin", "--duration", "2.5", "--quiet", *words],
         capture_output=True,
         text=True,
-        timeout=100.0,
+        timeout=PATIENCE,
         check=False,
     )
     return done.returncode, done.stderr
