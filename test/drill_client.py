@@ -171,7 +171,7 @@ class Client:
             lambda: (
                 self.status
                 and self.status[-1].state == Status.STATE_PAUSED
-                and stamps(self.status)[-1] == 0
+                and stamps(self.status[-1:])[0] == 0
             )
         )
 

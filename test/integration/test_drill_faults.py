@@ -54,13 +54,13 @@ def engage(client, data):
 
 def at(client, stamp):
     """Give the status of a simulation time, after all telemetry until then."""
-    client.until(lambda: stamps(client.status)[-1] == stamp)
+    client.until(lambda: stamps(client.status[-1:])[0] == stamp)
     return client.status[-1]
 
 
 def advance(client, seconds):
     """Step and give what the telemetry said of it, by topic."""
-    begin = stamps(client.status)[-1]
+    begin = stamps(client.status[-1:])[0]
     at(client, client.step(seconds))
     arrived(client)
     return {
@@ -71,9 +71,9 @@ def advance(client, seconds):
 
 def arrived(client):
     """Wait for the telemetry up to the last status."""
-    end = stamps(client.status)[-1]
+    end = stamps(client.status[-1:])[0]
     for topic in TELEMETRY:
-        client.until(lambda heard=client.heard[topic]: stamps(heard)[-1] == end)
+        client.until(lambda heard=client.heard[topic]: stamps(heard[-1:])[0] == end)
 
 
 def clear(client, number=0):
@@ -186,7 +186,7 @@ def test_signal_faults_change_their_channel_alone(client):
     assert {message.position for message in heard["nodal_plane"]} == {last.position}
     assert stamps(heard["nodal_plane"]) == stamps(heard["wrench"])
     assert client.inject("off", "contact_force").success
-    begin = stamps(client.status)[-1]
+    begin = stamps(client.status[-1:])[0]
     first = at(client, client.step(0.2)).impacts
     assert clear(client) == (True, "")
     heard = advance(client, 0.2)

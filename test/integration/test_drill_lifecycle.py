@@ -104,7 +104,7 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
     client.until(lambda: last() == (Status.STATE_INACTIVE, 0.0, False))
     # The drill goes on: the motion that is left dies away, and nothing strikes any more.
     client.step(2.0)
-    client.until(lambda: stamps(planes)[-1] == stamps(client.status)[-1] == 5 * SECOND // 2)
+    client.until(lambda: stamps(planes[-1:])[0] == stamps(client.status[-1:])[0] == 5 * SECOND // 2)
     assert client.status[-1].impacts > 50
     assert hard_impacts(impacts, 3 * SECOND // 2) == []
     assert abs(planes[-1].velocity) < 1e-6

@@ -121,7 +121,7 @@ def test_a_change_is_seen_in_the_motion_from_then_on(client):
     def resting_place():
         """Where the drill comes to rest on its spring without the drive."""
         reached = client.step(2.0)
-        client.until(lambda: stamps(planes)[-1] == reached)
+        client.until(lambda: stamps(planes[-1:])[0] == reached)
         return planes[-1].position
 
     before = resting_place()

@@ -132,7 +132,7 @@ def test_the_duration_is_simulation_time_to_the_nanosecond(bag):
     _, heard = bag
     planes, statuses = stamps(heard["/rpud/nodal_plane"]), heard["/rpud/status"]
     origin = nanoseconds(heard["/rpud/trajectory"][0].origin)
-    assert planes[-1] == stamps(statuses)[-1] == origin + 2 * SECOND
+    assert planes[-1] == stamps(statuses[-1:])[0] == origin + 2 * SECOND
     running = [status for status in statuses if status.state == Status.STATE_RUNNING]
     assert stamps(running)[0] == origin
 

@@ -40,7 +40,7 @@ def test_every_sensor_is_heard_with_default_and_with_sensor_data_qos(client, qos
     client.until(lambda: all(len(messages) >= 5 for messages in heard.values()))
 
     def ages():
-        return [time.time_ns() - stamps(messages)[-1] for messages in heard.values()]
+        return [time.time_ns() - stamps(messages[-1:])[0] for messages in heard.values()]
 
     # Near the wall clock, so that they line up with what other sensors say.
     client.until(lambda: all(abs(age) < SECOND for age in ages()))

@@ -32,7 +32,7 @@ def client(drill, connect):
 
 def at(client, stamp):
     """Give the status of a simulation time."""
-    client.until(lambda: stamps(client.status)[-1] == stamp)
+    client.until(lambda: stamps(client.status[-1:])[0] == stamp)
     return client.status[-1]
 
 

@@ -56,7 +56,7 @@ def step(client, steps):
 
 
 def reached(client, stamp):
-    client.until(lambda: stamps(client.status)[-1] == stamp)
+    client.until(lambda: stamps(client.status[-1:])[0] == stamp)
 
 
 def accepted(client, action, steps, feedback=None):
