@@ -172,7 +172,7 @@ def test_display_starts_nothing_where_a_package_is_missing(launch):
 
 def test_a_parameter_file_that_is_missing_is_an_error_of_the_drill(launch):
     launched = launch("drill.launch.py", "config:=nowhere.yaml")
-    launched.wait(COMPILED)
+    launched.wait()
     assert "nowhere.yaml" in launched.output
     assert "exit code 2" in launched.output
     assert "drilling: regime" not in launched.output
