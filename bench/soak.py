@@ -161,9 +161,14 @@ class Watched:
         self._ticks: list[int] = []
         self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
 
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._process.poll() is None
+
     def check_running(self) -> None:
         """Raise RuntimeError if it has ended."""
-        if self._process.poll() is not None:
+        if not self.running:
             raise RuntimeError(f"{self.name} ended with exit code {self._process.returncode}")
 
     def sample(self) -> None:
@@ -228,7 +233,9 @@ def soak(duration: float, bag: str | None = None) -> Result:
         drill = Watched("drill", "drill_node", "--ros-args", "-r", f"__ns:={namespace}")
         processes.append(drill)
         tallies = listener.tallies.values()
-        listener.take_until(lambda: all(tally.messages for tally in tallies), STARTING)
+        listener.take_until(
+            lambda: not drill.running or all(tally.messages for tally in tallies), STARTING
+        )
         drill.check_running()
         if not listener.arrivals:
             raise RuntimeError(f"the drill was not heard within {STARTING:g} s")

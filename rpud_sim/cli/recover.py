@@ -10,7 +10,7 @@ from rpud_sim.cli.progress import progress_bar
 from rpud_sim.foundation.terminal import complain, printable, table
 
 if TYPE_CHECKING:
-    from rpud_sim.bag.recovery_account import Recovery
+    from rpud_sim.bag import Recovery
 
 HELP = "make a whole bag of one that was cut off or damaged"
 EXAMPLE = "rpud recover bags/torn --out bags/whole"

@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the report and say where it is; give the exit code."""
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.report.report import ReportError, write_report
+    from rpud_sim.inspection.report.bag_report import ReportError, write_report
 
     try:
         with progress_bar(" messages", scaled=True) as bar:

@@ -41,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the sweep and print what was made; give the exit code."""
-    from rpud_sim.studies.sweep.errors import SweepError, WorkerError
-    from rpud_sim.studies.sweep.specification import read_specification
+    from rpud_sim.studies.sweep.chunks import WorkerError
+    from rpud_sim.studies.sweep.specification import SweepError, read_specification
 
     started = time.perf_counter()
     try:

@@ -1,4 +1,4 @@
-"""Requests from other threads, done by one thread when it has the time."""
+"""Requests from any thread, which one thread serves."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ _POLL_PERIOD = 0.5  # between checks that the thread is still alive [s]
 
 
 class StoppedError(RuntimeError):
-    """A request that comes too late: the drilling has ended."""
+    """A request that cannot be served: the thread has ended, or has not begun."""
 
 
 class Requests:
-    """Queue of actions for the thread that does them.
+    """Queue of actions for the thread that serves them.
 
     Args:
         notify: called when one more waits.
@@ -27,15 +27,19 @@ class Requests:
         self._notify = notify
         self._waiting: deque[tuple[Callable[[], Any], Future[Any]]] = deque()
         self._closed = threading.Event()
+        self._server: threading.Thread | None = None
 
     def do(self, action: Callable[[], Any]) -> Any:
         """Have an action done; return what it returns, raise what it raises.
 
-        Of an action that returns a Future it is the Future's result.
+        If it returns a Future, wait for that, and return its result. The serving thread itself does
+        an action at once, and waits for no Future: it would wait for itself.
 
         Raises:
             StoppedError: if the thread has ended.
         """
+        if threading.current_thread() is self._server:
+            return action()
         done: Future[Any] = Future()
         self._waiting.append((action, done))
         self._notify()
@@ -43,16 +47,17 @@ class Requests:
         return self._wait(result) if isinstance(result, Future) else result
 
     def serve(self) -> None:
-        """Do what waits, in the thread that does it."""
+        """Do what waits; the calling thread is the serving one."""
+        self._server = threading.current_thread()
         while self._waiting:
             action, future = self._waiting.popleft()
             try:
                 future.set_result(action())
-            except Exception as error:  # it belongs to the thread that asked
+            except Exception as error:  # for the thread that asked
                 future.set_exception(error)
 
     def close(self) -> None:
-        """Refuse what waits, and all that comes."""
+        """Reject waiting and later actions."""
         self._closed.set()
         while self._waiting:
             self._waiting.popleft()[1].set_exception(StoppedError("the drill has stopped"))

@@ -130,7 +130,7 @@ def _set_parameters(random: random.Random) -> list[ParameterMessage]:
 
 
 def _names(random: random.Random) -> list[str]:
-    return [hostile.name(random, PARAMETERS) for _ in range(random.randrange(4))]
+    return [hostile.name(random, tuple(PARAMETERS)) for _ in range(random.randrange(4))]
 
 
 def _fault(random: random.Random) -> Any:
@@ -229,14 +229,14 @@ def _reason(drill: Drill, action: Callable[[], Any]) -> Reason:
 
 
 def _overrides(random: random.Random, drill: Drill) -> Reason:
-    names = [hostile.name(random, PARAMETERS) for _ in range(random.randrange(1, 4))]
+    names = [hostile.name(random, tuple(PARAMETERS)) for _ in range(random.randrange(1, 4))]
     return _reason(drill, lambda: to_settings({name: hostile.value(random) for name in names}))
 
 
 def _node(random: random.Random, drill: Drill) -> Reason:
     """Another node, with overrides of the types that rcl knows."""
     values = {
-        random.choice(PARAMETERS): random.choice(
+        random.choice(tuple(PARAMETERS)): random.choice(
             (
                 hostile.number(random),
                 hostile.whole(random, 63),
@@ -267,7 +267,7 @@ def _file(name: str, read: Callable[[Path], Any], templates: tuple[str, ...]) ->
 
 
 def _assignment(random: random.Random, drill: Drill) -> Reason:
-    text = f"{hostile.name(random, PARAMETERS)}={hostile.scalar(random)}"
+    text = f"{hostile.name(random, tuple(PARAMETERS))}={hostile.scalar(random)}"
     if random.random() < 0.1:
         text = hostile.text(random)
     return _reason(drill, lambda: to_configuration(dict([parse_assignment(text)])))

@@ -175,12 +175,15 @@ def sequences(path):
         ]
 
 
-def test_services_pause_go_on_and_split(process, talker, ask, tmp_path):
+def test_services_pause_go_on_and_split(process, talker, ask, connect, tmp_path):
+    client = connect("/rpud")
     recorder = process("recorder", "--out", tmp_path / "run", "--start-paused")
     talker("--count", 100_000, "--rate", 500).wait_for_line("talking")
     assert ask("is_paused", "IsPaused").paused
     ask("resume", "Resume")
     assert not ask("is_paused", "IsPaused").paused
+    impacts = client.listen("contact_force")
+    client.until(lambda: len(impacts) > 100)
     ask("split_bagfile", "SplitBagfile")
     ask("pause", "Pause")
     ask("toggle_paused", "TogglePaused")

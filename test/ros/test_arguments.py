@@ -4,7 +4,7 @@ import argparse
 
 import pytest
 
-from rpud_sim.bag.writer import COMPRESSIONS
+from rpud_sim.bag.output_file import COMPRESSIONS
 from rpud_sim.ros import arguments as arguments_module
 from rpud_sim.ros.arguments import add_record_arguments, add_replay_arguments
 

@@ -66,6 +66,20 @@ def test_actions_of_many_threads_are_done_one_by_one_and_each_is_answered():
     assert answers == {number: -number for number in range(50)}
 
 
+def test_the_serving_thread_does_its_own_requests_at_once():
+    with Worker() as worker:
+
+        def nested():
+            inner = worker.requests.do(lambda: worker.requests.do(threading.current_thread))
+            assert inner is worker.thread
+            with pytest.raises(KeyError):
+                worker.requests.do({}.popitem)
+            future = worker.requests.do(Future)  # it cannot wait for itself
+            return future.done()
+
+        assert worker.requests.do(nested) is False
+
+
 def test_what_waits_at_the_end_is_refused_and_so_is_all_that_comes():
     waiting = threading.Event()
     requests = Requests(waiting.set)

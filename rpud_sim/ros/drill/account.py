@@ -1,4 +1,4 @@
-"""Account of a drilling: statistics of intervals and of all, and the reports of them."""
+"""Account of a drilling: statistics, and the reports of them."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _COMMAND_TOPICS = ("command/weight_on_bit", "command/drive")
 
 
 class Account:
-    """Reports every second and on demand, of the interval since the full report before.
+    """Statistics and reports, every second and on demand.
 
     Attributes:
-        scheduling: how the system schedules the drilling.
+        scheduling: how the system schedules the pacing thread.
 
     Args:
         node: for its name, its clock and the graph.
@@ -102,13 +102,13 @@ class Account:
 
         Args:
             state: one of the STATE constants of ``rpud_msgs/Status``.
-            run: to report of.
+            run: to report on.
             pacer: None before the start.
         """
         now = time.monotonic_ns()
         if self._last is None or now >= self._due or pacer is None:
             self._count()
-            timing = pacer.take() if pacer else NO_TIMING
+            timing = pacer.read() if pacer else NO_TIMING
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()

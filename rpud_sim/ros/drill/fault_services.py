@@ -23,7 +23,7 @@ from rpud_sim.simulation.simulation import Simulation
 
 
 class FaultServices:
-    """``inject_fault``, ``clear_fault`` and ``list_faults``, and ``engage``, which is no fault.
+    """Services ``inject_fault``, ``clear_fault``, ``list_faults`` and ``engage``.
 
     Args:
         node: that owns them.
@@ -71,7 +71,7 @@ class FaultServices:
             ]
             response.kinds = list(run.simulation.honoured_kinds())
 
-        with contextlib.suppress(StoppedError):  # there are no faults before and after
+        with contextlib.suppress(StoppedError):  # without a run there are no faults
             self._host.request(act)
         response.channels = list(CHANNELS)
         return response
@@ -87,7 +87,7 @@ class FaultServices:
 
     def _answer(self, response: Any, act: Callable[[Simulation], None]) -> Any:
         try:
-            self._host.request(lambda drilling: drilling.act_on_faults(act))
+            self._host.request(lambda drilling: drilling.act(lambda run: act(run.simulation)))
             response.success = True
         except (ParameterError, StoppedError) as error:
             self._host.refuse_request(str(error))

@@ -1,4 +1,4 @@
-"""The drill node as its services see it."""
+"""Drill node as its services see it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from rpud_sim.ros.drill.drilling import Drilling
 
 
 class DrillHost(Protocol):
-    """What the services of the drill need of its node."""
+    """Interface of the node for its services."""
 
     @property
     def drilling(self) -> Drilling | None:
-        """The drilling, to be read; None until the node has been activated."""
+        """Drilling, to be read; None until the node has been activated."""
 
     def request(self, action: Callable[[Drilling], Any]) -> Any:
         """Have something done between two blocks; return what it returns, raise what it raises.

@@ -1,30 +1,35 @@
-"""Pacer: absolute deadlines of blocks, and how late each one was."""
+"""Pacer: absolute deadlines of blocks, how late each one was, and the priority to meet them."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import time
 from collections.abc import Callable
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.lateness import Lateness
 
+# A block is computed this long before its deadline, at most half a block [s]. Until then requests
+# and parameters still act at the beginning of the block, so that services answer at once.
+_LEAD = 0.005
+
 
 @dataclasses.dataclass(frozen=True)
 class Timing:
-    """How well the schedule was kept.
+    """Punctuality of the blocks.
 
     Args:
         blocks: blocks finished since the start.
         deadlines_missed: of them, those finished later than one period after their deadline.
         lateness: of the last block, from its deadline to its end [s].
-        lateness_max: since the last call of ``Pacer.take`` [s].
+        lateness_max: since the last call of ``Pacer.read`` [s].
         lateness_p50: half of the blocks since the start were not later [s].
         lateness_p99: of all blocks since the start, 99 % were not later [s].
         lateness_p999: of all blocks since the start, 99.9 % were not later [s].
         lag: how far simulation time is behind its schedule, in whole periods [s].
-        real_time_factor: simulated time over elapsed time since the last call of ``Pacer.take``.
+        real_time_factor: simulated time over elapsed time since the last call of ``Pacer.read``.
     """
 
     blocks: int
@@ -53,6 +58,7 @@ class Pacer:
         clock: monotonic time [ns].
         schedule: the time that the schedule follows [ns]; None for the monotonic one. With another
             one, which goes in steps, a block is due at the step that brings its end.
+        sleep: waits for some seconds.
     """
 
     def __init__(
@@ -61,22 +67,33 @@ class Pacer:
         factor: float = 1.0,
         clock: Callable[[], int] = time.monotonic_ns,
         schedule: Callable[[], int] | None = None,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._rate = rate
         self._factor = factor
         self._clock = clock
         self._schedule = schedule or clock
         self._in_steps = schedule is not None
-        self._begun = 0
+        self._sleep = sleep
+        self.reset()
+
+    @property
+    def paces(self) -> bool:
+        """Whether blocks have deadlines: it is started, and the factor is not zero."""
+        return self._running and self._factor != 0.0
+
+    def reset(self) -> None:
+        """Count from zero, and hold the schedule until the next start."""
         self._running = False
+        self._begun = 0
         self._blocks = 0
         self._missed = 0
         self._lateness = 0.0
         self._lateness_max = 0.0
         self._all = Lateness()
         self._start = self._start_time = self._time = 0
-        self._taken_at = self._clock()
-        self._taken_time = 0
+        self._read_at = self._clock()
+        self._read_time = 0
 
     def start(self, time: int, at: int | None = None, factor: float | None = None) -> None:
         """Begin a schedule: a simulation time [ns] is due at a time of the schedule, now if None.
@@ -102,11 +119,30 @@ class Pacer:
         self._begun = self._schedule()
         return (self._due(time) - self._begun) / SECOND
 
+    def idle(self, time: int) -> float:
+        """Time until the block that ends at a simulation time [ns] is to be computed [s].
+
+        That is 5 ms before its deadline or half a block, whichever is less. With another schedule
+        it is at the deadline: that time may stand still just then, and requests would wait with it.
+        """
+        if self._in_steps or self._factor == 0.0:
+            return self.remaining(time)
+        return self.remaining(time) - min(_LEAD, 0.5 / (self._rate * self._factor))
+
+    def wait(self, time: int) -> None:
+        """Sleep until the deadline of a block that was computed ahead of it.
+
+        Without effect with another schedule: its blocks are computed at their deadlines, and it may
+        have gone back meanwhile.
+        """
+        if self.paces and not self._in_steps and (early := self.remaining(time)) > 0.0:
+            self._sleep(early)
+
     def finish(self, time: int) -> None:
         """Note that the block up to a simulation time [ns] is finished."""
         self._blocks += 1
         self._time = time
-        if not (self._running and self._factor):
+        if not self.paces:
             return
         due = max(self._due(time), self._begun) if self._in_steps else self._due(time)
         late = self._schedule() - due
@@ -117,12 +153,12 @@ class Pacer:
         if lateness * self._rate * self._factor > 1.0:
             self._missed += 1
 
-    def take(self) -> Timing:
+    def read(self) -> Timing:
         """Return the timing so far, and begin a new interval for its rates and maxima."""
         now = self._clock()
-        elapsed = now - self._taken_at
+        elapsed = now - self._read_at
         behind = 0.0
-        if self._running and self._factor:
+        if self.paces:
             scheduled = (self._schedule() - self._start) * self._factor
             behind = max(0.0, scheduled - (self._time - self._start_time)) / SECOND
         timing = Timing(
@@ -134,12 +170,28 @@ class Pacer:
             lateness_p99=self._all.quantile(0.99),
             lateness_p999=self._all.quantile(0.999),
             lag=math.floor(behind * self._rate) / self._rate,
-            real_time_factor=(self._time - self._taken_time) / elapsed if elapsed > 0 else 1.0,
+            real_time_factor=(self._time - self._read_time) / elapsed if elapsed > 0 else 1.0,
         )
-        self._taken_at = now
-        self._taken_time = self._time
+        self._read_at = now
+        self._read_time = self._time
         self._lateness_max = 0.0
         return timing
 
     def _due(self, time: int) -> int:
         return self._start + round((time - self._start_time) / self._factor)
+
+
+def schedule_thread(priority: int) -> str:
+    """Schedule the calling thread with a priority; return how it is scheduled now.
+
+    What it starts does not inherit that. If the system denies it, the thread stays as it is.
+
+    Args:
+        priority: of real-time scheduling (SCHED_FIFO), from 1 to 99; 0 for time-sharing.
+    """
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if priority else os.SCHED_OTHER
+    try:
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except OSError as error:
+        return f"time-sharing: real-time priority {priority}: {error.strerror}"
+    return f"real-time priority {priority}" if priority else "time-sharing"

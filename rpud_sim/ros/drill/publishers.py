@@ -1,4 +1,4 @@
-"""Publishers of the drill node: one for each topic, fed with messages as plain fields."""
+"""Publishers of the drill node: one for each topic, of messages as plain fields."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class DrillPublishers:
     """All publishers of the drill node.
 
     Attributes:
-        sent: where the messages of each topic are counted, None for no count. With a count all of
-            them are sent, also those without a subscriber.
-        patient: whether to wait for reliable subscribers rather than to overwrite what they lack.
+        sent: counts of the messages of each topic, None for no count. With a count topics without
+            a subscriber are published too.
+        patient: whether to wait for reliable subscribers before overwriting messages they lack.
 
     Args:
         node: that owns them.
@@ -60,7 +60,7 @@ class DrillPublishers:
 
     @property
     def dropped(self) -> int:
-        """Messages that the middleware did not take."""
+        """Messages that the middleware did not accept."""
         return self._dropped
 
     @property
@@ -69,7 +69,7 @@ class DrillPublishers:
         return [name for name in TOPICS if not self._is_heard(name)]
 
     def wanted(self, topic: str) -> bool:
-        """Whether a topic is to be sent: it has a subscriber, or all messages are counted."""
+        """Return whether to publish a topic: it has a subscriber, or messages are counted."""
         return self.sent is not None or self._is_heard(topic)
 
     def encode(self, entries: Iterable[tuple[int, str, Fields]]) -> list[Encoded]:
@@ -79,13 +79,13 @@ class DrillPublishers:
     def publish(self, entries: Iterable[tuple[int, str, Fields]]) -> None:
         """Publish messages.
 
-        All are serialized before the first one goes: what follows at once finds a subscriber awake,
-        and to wake one costs more than the rest of sending.
+        All are serialized before the first one is sent: messages in quick succession find a
+        subscriber awake, and waking one costs more than the rest of sending.
         """
         self.send(self.encode(entries))
 
     def send(self, messages: Iterable[Encoded]) -> None:
-        """Publish messages that are serialized."""
+        """Publish serialized messages."""
         for name, message in messages:
             self._send(name, message)
 
@@ -99,7 +99,7 @@ class DrillPublishers:
         self._send("/diagnostics", diagnostics)
 
     def wait_for_subscribers(self, seconds: float = _LONGEST_WAIT) -> None:
-        """Wait until reliable subscribers have everything, but not longer than this in all."""
+        """Wait until reliable subscribers have everything, at most for this time in all [s]."""
         end = time.monotonic() + seconds
         for name, publisher in self._publishers.items():
             if not name.startswith("/"):
@@ -107,7 +107,7 @@ class DrillPublishers:
                 publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
 
     def destroy(self) -> None:
-        """Take the publishers from the graph."""
+        """Destroy the publishers."""
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         self._publishers.clear()
@@ -123,13 +123,13 @@ class DrillPublishers:
             self._unacknowledged[name] += 1
             if self.patient and name in TOPICS and TOPICS[name].complete:
                 self._await(name)
-        except RuntimeError:  # RCLError: the middleware did not take it
+        except RuntimeError:  # RCLError: the middleware did not accept it
             self._dropped += 1
 
     def _await(self, name: str) -> None:
         """Let reliable subscribers catch up before the oldest messages would be overwritten."""
         if self._unacknowledged[name] >= TOPICS[name].depth:
-            # For all at once: to hear from the subscribers of one takes as long as of all.
+            # For all at once: waiting for the subscribers of one topic takes as long as for all.
             self.wait_for_subscribers()
             self._unacknowledged.clear()
 

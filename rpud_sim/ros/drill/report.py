@@ -1,4 +1,4 @@
-"""Report of the drill node on itself, and its diagnostics."""
+"""Report on the state of the drill node, and its diagnostics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """What the node did until a block boundary.
+    """State of the node at a block boundary.
 
     Args:
         time: simulation time [ns].
@@ -26,8 +26,8 @@ class Report:
         requests_refused: of services, since the start.
         last_refusal: why the latest command or request was refused.
         namesakes: other nodes of the same name.
-        scheduling: how the system schedules the drilling.
-        timing: how well the schedule was kept.
+        scheduling: how the system schedules the pacing thread.
+        timing: punctuality of the blocks.
         figures: of the interval since the report before.
     """
 

@@ -17,9 +17,10 @@ from rpud_msgs.srv import (
 )
 
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.ros.drill.drilling import Drilling, InterruptedStepError
+from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.host import DrillHost
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
+from rpud_sim.ros.drill.time_control import InterruptedStepError, TimeControl
 from rpud_sim.ros.requests import StoppedError
 
 STOPPED = SimulationState.STATE_STOPPED
@@ -31,7 +32,7 @@ LONGEST_STEP = 1e6  # [s]; longer than any mission
 
 
 class RefusedError(Exception):
-    """A request that is refused, with the number of its result."""
+    """Refused request, with the number of its result."""
 
     def __init__(self, result: int, reason: str) -> None:
         super().__init__(reason)
@@ -50,7 +51,7 @@ class SimulationServices:
 
     def __init__(self, node: Node, host: DrillHost) -> None:
         self._host = host
-        # A step takes its time: meanwhile the others must be answered.
+        # A step takes long: meanwhile the other services must answer.
         self.stepping = MutuallyExclusiveCallbackGroup()
         for kind, name, handler, group in (
             (GetSimulationState, "get_state", self.get_state, None),
@@ -62,14 +63,14 @@ class SimulationServices:
             node.create_service(kind, f"simulation/{name}", handler, callback_group=group)
 
     def controls_time(self) -> bool:
-        """Whether the time can be paused and stepped, and is not that of another's ``/clock``."""
+        """Return whether time can be paused and stepped: it follows no other ``/clock``."""
         drilling = self._host.drilling
         return drilling is None or not drilling.follows_clock
 
     def get_state(self, request: Any, response: Any) -> Any:
-        """Answer which state it is in."""
+        """Answer with the state."""
         drilling = self._host.drilling
-        response.state.state = STOPPED if drilling is None else _state_of(drilling)
+        response.state.state = STOPPED if drilling is None else _state_of(drilling.time_control)
         response.result.result = Result.RESULT_OK
         return response
 
@@ -78,7 +79,7 @@ class SimulationServices:
         return self.answer(response, lambda: self._set_state(int(request.state.state)))
 
     def reset(self, scope: int, seed: int | None = None) -> None:
-        """Begin anew.
+        """Restart the time, the state or both.
 
         Raises:
             RefusedError: if that is not possible.
@@ -97,7 +98,7 @@ class SimulationServices:
 
         def act(drilling: Drilling) -> None:
             if bits & whole.SCOPE_SPAWNED and not state:
-                drilling.act_on_faults(lambda simulation: simulation.clear_all())
+                drilling.act(lambda run: run.simulation.clear_all())
             drilling.reset(time=time, state=state, seed=seed)
 
         self._host.request(act)
@@ -106,7 +107,7 @@ class SimulationServices:
         """Step to a simulation time [ns]; return the stamp that was reached.
 
         Args:
-            until_of: gives that time, called between two blocks; may raise RefusedError.
+            until_of: returns that time, called between two blocks; may raise ``RefusedError``.
 
         Raises:
             RefusedError: if that is not possible.
@@ -119,10 +120,11 @@ class SimulationServices:
             )
 
         def begin(drilling: Drilling) -> Any:
+            control = drilling.time_control
             for holds, state in (
-                (drilling.playing, "playing"),
-                (drilling.at_start, "stopped"),
-                (drilling.stepping, "stepping already"),
+                (control.playing, "playing"),
+                (control.at_start, "stopped"),
+                (control.stepping, "stepping already"),
             ):
                 if holds:
                     raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
@@ -140,7 +142,7 @@ class SimulationServices:
         return drilling.run.origin + int(reached)
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
-        """Fill the response with what comes of an action, and return it."""
+        """Fill the response with the result of an action, and return it."""
         try:
             act()
             response.result.result = Result.RESULT_OK
@@ -156,7 +158,7 @@ class SimulationServices:
             response.result.result = Result.RESULT_INCORRECT_STATE
             response.result.error_message = str(error)
             self._host.refuse_request(str(error))
-        except Exception as error:  # a client must hear of it, whatever it is
+        except Exception as error:  # the client must get an answer in any case
             response.result.result = Result.RESULT_OPERATION_FAILED
             response.result.error_message = str(error)
             self._host.refuse_request(str(error))
@@ -181,7 +183,7 @@ class SimulationServices:
             )
 
         def act(drilling: Drilling) -> None:
-            if _state_of(drilling) == state and not drilling.stepping:
+            if _state_of(drilling.time_control) == state and not drilling.time_control.stepping:
                 already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
                 raise RefusedError(already, "it is in that state already")
             {STOPPED: drilling.halt, PLAYING: drilling.play, PAUSED: drilling.pause}[state]()
@@ -228,7 +230,7 @@ class SimulationServices:
         return self.answer(response, lambda: self.reset(int(request.scope), seed))
 
 
-def _state_of(drilling: Drilling) -> int:
-    if drilling.playing:
+def _state_of(control: TimeControl) -> int:
+    if control.playing:
         return PLAYING
-    return STOPPED if drilling.at_start else PAUSED
+    return STOPPED if control.at_start else PAUSED

@@ -1,4 +1,4 @@
-"""QoS that a user asks for in place of what publishers offer: a file as rosbag2 takes it."""
+"""QoS overrides: a file in rosbag2's format, in place of what publishers offer."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.qos import RECORDING_DEPTH
 
 _SIZE_LIMIT = 1_000_000  # bytes
-# What PyYAML lets through where a text is not what its tag says, such as `!!timestamp 1`.
+# PyYAML raises these for a text that does not fit its tag, such as ``!!timestamp 1``.
 _YAML_ERRORS = (AttributeError, LookupError, RecursionError, TypeError, ValueError)
 _DURATION_LIMIT = 2**31 - 1  # s
 
 
 class QosOverrideError(ValueError):
-    """The file of overrides cannot be used; the text names the file, the topic and the policy."""
+    """Invalid file of overrides; the text names the file, the topic and the policy."""
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,12 @@ _READERS: Mapping[str, Callable[[Any], Any]] = {
 
 
 def read_qos_overrides(path: str) -> dict[str, QoSProfile]:
-    """Read the profile of each topic that the YAML file at `path` names.
+    """Read the profile of each topic in a YAML file.
 
-    A policy that is not named is the middleware's default, and the depth RECORDING_DEPTH. Raises
-    QosOverrideError.
+    A missing policy is the middleware's default, a missing depth ``RECORDING_DEPTH``.
+
+    Raises:
+        QosOverrideError: if the file cannot be used.
     """
     try:
         if Path(path).stat().st_size > _SIZE_LIMIT:

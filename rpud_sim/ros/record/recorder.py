@@ -16,22 +16,22 @@ from rclpy.qos import QoSProfile
 from rclpy.utilities import remove_ros_args
 
 from rpud_sim.bag import BagError, BagWriter
-from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
+from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest
-from rpud_sim.bag.recovery import RECORDING_RECORD
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.arguments import MAX_CACHE_SIZE, add_record_arguments
 from rpud_sim.ros.record.disk_room import DiskRoom
 from rpud_sim.ros.record.drill_inquiry import DrillInquiry
 from rpud_sim.ros.record.intake import Intake
+from rpud_sim.ros.record.message_queue import MessageQueue, NamedRecord
 from rpud_sim.ros.record.progress import ProgressLine
 from rpud_sim.ros.record.qos_overrides import QosOverrideError, read_qos_overrides
 from rpud_sim.ros.record.record_report import RecordProgress, failure, late_text, summary
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.recorder_services import RecorderServices
-from rpud_sim.ros.record.recording import MessageQueue, NamedRecord, WritingThread
-from rpud_sim.ros.record.selection import TopicSelection
+from rpud_sim.ros.record.topic_selection import TopicSelection
+from rpud_sim.ros.record.writing_thread import WritingThread
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 
@@ -178,11 +178,11 @@ class _Collection:
                 looked = now
                 self._keep_losses()
                 with node.guard("a node of the graph"):
-                    self._inquiry.look()
+                    self._inquiry.discover()
                 with node.guard("a topic of the graph"):
                     if node.discover() and not ready:
                         ready_at = now if node.complete else now + _SETTLING
-            more = node.take()
+            more = node.receive()
             self._services.serve()
             self._keep(self._inquiry.poll())
             if not ready and now >= ready_at:
@@ -224,7 +224,7 @@ def _drain(node: Recorder) -> None:
 
 def _take_all(node: Recorder) -> None:
     until = time.time_ns()
-    while node.take(until):
+    while node.receive(until):
         pass
 
 

@@ -8,7 +8,7 @@ from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity
-from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
+from rpud_sim.ros.drill.declaration import DrillParameters, declare_settings
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
@@ -58,11 +58,8 @@ def described(context):
 def running(node):
     """Give a node that checks changes as the drill does, and the settings that they came to."""
     drill = node()
-    taken = [declare_settings(drill)]
-    drill.add_on_set_parameters_callback(lambda changes: check_changes(taken[-1], changes))
-    drill.add_post_set_parameters_callback(
-        lambda changes: taken.append(taken[-1].replace(changed_values(changes)))
-    )
+    taken = []
+    taken.append(DrillParameters(drill, taken.append).settings)
     return drill, taken
 
 
@@ -237,8 +234,7 @@ def test_parameters_of_others_are_let_through(running):
     drill.declare_parameter("of_another", 1)
     [result] = drill.set_parameters([Parameter("of_another", value=2)])
     assert result.successful
-    assert changed_values([Parameter("of_another", value=2)]) == {}
-    assert taken[-1] == Settings()
+    assert taken == [Settings()]
 
 
 @pytest.mark.parametrize(
@@ -261,3 +257,13 @@ def test_an_override_that_cannot_be_used_is_named(node, name, value, complaint):
         declare_settings(drill)
     assert str(caught.value).startswith(complaint)
     assert "\n" not in str(caught.value)
+
+
+def test_changeable_parameters_are_restored_and_nothing_else_is_touched(node):
+    drill, taken = node(), []
+    parameters = DrillParameters(drill, taken.append)
+    drill.set_parameters([Parameter("command_timeout", value=7.0)])
+    assert parameters.settings == taken[-1] == Settings().replace({"command_timeout": 7.0})
+    parameters.restore(Settings())
+    assert parameters.settings == taken[-1] == Settings()
+    assert len(taken) == 2

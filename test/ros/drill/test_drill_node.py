@@ -37,3 +37,21 @@ def test_a_clean_up_is_no_end_of_the_process_however_long_its_listeners_take(nod
     node.trigger_deactivate()
     node.trigger_cleanup()
     assert finished == [False]
+
+
+def test_a_configuration_that_fails_leaves_no_publisher_behind(node, tmp_path):
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text("faults: []\n")
+    parameter = Parameter("scenario", value=str(scenario))
+    drill = DrillNode(namespace="/another", parameter_overrides=[parameter])
+    try:
+        scenario.unlink()
+        with pytest.raises(RuntimeError, match="the drill cannot be started; the log says why"):
+            drill.start()
+        assert drill.count_publishers("status") == 0
+        scenario.write_text("faults: []\n")
+        drill.start()
+        assert drill.count_publishers("status") == 1
+        drill.stop()
+    finally:
+        drill.destroy_node()
