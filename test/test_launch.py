@@ -16,7 +16,7 @@ from ament_index_python.packages import (
 )
 from drill_client import COMPILED
 
-from rpud_sim.ros.arguments import COMPRESSIONS
+from rpud_sim.ros.record.record_options import COMPRESSIONS
 
 ROOT = Path(__file__).resolve().parent.parent
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))

@@ -28,6 +28,15 @@ def shown_name(name: Any) -> str:
     return name if plain else shown(name)
 
 
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """A known name that is nearly the one given, as `` (did you mean x?)``; empty if none is.
+
+    It is stricter than `did_you_mean`: names of topics begin alike, and none is listed instead.
+    """
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8)
+    return f" (did you mean {close[0]}?)" if close else ""
+
+
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
     """What to try in place of an unknown name: the nearest known one, or all of them."""
     known = list(known)

@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from rpud_sim.bag import BagWriter, Message, Topic
-from rpud_sim.ros.arguments import MAX_CACHE_SIZE
 from rpud_sim.ros.record.disk_room import DiskRoom
+from rpud_sim.ros.record.record_options import RecordOptions
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class MessageQueue:
     to one of the two threads, so that neither waits for the other.
     """
 
-    def __init__(self, capacity: int = MAX_CACHE_SIZE) -> None:
+    def __init__(self, capacity: int = RecordOptions.max_cache_size) -> None:
         self._capacity = capacity
         self._items: queue.SimpleQueue[Item | None] = queue.SimpleQueue()
         self._put_bytes = 0
