@@ -16,6 +16,7 @@ from rpud_sim.bag.columns import RECEIVED, Column, Kind, columns_of, objects
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.messages import Message
 from rpud_sim.bag.storage_file import TopicSummary
+from rpud_sim.foundation.quantities import suggestion
 
 if TYPE_CHECKING:
     import pandas
@@ -128,7 +129,8 @@ def open_tables(
     size = 0
     for name in dict.fromkeys(known if topics is None else topics):
         if name not in known:
-            raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}")
+            hint = suggestion(name, known)
+            raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}{hint}")
         kind = (known[name].topic.type, known[name].definition)
         if kind not in compiled:
             compiled.add(kind)

@@ -28,12 +28,15 @@ def shown_name(name: Any) -> str:
     return name if plain else shown(name)
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """A known name that is nearly the one given, as `` (did you mean x?)``; empty if none is.
+def suggestion(name: Any, known: Iterable[str]) -> str:
+    """Return `` (did you mean x?)`` with the nearest known name; empty if none is near.
 
-    It is stricter than `did_you_mean`: names of topics begin alike, and none is listed instead.
+    It is for messages that list the known names anyway, and stricter than `did_you_mean`: names of
+    topics begin alike.
     """
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8)
+    known = list(known)
+    near = isinstance(name, str)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8) if near else []
     return f" (did you mean {close[0]}?)" if close else ""
 
 
