@@ -13,7 +13,6 @@ from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.time import SECOND, split_seconds
 
 HELP = "list a bag's topics, counts, rates, times and losses"
-DETAILS = ""
 EXAMPLE = "rpud info bags/first"
 
 

@@ -45,10 +45,11 @@ def build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
         module = importlib.import_module(f"rpud_sim.cli.{name}")
+        details = getattr(module, "DETAILS", "")
         command = commands.add_parser(
             name,
             help=module.HELP,
-            description=f"{module.HELP[0].upper()}{module.HELP[1:]}. {module.DETAILS}",
+            description=f"{module.HELP[0].upper()}{module.HELP[1:]}. {details}",
             epilog=f"example: {module.EXAMPLE}",
         )
         module.add_arguments(command)

@@ -13,7 +13,6 @@ from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.record_options import COMPRESSIONS, RecordOptions
 
 HELP = "record ROS topics into a bag that rosbag2 reads"
-DETAILS = ""
 EXAMPLE = "rpud record --out bags/first --duration 10"
 
 

@@ -25,7 +25,6 @@ from rpud_sim.ros.replay.replay_options import (
 )
 
 HELP = "publish a bag's messages with their types, QoS and timing"
-DETAILS = ""
 EXAMPLE = "rpud replay bags/first --rate 0.5"
 
 _NAME = r"(/[A-Za-z_][A-Za-z0-9_]*)+"

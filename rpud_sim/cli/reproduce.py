@@ -14,7 +14,6 @@ from rpud_sim.cli.progress import progress_bar
 from rpud_sim.foundation.terminal import printable
 
 HELP = "reproduce the paper's figures and numbers as a report"
-DETAILS = ""
 EXAMPLE = "rpud reproduce --out reproduction"
 
 

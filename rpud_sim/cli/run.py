@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from rpud_sim.ros.stopping import StopRequest
 
 HELP = "drill in real time on ROS topics"
-DETAILS = ""
 EXAMPLE = "rpud run --duration 10 --record bags/first --set weight_on_bit=20"
 
 

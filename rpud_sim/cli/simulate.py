@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from rpud_sim.simulation.scenario import Scenario
 
 HELP = "run the drill offline, faster than real time, and print its figures"
-DETAILS = ""
 EXAMPLE = "rpud simulate --regime drilling --duration 20 --set weight_on_bit=20 --json"
 
 _DURATION = Quantity("s", "simulated time", 1e-9, 1e6)  # time is whole nanoseconds

@@ -15,7 +15,6 @@ from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
 HELP = "run a design of experiments over any parameters"
-DETAILS = ""
 EXAMPLE = "rpud sweep config/sweep.yaml --out sweeps/first"
 
 _WORKERS = Quantity("", "processes", 1, 1024, whole=True)

@@ -9,6 +9,7 @@ from importlib import metadata
 import rclpy
 from rclpy.exceptions import NameValidationException
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 _WHEEL = "ros-fastrtps"
 
@@ -33,6 +34,11 @@ def start_ros(arguments: Sequence[str] = ()) -> None:
             "ROS_SECURITY_ENABLE is true, but the ROS wheels are built without DDS-Security: "
             "use an installed ROS, or unset ROS_SECURITY_ENABLE"
         )
+    try:
+        remove_ros_args(list(arguments))  # rclpy.init would print a second line
+    except RuntimeError as error:  # RCLError
+        reason = str(error).partition(", at ")[0]
+        raise StartError(f"ROS arguments that cannot be used: {reason}") from error
     try:
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # RCLError
