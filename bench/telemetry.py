@@ -19,8 +19,10 @@ from rclpy.signals import SignalHandlerOptions
 from bench.hearing import Hearing
 from bench.row import Row, row
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.drill.publishers import TOPICS
+from rpud_sim.ros.drill.publishers import DIAGNOSTICS
 from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.types import message_class
+from rpud_sim.simulation.topics import TOPICS
 
 PERIOD = 0.01  # of blocks at the default rate [s]
 SECONDS = 20.0  # of listening at each load
@@ -31,7 +33,10 @@ LOADS: Mapping[str, Mapping[str, object]] = {
     # Five channels and more at 100 kHz, about 1,500 impacts per second, scalars at 1 kHz.
     "largest": {"weight_on_bit": 80.0, "sample_rate": 100_000, "telemetry_rate": 1000},
 }
-_KINDS = {name: kind for name, (kind, _) in TOPICS.items()}
+_KINDS = {
+    name: message_class(topic.type)
+    for name, topic in {**TOPICS, "/diagnostics": DIAGNOSTICS}.items()
+}
 _STARTING = 60.0  # that a process may take until it is heard [s]
 _SETTLING = 2.0  # between the first message and the first figure [s]
 

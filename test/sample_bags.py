@@ -122,6 +122,30 @@ def write_everything(path: Path, count: int = 3) -> Path:
     return path
 
 
+# What `write_damaged` damages, and words of the reasons.
+DAMAGED = {
+    "record rpud_losses": "unreadable",
+    "/rpud/odd": "not YAML",
+    "record rpud_manifest": "unreadable",
+    TALK.name: "2 of its messages: ",
+}
+
+
+def write_damaged(path: Path) -> Path:
+    """Write a bag with three whole messages on TALK, and with all of DAMAGED."""
+    with BagWriter(path) as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        for number in range(5):
+            time = START + number * SECOND
+            data = serialized_string("whole") if number % 2 == 0 else b"\x00\x01\x00\x00\xff"
+            bag.write(TALK.name, data, time, time)
+        odd = {"offered_qos_profiles": "!!timestamp 1", "topic_type_hash": ""}
+        bag.add_channel(Topic("/rpud/odd", STRING), None, odd)
+        bag.add_record("rpud_losses", {"losses": "["})
+        bag.add_record("rpud_manifest", {"manifest": "["})
+    return path
+
+
 def write_offline_bag(
     path: Path, parameters: Parameters, duration: float, phase=0.0, scenario=None, seed=0
 ) -> None:

@@ -171,6 +171,15 @@ def test_display_starts_nothing_where_a_package_is_missing(launch):
     assert left_behind(launched) == []
 
 
+def test_a_parameter_file_that_is_missing_is_an_error_of_the_drill(launch):
+    launched = launch("drill.launch.py", "config:=nowhere.yaml")
+    launched.wait(COMPILED)
+    assert "nowhere.yaml" in launched.output
+    assert "exit code 2" in launched.output
+    assert "drilling: regime" not in launched.output
+    assert left_behind(launched) == []
+
+
 def test_a_recorded_drill_ends_when_its_recorder_fails(launch, tmp_path):
     (tmp_path / "there").mkdir()
     launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'there'}")

@@ -12,7 +12,7 @@ from rpud_sim.cli.tables import print_json, table
 from rpud_sim.foundation.terminal import printable
 
 if TYPE_CHECKING:
-    from rpud_sim.bag.recovery_account import Recovery
+    from rpud_sim.bag import Recovery
 
 HELP = "make a whole bag of one that was cut off or damaged"
 DETAILS = (

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the report and print its path; return the exit code."""
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.report.report import ReportError, write_report
+    from rpud_sim.inspection.report.bag_report import ReportError, write_report
 
     with failing(BagError, ReportError), progress_bar(" messages", scaled=True) as bar:
         seen = write_report(arguments.bag, arguments.out, bar.update)

@@ -47,8 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the sweep and print the account; return the exit code."""
-    from rpud_sim.studies.sweep.errors import SweepError, WorkerError
-    from rpud_sim.studies.sweep.specification import read_specification
+    from rpud_sim.studies.sweep.chunks import WorkerError
+    from rpud_sim.studies.sweep.specification import SweepError, read_specification
 
     started = time.perf_counter()
     with failing(SweepError, code=ExitCode.USAGE), failing(WorkerError):

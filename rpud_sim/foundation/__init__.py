@@ -1,1 +1,1 @@
-"""What every room stands on: quantities and their checks, parameters, time, and YAML."""
+"""Foundation of all packages: quantities and their checks, parameters, time, files, terminal."""

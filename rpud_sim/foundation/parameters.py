@@ -1,10 +1,10 @@
-"""Declarations of parameters: a default, what is allowed, and whether it may change, in one place.
+"""Declarations of parameters: default, allowed values, and whether they may change.
 
 A frozen dataclass that inherits from ``ParameterGroup`` declares each parameter by one field:
 
     free_mass: float = number(5e-3, "kg", "mass of the free mass, m_fm", 0.0, 10.0, exclusive=True)
 
-Checks, parameter files, ROS descriptors, ``--set`` and the tables of the documentation follow.
+Checks, parameter files, ROS descriptors and ``--set`` derive from it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text
 
 @dataclasses.dataclass(frozen=True)
 class Declaration:
-    """What is known of a parameter.
+    """Declaration of a parameter.
 
     Args:
         name: of the parameter.
@@ -90,7 +90,7 @@ class ParameterGroup:
 
 @cache
 def declarations(group: type) -> Mapping[str, Declaration]:
-    """Return the declarations of a group by name; fields that declare nothing are left out."""
+    """Return the declarations of a group by name, without fields that declare nothing."""
     return MappingProxyType(
         {
             field.name: Declaration(

@@ -11,11 +11,11 @@ from typing import Any
 
 
 class ParameterError(ValueError):
-    """A parameter that cannot be used; its text names parameter, value, unit and allowed range."""
+    """Unusable parameter; the text names parameter, value, unit and allowed range."""
 
 
 def shown(value: Any) -> str:
-    """Any value as short text on one line."""
+    """Return any value as short text on one line."""
     try:
         return reprlib.repr(value)
     except ValueError:  # an integer with more digits than Python writes
@@ -23,7 +23,7 @@ def shown(value: Any) -> str:
 
 
 def shown_name(name: Any) -> str:
-    """A name that a user gave, as short text on one line; plain where it is a plain name."""
+    """Return a user's name as short text on one line, in quotes unless it is a plain name."""
     plain = isinstance(name, str) and name.isprintable() and len(name) <= 60
     return name if plain else shown(name)
 
@@ -41,7 +41,7 @@ def suggestion(name: Any, known: Iterable[str]) -> str:
 
 
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
-    """What to try in place of an unknown name: the nearest known one, or all of them."""
+    """Return a hint for an unknown name: the nearest known one, or all of them."""
     known = list(known)
     close = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
     return f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
@@ -49,7 +49,7 @@ def did_you_mean(name: Any, known: Iterable[str]) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
-    """A number with its unit, meaning and allowed range.
+    """Number with its unit, meaning and allowed range.
 
     Args:
         unit: SI unit, empty for a pure number.

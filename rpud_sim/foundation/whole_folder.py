@@ -1,4 +1,4 @@
-"""New folders, and files in them: there when all is whole, and never written through a link."""
+"""Folders and files that appear under their names only when they are complete."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 UNFINISHED = ".unfinished"
-"""Behind the name of a file until all of it is written."""
+"""Suffix of the name of a file until it is complete."""
 
 
 @contextmanager
 def whole_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a folder that gets the name ``out`` when all is in it, and goes when something fails.
+    """Context with a new folder, which is renamed to ``out`` at its end; deleted after an error.
 
-    Raises FileExistsError, with the name, where anything exists at ``out`` or at the name that the
-    folder has until then, and OSError where it cannot be made.
+    Raises:
+        FileExistsError: with the name, if ``out`` or ``out`` with ``.part``, its name until then,
+            exists.
+        OSError: if the folder cannot be made.
     """
     whole = Path(os.path.abspath(out))
     part = Path(f"{whole}.part")
-    for there, name in ((whole, os.fspath(out)), (part, f"{os.fspath(out)}.part")):
-        if os.path.lexists(there):
+    for existing, name in ((whole, os.fspath(out)), (part, f"{os.fspath(out)}.part")):
+        if os.path.lexists(existing):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), name)
     part.mkdir(parents=True)
     try:
@@ -36,9 +38,10 @@ def whole_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Give a path to write to, which becomes this one when all is written and on the disk."""
+    """Context with a path to write to, which replaces ``path`` when all is on the disk."""
     unfinished = path.with_name(path.name + UNFINISHED)
-    # A call that was killed may have left it; what a link of that name leads to is not ours.
+    # A killed process may have left it. A link of that name must not be followed: its target is not
+    # ours.
     unfinished.unlink(missing_ok=True)
     unfinished.open("xb").close()
     yield unfinished

@@ -1,4 +1,4 @@
-"""YAML as people write it, whatever they write: a value, or one error in one line."""
+"""Reading of YAML from users: a value, or an error in one line."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import yaml
 
 from rpud_sim.foundation.quantities import ParameterError
 
-# Written by hand; whatever is longer is something else, and would take seconds to read.
+# Files for this are written by hand. A longer file is something else and takes seconds to read.
 MOST_BYTES = 100_000
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML in which 1e-3 and 1.96e11 are numbers, as in YAML 1.2 and for ROS.
+    """Loader of YAML in which 1e-3 and 1.96e11 are numbers, as in YAML 1.2 and for ROS.
 
-    There are no aliases, as for ROS, for by them a short file can say very much, and no doubled
-    keys.
+    It rejects aliases, as ROS does, because a short file with them can become very large, and
+    duplicate keys.
     """
 
     def compose_node(self, parent: Any, index: Any) -> Any:
@@ -53,19 +53,19 @@ _LoaderWithoutTruthValues.yaml_implicit_resolvers = {
     for first, resolvers in _Loader.yaml_implicit_resolvers.items()
 }
 
-# What PyYAML lets through where a text is not what its tag says, or too deep.
+# PyYAML raises these as well: for a text that does not fit its tag, or is nested too deeply.
 _PYYAML_ERRORS = (ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError)
 
 
 def parse_yaml(text: str, truth_values: bool = True) -> Any:
-    """Return what a text says.
+    """Return the value of a text in YAML.
 
     Args:
         text: one document.
-        truth_values: whether words such as off are truth values; otherwise they are words.
+        truth_values: whether words such as off are truth values or words.
 
     Raises:
-        ParameterError: if it is not YAML, or says more than its length lets one expect.
+        ParameterError: if it is not YAML, or has aliases or duplicate keys.
     """
     try:
         return yaml.load(text, _Loader if truth_values else _LoaderWithoutTruthValues)
@@ -74,7 +74,7 @@ def parse_yaml(text: str, truth_values: bool = True) -> Any:
 
 
 def read_yaml(path: str | Path, truth_values: bool = True) -> Any:
-    """Return what a file says.
+    """Return the value of a file in YAML.
 
     Args:
         path: of the file.

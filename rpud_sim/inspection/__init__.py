@@ -1,1 +1,1 @@
-"""Numbers, plots and reports from trajectories and bags."""
+"""Inspection of bags: reports, exports, rebuilt waveforms, proofs; and bags of offline runs."""

@@ -1,4 +1,4 @@
-"""A bag of a run without ROS: the topics of the drill node, in simulation time from zero."""
+"""Bag of a run without ROS: the topics of the drill node, in simulation time from zero."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ def write_offline_bag(
     scenario_text: str = "",
     report: Callable[[float], object] = lambda seconds: None,
 ) -> None:
-    """Simulate and write what the drill node would publish; the bag's clock is simulation time.
+    """Simulate a run and write a bag of it; the bag's clock is simulation time.
+
+    The bag holds what the drill node would publish.
 
     Args:
         path: folder of the new bag.
@@ -40,8 +42,8 @@ def write_offline_bag(
 
     Raises:
         BagError: if the bag cannot be written.
-        EngineError: if the simulation cannot go on.
-        FaultError: if a fault of the scenario cannot be honoured.
+        EngineError: if the engine cannot continue.
+        FaultError: if a fault of the scenario is not possible.
     """
     run = Run(beginning, Journal())
     codecs = {
@@ -57,7 +59,7 @@ def write_offline_bag(
     with BagWriter(path) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
         for name, topic in TOPICS.items():
-            # As discovery shows the node's publishers.
+            # The offers of the node's publishers, as a recorder discovers them.
             offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
             bag.add_topic(
                 Topic(f"{NAMESPACE}/{name}", topic.type, find_type_hash(topic.type), (offer,)),
@@ -70,7 +72,7 @@ def write_offline_bag(
 
 
 def _messages(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Entry]:
-    """Yield what the node publishes during a run, with a status every second."""
+    """Yield the messages of a run, with a status every second."""
     run.begin(0)
     yield from run.changes()
     yield run.status("running", Bookkeeping())

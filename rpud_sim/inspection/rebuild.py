@@ -1,4 +1,4 @@
-"""Waveforms at any rate, exact, out of a bag's trajectory: one NumPy file for each channel."""
+"""Rebuilding of exact waveforms from a bag's trajectory: one NumPy file for each channel."""
 
 from __future__ import annotations
 
@@ -17,35 +17,35 @@ from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.foundation.time import join_seconds
-from rpud_sim.foundation.whole_folder import whole_folder
+from rpud_sim.inspection.output import new_folder
 from rpud_sim.simulation.rebuilding import Rebuilder, end_sample, first_sample, to_segments
 from rpud_sim.simulation.sampling import CHANNELS, Samples
 from rpud_sim.simulation.topics import TOPICS
 
 _TYPE = TOPICS["trajectory"].type
 _MOST_SKIPPED = 100_000  # samples at once
-# Segments follow each other but for this [s]; the times of a run that begins anew go back further.
+# Rounding of the times of consecutive segments [s]; at a reset, time steps back further.
 _ROUNDING = 1e-6
 
 
 class RebuildError(Exception):
-    """A waveform cannot be rebuilt; the text says why, in one line."""
+    """Waveform that cannot be rebuilt; the text gives the reason in one line."""
 
 
 @dataclass(frozen=True)
 class Rebuilt:
-    """What was rebuilt.
+    """Result of rebuilding the waveforms of one run.
 
     Args:
         path: folder of the files, each named after its channel, of shape (count,), float64, SI.
         rate: of the samples [Hz].
         first: number of the first sample: simulation time is number / rate.
         count: of samples of each channel.
-        missing: samples that no segment covers, not a number in all files.
+        missing: samples that no segment covers; they are NaN in all files.
         origin: stamp of simulation time zero [ns].
-        run: number of the simulation in the bag, from 1; a reset begins another.
-        runs: how many there are.
-        trajectory_size: of all messages that tell the trajectory [bytes].
+        run: number of the simulation in the bag, from 1; a reset begins the next one.
+        runs: number of simulations in the bag.
+        trajectory_size: of all messages of the trajectory [bytes].
         size: of the files [bytes].
     """
 
@@ -64,7 +64,7 @@ class Rebuilt:
 @dataclass(frozen=True)
 class _Piece:
     run: int
-    follows: bool  # on the piece before it, without a gap
+    follows: bool  # the piece before it, without a gap
     origin: int
     segments: np.ndarray
 
@@ -79,19 +79,19 @@ def rebuild(
     topic: str | None = None,
     report: Callable[[int], object] = lambda samples: None,
 ) -> Rebuilt:
-    """Write every channel of a bag's trajectory at any rate; no simulation is needed.
+    """Write every channel of a bag's trajectory at any rate, without a simulation.
 
-    There is nothing at `out` until all of it is whole.
+    ``out`` appears when all of it is complete.
 
     Args:
         path: of the bag.
         out: new folder for the files.
         rate: whole [Hz].
-        start: from the beginning of the trajectory on [s].
-        duration: at most [s]; None for all.
-        run: which simulation, where resets began several.
+        start: of the rebuilt part, from the beginning of the trajectory [s].
+        duration: of the rebuilt part, at most [s]; None for all.
+        run: number of the simulation, if resets began several.
         topic: of the trajectory, if the bag holds several.
-        report: told the samples that were written since it was told last.
+        report: called with the number of samples that were written since its last call.
 
     Raises:
         BagError: if the bag cannot be read.
@@ -106,30 +106,25 @@ def rebuild(
             raise RebuildError(f"--start = {start:g} s is not in the {held:g} s that the bag holds")
         if duration is not None:
             end = min(end, first + max(1, round(duration * rate)))
-        try:
-            with whole_folder(out) as folder:
-                with _Files(folder, first, end - first) as files:
-                    for number, samples in _samples(pieces, rate, run, end):
-                        report(files.write(number, samples))
-                    files.finish()
-                rebuilt = Rebuilt(
-                    path=os.fspath(out),
-                    rate=rate,
-                    first=first,
-                    count=end - first,
-                    missing=files.missing,
-                    origin=origin,
-                    run=run,
-                    runs=runs,
-                    trajectory_size=pieces.size,
-                    size=files.size,
-                )
-                content = json.dumps(vars(rebuilt), indent=2) + "\n"
-                (folder / "rebuilt.json").write_text(content, encoding="utf-8")
-        except FileExistsError as error:
-            raise RebuildError(f"{error.filename} exists already; nothing is overwritten") from None
-        except OSError as error:
-            raise RebuildError(f"cannot write {out}: {error.strerror or error}") from error
+        with new_folder(out, RebuildError) as folder:
+            with _Files(folder, first, end - first) as files:
+                for number, samples in _samples(pieces, rate, run, end):
+                    report(files.write(number, samples))
+                files.finish()
+            rebuilt = Rebuilt(
+                path=os.fspath(out),
+                rate=rate,
+                first=first,
+                count=end - first,
+                missing=files.missing,
+                origin=origin,
+                run=run,
+                runs=runs,
+                trajectory_size=pieces.size,
+                size=files.size,
+            )
+            content = json.dumps(vars(rebuilt), indent=2) + "\n"
+            (folder / "rebuilt.json").write_text(content, encoding="utf-8")
     return rebuilt
 
 
@@ -166,7 +161,7 @@ def _survey(pieces: _Pieces, rate: int, run: int) -> tuple[int, int, int, int]:
 
 
 def _samples(pieces: _Pieces, rate: int, run: int, end: int) -> Iterator[tuple[int, Samples]]:
-    """Yield the samples of a run before a number, with the number of the first of each."""
+    """Yield the samples of a run before sample ``end``, each array with its first number."""
     rebuilder = Rebuilder(rate)
     for piece in pieces:
         if piece.run != run:
@@ -180,10 +175,10 @@ def _samples(pieces: _Pieces, rate: int, run: int, end: int) -> Iterator[tuple[i
 
 
 class _Pieces:
-    """The trajectory message by message, to be gone through again and again.
+    """Pieces of a trajectory, one for each message; it can be iterated several times.
 
     Attributes:
-        size: of the messages [bytes].
+        size: of the messages of the last iteration [bytes].
     """
 
     def __init__(self, bag: BagReader, topic: str) -> None:
@@ -218,10 +213,10 @@ class _Pieces:
 
 
 class _Files:
-    """One growing NumPy file for each channel; what nobody writes is not a number.
+    """Growing NumPy files, one for each channel; gaps between written samples are NaN.
 
     Attributes:
-        missing: samples that nobody wrote.
+        missing: number of samples in gaps.
     """
 
     def __init__(self, folder: Path, first: int, count: int) -> None:
@@ -240,11 +235,11 @@ class _Files:
 
     @property
     def size(self) -> int:
-        """Of all files [bytes]."""
+        """Size of all files [bytes]."""
         return sum(path.stat().st_size for path in self._paths.values())
 
     def write(self, number: int, samples: Samples) -> int:
-        """Write samples from a number on, but for those outside; return how many it were."""
+        """Write samples that begin with a number; return how many of them lie in the files."""
         self._skip_to(min(number, self._end))
         begin = max(self._next, number)
         end = min(self._end, number + len(samples.reacting_force))
@@ -263,7 +258,7 @@ class _Files:
         self._open.close()
 
     def finish(self) -> None:
-        """Fill what is left at the end."""
+        """Fill the gap at the end."""
         self._skip_to(self._end)
 
     def _skip_to(self, number: int) -> None:

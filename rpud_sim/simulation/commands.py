@@ -1,4 +1,4 @@
-"""Commands to the drill: checked once, when they are made, and immutable from then on."""
+"""Commands to the drill, checked when they are made, and immutable."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ VOLTAGE = Quantity("V", "amplitude of the voltage on the piezoelectric stack", 0
 
 @dataclasses.dataclass(frozen=True)
 class WeightOnBit:
-    """The constant force with which the preloaded load spring pushes the drill toward the rock.
+    """Constant force with which the preloaded load spring pushes the drill toward the rock.
 
     Args:
         force: W [N].
@@ -30,7 +30,7 @@ class WeightOnBit:
 
 @dataclasses.dataclass(frozen=True)
 class Drive:
-    """The sinusoidal voltage on the piezoelectric stack.
+    """Sinusoidal voltage on the piezoelectric stack.
 
     A drive that is not enabled may leave voltage and frequency at zero, which keeps the present
     ones.
@@ -66,7 +66,7 @@ class Drive:
 
 @dataclasses.dataclass(frozen=True)
 class Applied:
-    """The commands in force, and since when.
+    """Commands in force, and since when.
 
     Times are integer nanoseconds of simulation time.
     """

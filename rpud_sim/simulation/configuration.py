@@ -1,4 +1,4 @@
-"""All parameters: of the drill, its actuator and its rock, and of the run that moves them."""
+"""Configuration of the drill, its actuator and its rock, and settings of a run."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rpud_sim.foundation.parameters import (
     text,
 )
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
-from rpud_sim.model.parameters import Parameters, preset
-from rpud_sim.simulation.actuator import ActuatorParameters, check_drive
+from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
+from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.scenario import Scenario, read_scenario
@@ -26,7 +26,7 @@ _LEAST_REAL_TIME_FACTOR = 0.01
 
 @dataclasses.dataclass(frozen=True)
 class Configuration(ParameterGroup):
-    """A drill with its actuator and its rock.
+    """Drill with its actuator and its rock.
 
     Args:
         parameters: of the impact dynamics.
@@ -35,7 +35,7 @@ class Configuration(ParameterGroup):
         drive_enabled: whether the actuator is driven from the start.
 
     Raises:
-        ParameterError: if the nominal drive would give an amplitude outside its range.
+        ParameterError: if ``drive_enabled`` is neither true nor false.
     """
 
     parameters: Parameters = dataclasses.field(default_factory=Parameters)
@@ -43,19 +43,27 @@ class Configuration(ParameterGroup):
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
     drive_enabled: bool = flag(True, "whether the actuator is driven from the start")
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        voltage = self.actuator.nominal_voltage
-        check_drive(
-            Drive(True, voltage, self.parameters.vibration_frequency),
-            self.parameters.vibration_amplitude,
-            voltage,
-        )
+    def check_drive(self, drive: Drive) -> None:
+        """Check that the greatest amplitude of a drive, that on resonance, is allowed.
+
+        It is proportional to the voltage. The resonance model stays below it at every frequency and
+        temperature, also while ringing up.
+
+        Raises:
+            ParameterError: if the amplitude is outside its range.
+        """
+        if drive.enabled:
+            # The ratio first: for the nominal drive it is exactly one.
+            ratio = drive.voltage / self.actuator.nominal_voltage
+            QUANTITIES["vibration_amplitude"].check(
+                f"vibration_amplitude at drive voltage {drive.voltage:g} V",
+                self.parameters.vibration_amplitude * ratio,
+            )
 
 
 @dataclasses.dataclass(frozen=True)
 class Settings(ParameterGroup):
-    """What a run of the drill is started with: all parameters.
+    """Settings of a run: all parameters.
 
     Raises:
         ParameterError: if a value is outside its range, or two do not fit together.
@@ -108,7 +116,7 @@ class Settings(ParameterGroup):
     block_duration: float = number(
         0.05, "s", "length of a block of waveform and trajectory", 1e-3, 1.0
     )
-    scenario: str = text("", "a path", "file of the faults that come by themselves; none if empty")
+    scenario: str = text("", "a path", "file of the faults that begin by themselves; none if empty")
     seed: int = number(
         0,
         "",
@@ -153,7 +161,10 @@ class Settings(ParameterGroup):
         return to_settings({**self.values(), **changes})
 
     def read_scenario(self, seed: int | None = None) -> Scenario | None:
-        """Read the scenario, if there is one; a seed of zero leaves it its own.
+        """Read the scenario, if there is one.
+
+        Args:
+            seed: in place of that of the settings. If both are zero, the scenario has its own.
 
         Raises:
             ParameterError: if its file cannot be used.
@@ -172,7 +183,7 @@ PARAMETERS: Mapping[str, Declaration] = {
     **declarations(Settings),
 }
 CHANGEABLE = tuple(name for name, declaration in PARAMETERS.items() if declaration.changeable)
-# Those that are not the drill's own.
+# Parameters of the run, not of the drill.
 NODE_NAMES = tuple(declarations(Settings))
 
 
@@ -180,8 +191,8 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
     """Return the configuration: the regime's preset with the given values.
 
     Args:
-        values: by name; ``regime`` chooses the preset, drilling if it is not given. Those of the
-            run that are not the drill's are passed over.
+        values: by name; ``regime`` chooses the preset, drilling if it is not given. Parameters
+            of the run are ignored.
 
     Raises:
         ParameterError: if a name is unknown or a value cannot be used.
@@ -201,7 +212,7 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
 
 
 def to_settings(values: Mapping[str, Any]) -> Settings:
-    """Return the settings for parameter values by name; what is not given has its default.
+    """Return the settings for parameter values by name; missing ones have their defaults.
 
     Raises:
         ParameterError: if a name is unknown or a value cannot be used.
@@ -210,7 +221,7 @@ def to_settings(values: Mapping[str, Any]) -> Settings:
 
 
 def to_values(configuration: Configuration) -> dict[str, Any]:
-    """Return the values of all parameters by name, of which ``to_configuration`` makes it again."""
+    """Return the values of all parameters by name, the inverse of ``to_configuration``."""
     return {
         **dataclasses.asdict(configuration.parameters),
         **dataclasses.asdict(configuration.actuator),

@@ -1,4 +1,4 @@
-"""Commands and how much of them acts: nothing while inactive, less when commands are lost."""
+"""Control: the share of the commands that acts, less when they are lost, none while inactive."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from rpud_sim.simulation.watchdog import CommandWatchdog
 
 
 class Control:
-    """Puts commands into force: all of them, a share of them when they are lost, or none.
+    """Commands of a drill, put into force in full, in part when they are lost, or not at all.
 
     Args:
         simulation: at its start; the commands in force there are the initial ones.
@@ -35,7 +35,7 @@ class Control:
 
     @property
     def commands_lost(self) -> bool:
-        """Whether commands stopped arriving, and the drill is made safe."""
+        """Whether commands stopped arriving, so that the watchdog makes the drill safe."""
         return self._lost
 
     def set(self, timeout: float, ramp: float) -> None:
@@ -43,19 +43,19 @@ class Control:
         self._watchdog.set(timeout, ramp)
 
     def activate(self, active: bool) -> None:
-        """Let commands act from now on, beginning with the initial ones, or let none act."""
+        """Let commands act from now on, starting with the initial ones, or let none act."""
         if active and not self._active:
             self._weight_on_bit = self._initial.weight_on_bit
             self._drive = self._initial.drive
-            self._watchdog.heard(self._simulation.time)
+            self._watchdog.reset(self._simulation.time)
         self._active = active
         self.act()
 
-    def take(self, command: WeightOnBit | Drive) -> None:
+    def apply(self, command: WeightOnBit | Drive) -> None:
         """Put a command into force now, if commands act."""
         if not self._active:
             return
-        self._watchdog.heard(self._simulation.time)
+        self._watchdog.reset(self._simulation.time)
         if isinstance(command, WeightOnBit):
             self._weight_on_bit = command
         else:
@@ -63,7 +63,7 @@ class Control:
         self._simulation.apply(command)
 
     def act(self) -> bool:
-        """Put into force what shall act now; return whether commands were lost or came back."""
+        """Put the present share into force; return whether commands were lost or came back."""
         simulation = self._simulation
         time = simulation.time
         share = self._watchdog.share(time) if self._active else 0.0

@@ -1,4 +1,4 @@
-"""One run, or an ensemble of runs over initial vibration phases, as fast as the machine allows."""
+"""Ensembles of runs over initial vibration phases, as fast as the machine allows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rpud_sim.simulation.statistics import Statistics
 _STRIDE = 10 * SECOND
 
 COMPILING = "a model that has changed or never ran here is compiled, which takes up to a minute"
-_LONG = 3.0  # that this takes before it is told [s]
+_LONG = 3.0  # time of compiling after which it is reported [s]
 
 Figures = dict[str, float | int | None]
 
@@ -77,25 +77,25 @@ def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
 
 
 def compile_kernels(
-    configuration: Configuration | Parameters, tell: Callable[[str], object] = lambda text: None
+    configuration: Configuration | Parameters, report: Callable[[str], object] = lambda text: None
 ) -> None:
-    """Have every kernel compiled, or loaded from the cache, before anything is timed.
+    """Compile every kernel, or load it from the cache, before anything is timed.
 
     Args:
         configuration: of the drill, or its parameters alone.
-        tell: called in another thread with a line that says so, if compiling takes long.
+        report: called in another thread with a line that says so, if compiling takes long.
     """
-    with _notice(tell):
+    with _notice(report):
         simulation = Simulation(configuration)
         block = simulation.advance_to(1000)
         Statistics().add(block)
         block.sample(Times.from_nanoseconds(0))
         simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
-        simulation.advance_to(2000)  # changes are told to the engine when time goes on
+        simulation.advance_to(2000)  # the engine gets changes when time goes on
 
 
 class _CompilationListener(event.Listener):
-    """Starts a timer at the first kernel that is compiled; loading one from the cache does not."""
+    """Listener of Numba that starts a timer when the first kernel is compiled, not loaded."""
 
     def __init__(self, notice: threading.Timer) -> None:
         self._notice = notice
@@ -110,8 +110,8 @@ class _CompilationListener(event.Listener):
 
 
 @contextmanager
-def _notice(tell: Callable[[str], object]) -> Iterator[None]:
-    notice = threading.Timer(_LONG, tell, [COMPILING])
+def _notice(report: Callable[[str], object]) -> Iterator[None]:
+    notice = threading.Timer(_LONG, report, [COMPILING])
     try:
         with event.install_listener("numba:compile", _CompilationListener(notice)):
             yield
@@ -133,7 +133,7 @@ def run_ensemble(
         duration: of each run [s].
         phases: initial phase of each run [cycles].
         report: called now and then with the simulated seconds since the last call.
-        scenario: faults that come by themselves, in each run at the same times.
+        scenario: faults that begin by themselves, in each run at the same times.
 
     Returns:
         The ``Ensemble``. With a rock model its members have the depth at the end [m] and the mean

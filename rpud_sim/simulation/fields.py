@@ -1,7 +1,7 @@
-"""What each published message says, as plain values by field name.
+"""Fields of every published message, as plain values by name.
 
 This is the one table from the simulation's records to the messages of ``msg_defs``: the node fills
-ROS messages from it, and a bag is written from it without ROS. Messages are dictionaries, sequences
+ROS messages from it, and offline bags are encoded from it. Messages are dictionaries, sequences
 ``array.array``, stamps integer nanoseconds; an origin is the stamp of simulation time zero.
 """
 
@@ -19,17 +19,17 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.ledger import FaultRecord, Faults
+from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import MOUNT_FRAME, NODAL_PLANE_FRAME, TOOL_TIP_FRAME
 
 Fields = dict[str, Any]
 
-# Of urdf/rpud.urdf: each moves one body along the drill axis.
+# Joints of urdf/rpud.urdf; each moves one body along the drill axis.
 JOINTS = ("rpud_nodal_plane_joint", "rpud_free_mass_joint", "rpud_tool_tip_joint")
 
-# What a trajectory says of each segment; the constants it says once.
+# Fields of a trajectory with a value for each segment; it holds the constants once.
 SEGMENT_ARRAYS = tuple(name for name in SEGMENT.names or () if name not in CONSTANTS)
 
 _TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.uint8): "B"}
@@ -53,7 +53,7 @@ def stamp_of(fields: Fields) -> int:
 
 
 def to_array(values: np.ndarray) -> array:
-    """Copy a NumPy array into the array type that message fields take as a whole."""
+    """Return a copy of a NumPy array as the array type that message fields accept."""
     return array(_TYPE_CODES[values.dtype], np.ascontiguousarray(values).tobytes())
 
 
@@ -103,9 +103,9 @@ def wrench_fields(samples: Samples, index: int, stamp: int) -> Fields:
 def joint_state_fields(samples: Samples, index: int, stamp: int) -> Fields:
     """Fields of ``sensor_msgs/JointState`` for one sample of the ``JOINTS`` of ``urdf/rpud.urdf``.
 
-    The effort is what passes between mount and body, positive toward the rock: the reacting force
-    on the nodal plane, and nothing on free mass and drill tool, as the model passes none of their
-    forces on to the mount. The efforts add up to the negative force of the wrench.
+    The effort is the force between mount and body, positive toward the rock: the reacting force on
+    the nodal plane, and zero on free mass and drill tool, whose forces do not reach the mount in
+    the model. The sum of the efforts is the negative force of the wrench.
     """
     position = (
         samples.nodal_plane_position[index],
@@ -130,16 +130,8 @@ def contact_force_fields(impact: np.void, origin: int) -> Fields:
     """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``."""
     # All at once: one by one they would take longer than the rest of the message.
     values = dict(zip(IMPACT.names or (), impact.item(), strict=True))
-    start = values["seconds"] * SECOND + round(values["fraction"] * SECOND)
-    return {
-        "header": header_fields(origin + start, TOOL_TIP_FRAME),
-        "sequence": values["sequence"],
-        "peak_force": values["peak_force"],
-        "contact_duration": values["contact_duration"],
-        "impact_velocity": values["impact_velocity"],
-        "impulse": values["impulse"],
-        "energy": values["energy"],
-    }
+    start = values.pop("seconds") * SECOND + round(values.pop("fraction") * SECOND)
+    return {"header": header_fields(origin + start, TOOL_TIP_FRAME), **values}
 
 
 def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Fields:
@@ -185,9 +177,9 @@ def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fiel
 
 @dataclasses.dataclass(frozen=True)
 class Bookkeeping:
-    """Those fields of ``rpud_msgs/Status`` that say how the run is moved and commanded.
+    """Counts and timing of a run, as fields of ``rpud_msgs/Status``.
 
-    The defaults are those of a run without ROS: nothing is late, and there are no commanders.
+    The defaults are those of a run without ROS: nothing is late, and there are no commands.
     """
 
     commands_accepted: int = 0
@@ -260,7 +252,7 @@ def journal_fields(entry: JournalEntry, origin: int) -> Fields:
     }
 
 
-def faults_fields(ledger: Faults, time: int, origin: int) -> Fields:
+def faults_fields(ledger: FaultLedger, time: int, origin: int) -> Fields:
     """Fields of ``rpud_msgs/Faults`` at a simulation time."""
     return {
         "header": header_fields(origin + time, MOUNT_FRAME),

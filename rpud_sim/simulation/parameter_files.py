@@ -1,4 +1,4 @@
-"""Parameter files and assignments: ROS parameter files in YAML, read without ROS."""
+"""Reading of ROS parameter files and of ``name=value``, without ROS."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def read_parameter_file(path: str | Path) -> dict[str, Any]:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Return name and value of ``name=value``; the value is read as YAML does.
+    """Return name and value of ``name=value``; the value is read as YAML.
 
     Raises:
         ParameterError: if the text has another form.

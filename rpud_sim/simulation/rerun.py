@@ -1,4 +1,4 @@
-"""A run fed by a journal: the same messages again, bit for bit."""
+"""Rerun of a journal: the same messages again, bit for bit."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rpud_sim.simulation.telemetry import Entry
 
 
 class JournalError(ValueError):
-    """An entry that does not fit a journal; the text says which and why, in one line."""
+    """Entry that cannot be repeated; the text says which and why, in one line."""
 
 
 class Rerun:
-    """Runs that follow the entries of a journal, one after the other.
+    """Runs that repeat the entries of a journal.
 
-    Its messages are those that the journal's runs gave when every topic had a subscriber.
+    The messages are those of the journal's runs with a subscriber on every topic.
     """
 
     def __init__(self) -> None:
@@ -35,11 +35,11 @@ class Rerun:
         """Stamp of simulation time zero [ns]."""
         return self._run.origin if self._run else 0
 
-    def do(self, entry: JournalEntry) -> Iterator[Entry]:
-        """Advance to the time of an entry, do what it says, and yield the messages.
+    def repeat(self, entry: JournalEntry) -> Iterator[Entry]:
+        """Advance to the time of an entry, repeat its change, and yield the messages.
 
         Raises:
-            JournalError: if it cannot be done.
+            JournalError: if the entry cannot be repeated.
         """
         try:
             if entry.kind == "begin":
@@ -50,7 +50,7 @@ class Rerun:
             if entry.time < self._run.time:
                 raise JournalError(f"its time {entry.time} ns is before that of the one before it")
             yield from self._run.advance_to(entry.time)
-            yield from _act(self._run, entry)
+            yield from _repeat(self._run, entry)
         except (ArithmeticError, LookupError, TypeError, ValueError) as error:
             reason = str(error) if isinstance(error, ValueError) else f"{error!r:.100}"
             raise JournalError(
@@ -62,10 +62,10 @@ class Rerun:
         return self._run.advance_to(time) if self._run else iter(())
 
 
-def _act(run: Run, entry: JournalEntry) -> Iterator[Entry]:
+def _repeat(run: Run, entry: JournalEntry) -> Iterator[Entry]:
     content = entry.content
     simulation = run.simulation
-    act: dict[str, Callable[[], object]] = {
+    changes: dict[str, Callable[[], object]] = {
         "weight_on_bit": lambda: simulation.apply(WeightOnBit(content["force"])),
         "drive": lambda: simulation.apply(
             Drive(content["enabled"], content["voltage"], content["frequency"])
@@ -79,8 +79,8 @@ def _act(run: Run, entry: JournalEntry) -> Iterator[Entry]:
     }
     if entry.kind in ("flush", "end"):
         yield from run.flush(entry.kind)
-    elif entry.kind in act:
-        act[entry.kind]()
+    elif entry.kind in changes:
+        changes[entry.kind]()
         yield from run.changes()
     else:
         raise JournalError("there is no such kind")

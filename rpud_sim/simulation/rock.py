@@ -1,4 +1,4 @@
-"""The rock: how deep the impacts on the drill tool make the hole."""
+"""Rock: depth of the hole, from the impacts on the drill tool."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ RATE_WINDOW = SECOND
 
 @dataclasses.dataclass(frozen=True)
 class RockParameters(ParameterGroup):
-    """All parameters of the rock, in SI units; the defaults are the sandstone of Section V.
+    """Parameters of the rock, in SI units; the defaults are the sandstone of Section V.
 
     The specific energy is the sandstone's compressive strength, 75 MPa: the least that drilling
     takes, very roughly, after Teale, "The concept of specific energy in rock drilling", Int. J.
-    Rock Mech. Min. Sci. 2 (1965) 57-73. The hole is as wide as part II of the drill tool. The
-    share of the energy is assumed; docs/explanation/rock.md says what it stands for.
+    Rock Mech. Min. Sci. 2 (1965) 57-73. The hole has the area of part II of the drill tool. The
+    share of the energy is assumed; docs/explanation/rock.md gives its reasons.
 
     Raises:
         ParameterError: if a value is outside its range.
@@ -71,18 +71,18 @@ class Progress:
         return self._depth
 
     def add(self, impacts: np.ndarray, hardness: float = 1.0, clearing: float = 1.0) -> None:
-        """Deepen the hole by impacts; it does not matter how they are split into blocks.
+        """Deepen the hole by impacts; the result does not depend on how blocks divide them.
 
         Args:
             impacts: ``IMPACT`` records, in order, after those of the last call.
             hardness: factor on the specific energy, above 0; greater than 1 in hard rock.
-            clearing: factor on the progress, from 0 to 1; less than 1 where cuttings choke the
+            clearing: factor on the progress, from 0 to 1; less than 1 when cuttings choke the
                 hole.
         """
         if not (self._modelled and len(impacts)):
             return
         deeper = impacts["energy"] * (self._metres_per_joule * clearing / hardness)
-        # One after the other, as a sum in pairs would depend on the blocks.
+        # One after the other: a sum in pairs would depend on the blocks.
         depths = np.add.accumulate(np.concatenate([[self._depth], deeper]))[1:]
         self._depth = float(depths[-1])
         fractions = np.rint(impacts["fraction"] * SECOND).astype(np.int64)
@@ -92,7 +92,9 @@ class Progress:
         self._times, self._depths = self._times[recent:], self._depths[recent:]
 
     def penetration_rate(self, time: int) -> float:
-        """Return the mean rate over the last second, or what has passed of it [m/s], or NaN.
+        """Return the mean rate over the last second, or the time since zero if shorter [m/s].
+
+        It is NaN without a rock model.
 
         Args:
             time: the end of that second [ns], not before the last impact.

@@ -1,4 +1,4 @@
-"""A run of the drill: the simulation under commands, and every message that comes out of it."""
+"""Run of the drill: the simulation under commands, and its messages."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.telemetry import Entry, Telemetry
+from rpud_sim.simulation.versions import engine_and_processor
 
 
 @dataclasses.dataclass(frozen=True)
 class Beginning:
-    """Everything that decides how a run begins; the same beginning gives the same bits.
+    """Beginning of a run; equal beginnings give the same bits.
 
     Args:
         settings: all parameters.
         initial_phase: phase of the vibration at time zero [cycles].
-        seed: of faulty signals.
-        scenario: faults that begin by themselves, as they were drawn; None for none.
+        seed: of random numbers of faulty signals.
+        scenario: faults that begin by themselves, with all values drawn; None for none.
     """
 
     settings: Settings
@@ -46,9 +47,26 @@ class Beginning:
             settings, initial_phases(1, seed or None)[0], seed, settings.read_scenario(seed)
         )
 
+    def to_journal(self) -> dict[str, Any]:
+        """Return the content of a journal's entry ``begin``."""
+        return {
+            "parameters": self.settings.values(),
+            "initial_phase": self.initial_phase,
+            "seed": self.seed,
+            "faults": [
+                {
+                    **dataclasses.asdict(planned.fault),
+                    "onset": planned.onset,
+                    "clear": planned.clear,
+                }
+                for planned in (self.scenario.faults if self.scenario else ())
+            ],
+            "made_by": engine_and_processor(),
+        }
+
     @staticmethod
     def from_journal(content: Mapping[str, Any]) -> Beginning:
-        """Return the beginning that the first entry of a journal holds.
+        """Return the beginning of a journal's entry ``begin``, the inverse of ``to_journal``.
 
         Raises:
             ArithmeticError, LookupError, TypeError, ValueError: if the content is unusable.
@@ -70,19 +88,19 @@ class Beginning:
 
 
 class Run:
-    """One run, from simulation time zero on: simulation, control, telemetry, journal and origin.
+    """Run from simulation time zero on: simulation, control, telemetry, journal and origin.
 
-    ``advance_to`` yields the messages as ``(time, topic, fields)``, the same ones whoever asks and
-    however often: the node, a bag without ROS, and a proof from a bag's journal. Times are integer
-    nanoseconds of simulation time; the origin is the stamp of time zero.
+    ``advance_to`` yields the messages as ``(time, topic, fields)``. They are the same for the node,
+    an offline bag and the proof of a bag, and do not depend on the number of calls. Times are
+    integer nanoseconds of simulation time; the origin is the stamp of time zero.
 
     Args:
         beginning: of the run.
-        journal: records what changes the run from outside; None for no journal.
-        wanted: whether a topic that no fault can touch has a subscriber; without one it is left
-            out.
+        journal: gets an entry for each change from outside; None for no journal.
+        wanted: whether a topic that no fault can touch has a subscriber; without one its messages
+            are not made.
         active: whether commands act from the start; weight on bit and drive are zero otherwise.
-        count: called with each block, for statistics.
+        on_block: called with each block, for statistics.
 
     Raises:
         FaultError: if a fault of the scenario cannot be honoured.
@@ -94,12 +112,12 @@ class Run:
         journal: Journal | None = None,
         wanted: Callable[[str], bool] = lambda topic: True,
         active: bool = True,
-        count: Callable[[Block], object] = lambda block: None,
+        on_block: Callable[[Block], object] = lambda block: None,
     ) -> None:
         settings = beginning.settings
         self._beginning = beginning
         self._journal = journal
-        self._count = count
+        self._on_block = on_block
         self._rate = settings.telemetry_rate
         self._telemetry = Telemetry(
             self._rate, settings.sample_rate, settings.block_duration, wanted, beginning.seed
@@ -114,17 +132,17 @@ class Run:
 
     @property
     def beginning(self) -> Beginning:
-        """How the run began."""
+        """Beginning of the run."""
         return self._beginning
 
     @property
     def simulation(self) -> Simulation:
-        """The simulation, to be read."""
+        """The simulation."""
         return self._simulation
 
     @property
     def control(self) -> Control:
-        """The commands, and how much of them acts."""
+        """The commands, and the share of them that acts."""
         return self._control
 
     @property
@@ -139,34 +157,30 @@ class Run:
 
     @property
     def next_boundary(self) -> int:
-        """Time at which the present block ends unless somebody stops before it [ns]."""
+        """Time at which the present block ends, unless a caller stops before it [ns]."""
         return boundary(boundaries_until(self.time, self._rate) + 1, self._rate)
 
     def begin(self, origin: int) -> None:
-        """Note the beginning, and give simulation time zero its stamp [ns]."""
-        if self._journal is not None:
-            start = self._beginning
-            self._journal.begin(
-                start.settings.values(), start.initial_phase, start.seed, start.scenario
-            )
+        """Start the journal, let commands act, and give simulation time zero its stamp [ns]."""
+        self._note("begin", **self._beginning.to_journal())
         self._control.act()
         self.place(origin)
 
     def place(self, origin: int) -> None:
         """Give simulation time zero a stamp [ns]; motion and commands go on."""
-        self._telemetry.move(origin)
+        self._telemetry.origin = origin
         self._published_faults = None
         self._note("origin", origin=origin)
 
     def configure(self, settings: Settings) -> None:
-        """Put settings into force that differ in what may change while the drill runs."""
+        """Put settings into force that differ only in changeable parameters."""
         self._control.set(settings.command_timeout, settings.command_loss_ramp)
         self._simulation.configure(settings.configuration)
 
     def advance_to(self, time: int) -> Iterator[Entry]:
         """Advance to a time [ns], block by block, and yield the messages.
 
-        What is wanted at once comes first in each block: impacts and the samples at its end.
+        Impacts and the samples at the end of a block come first, waveform and trajectory last.
         """
         yield from self.changes()
         simulation = self._simulation
@@ -176,18 +190,18 @@ class Run:
             if block.end < end:
                 self._note("stop")
                 yield from self._entries()
-            yield from self._telemetry.take_prompt(block, simulation.faults.since(block.start))
+            yield from self._telemetry.prompt(block, simulation.faults.since(block.start))
             yield from self._changed_faults()
-            yield from self._telemetry.take_streams(block)
-            self._count(block)
+            yield from self._telemetry.streams(block)
+            self._on_block(block)
 
     def changes(self) -> Iterator[Entry]:
-        """Yield what has changed since the last message: journal entries and faults."""
+        """Yield what changed since the last message: journal entries, and the faults once."""
         yield from self._entries()
         yield from self._changed_faults()
 
     def flush(self, kind: str = "flush") -> Iterator[Entry]:
-        """Yield what the streams still hold, after a journal entry: ``flush`` or ``end``."""
+        """Yield a journal entry, ``flush`` or ``end``, and the rest of waveform and trajectory."""
         self._note(kind)
         yield from self.changes()
         yield from self._telemetry.flush()
@@ -197,7 +211,7 @@ class Run:
 
         Args:
             state: one of the STATE constants of ``rpud_msgs/Status``.
-            bookkeeping: counts and timing of whoever moves the run.
+            bookkeeping: counts and timing of the caller, which advances the run.
         """
         return (
             self.time,
@@ -210,7 +224,7 @@ class Run:
             self._journal.note(self.time, kind, **content)
 
     def _entries(self) -> Iterator[Entry]:
-        for entry in self._journal.take() if self._journal is not None else ():
+        for entry in self._journal.drain() if self._journal is not None else ():
             yield entry.time, "journal", fields.journal_fields(entry, self.origin)
 
     def _changed_faults(self) -> Iterator[Entry]:

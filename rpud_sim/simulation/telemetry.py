@@ -1,4 +1,4 @@
-"""Telemetry: which messages the drill gives of each block, whoever sends or writes them."""
+"""Telemetry: the messages of each block, for publishers and bags alike."""
 
 from __future__ import annotations
 
@@ -18,20 +18,23 @@ _SENSORS = (
     ("wrench", fields.wrench_fields),
 )
 
-# Simulation time at which it goes out [ns], topic, what the message says.
+# A message: simulation time at which it is published [ns], topic, fields.
 Entry = tuple[int, str, fields.Fields]
 
 
 class Telemetry:
-    """The messages of blocks that follow each other, with what faulty signals make of them.
+    """Messages of consecutive blocks, changed by the faults of their signals.
+
+    Attributes:
+        origin: stamp of simulation time zero [ns].
 
     Args:
         telemetry_rate: of the samples [Hz].
         sample_rate: of the waveform [Hz].
         block_duration: of waveform and trajectory [s], at least one telemetry period.
-        wanted: whether a topic that no fault can touch has a subscriber; without one it is left
-            out.
-        seed: of faulty signals.
+        wanted: whether a topic that no fault can touch has a subscriber; without one its messages
+            are not made.
+        seed: of random numbers of faulty signals.
     """
 
     def __init__(
@@ -48,37 +51,28 @@ class Telemetry:
         self._wanted = wanted
         self._signals = SignalFaults(seed)
         self._pending: list[Block] = []
-        self._origin = 0
+        self.origin = 0
         self._segments = 0
 
-    @property
-    def origin(self) -> int:
-        """Stamp of simulation time zero [ns]."""
-        return self._origin
-
-    def move(self, origin: int) -> None:
-        """Give simulation time zero another stamp [ns]."""
-        self._origin = origin
-
-    def take_prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        """Yield what of a block is wanted at once: its impacts and the sample at its end.
+    def prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
+        """Yield the messages that are due at once: impacts of a block and the sample at its end.
 
         Args:
             block: at most one telemetry period long, after that of the last call.
-            faults: that lasted in it, or in a part of it.
+            faults: that lasted in the block, or in a part of it.
         """
         faults = [record for record in faults if record.fault.channel]
         for impact in block.impacts:
-            values = fields.contact_force_fields(impact, self._origin)
-            began = max(block.start, fields.stamp_of(values) - self._origin)
-            yield from self._said("contact_force", began, values, faults)
+            values = fields.contact_force_fields(impact, self.origin)
+            began = max(block.start, fields.stamp_of(values) - self.origin)
+            yield from self._signal("contact_force", began, values, faults)
         if self._boundary(block) is not None:
             yield from self._samples(block, faults)
         for channel, values in self._signals.release(block.end, faults):
             yield block.end, channel, values
 
-    def take_streams(self, block: Block) -> Iterator[Entry]:
-        """Yield the waveform and the trajectory where one of their blocks ends with this one."""
+    def streams(self, block: Block) -> Iterator[Entry]:
+        """Yield waveform and trajectory if a period of theirs ends with this block."""
         self._pending.append(block)
         number = self._boundary(block)
         if number is not None and number % self._stream_period == 0:
@@ -94,7 +88,7 @@ class Telemetry:
         self._segments += len(block.segments)
         yield from self._waveform(block)
         if self._wanted("trajectory"):
-            for values in fields.trajectory_fields(block, first, self._origin):
+            for values in fields.trajectory_fields(block, first, self.origin):
                 yield block.end, "trajectory", values
 
     def _boundary(self, block: Block) -> int | None:
@@ -102,18 +96,18 @@ class Telemetry:
         number = boundaries_until(block.end, self._rate)
         return number if boundary(number, self._rate) == block.end else None
 
-    def _said(
+    def _signal(
         self, channel: str, time: int, values: fields.Fields, faults: Sequence[FaultRecord]
     ) -> Iterator[Entry]:
-        """Yield a sensor's message, or what its faults make of it."""
+        """Yield a sensor's message after the faults of its channel."""
         for changed in self._signals.apply(channel, time, values, faults):
             yield time, channel, changed
 
     def _samples(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        stamp = self._origin + block.end
+        stamp = self.origin + block.end
         samples = block.sample(Times.from_nanoseconds(block.end))
         for channel, make in _SENSORS:
-            yield from self._said(channel, block.end, make(samples, 0, stamp), faults)
+            yield from self._signal(channel, block.end, make(samples, 0, stamp), faults)
         if self._wanted("joint_states"):
             yield block.end, "joint_states", fields.joint_state_fields(samples, 0, stamp)
 
@@ -122,6 +116,6 @@ class Telemetry:
         numbers = block.grid(rate)
         if numbers and self._wanted("waveform"):
             samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
-            stamp = self._origin + numbers.start * SECOND // rate
+            stamp = self.origin + numbers.start * SECOND // rate
             values = fields.waveform_fields(samples, stamp, numbers.start, rate)
             yield block.end, "waveform", values

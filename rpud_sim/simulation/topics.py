@@ -1,4 +1,4 @@
-"""Topics of the drill: name, type, depth, durability and frame, once for node, bags and checks."""
+"""Table of the drill's topics: type, depth, durability and frame, for node, bags and checks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TOOL_TIP_FRAME = "rpud_tool_tip"
 
 @dataclasses.dataclass(frozen=True)
 class Topic:
-    """One topic that the drill publishes, reliable for every kind of subscriber.
+    """Topic of the drill; its publisher is reliable.
 
     Args:
         type: of its messages, as in ``rpud_msgs/msg/Status``.
@@ -31,14 +31,14 @@ class Topic:
     proved: bool = True
 
 
-# Reliable publishers serve reliable and best-effort subscribers alike. A depth is what a slow
-# subscriber may fall behind by, at the greatest telemetry rate about a second.
+# Reliable publishers match reliable and best-effort subscribers. The depth allows a slow subscriber
+# to fall behind by about a second at the greatest telemetry rate.
 TOPICS: Mapping[str, Topic] = {
     "contact_force": Topic("rpud_msgs/msg/ContactForce", 2000, frame=TOOL_TIP_FRAME),
     "drill_tool": Topic("rpud_msgs/msg/DrillTool", 1000, frame=TOOL_TIP_FRAME),
     "faults": Topic("rpud_msgs/msg/Faults", 1, latched=True, complete=False),
     "joint_states": Topic("sensor_msgs/msg/JointState", 1000),
-    # A recorder that starts late gets the whole of it, unless there was more.
+    # A recorder that starts late gets all entries up to this number.
     "journal": Topic("rpud_msgs/msg/JournalEntry", 1000, latched=True, proved=False),
     "nodal_plane": Topic("rpud_msgs/msg/NodalPlane", 1000, frame=NODAL_PLANE_FRAME),
     "reacting_force": Topic("rpud_msgs/msg/ReactingForce", 1000),
@@ -47,5 +47,5 @@ TOPICS: Mapping[str, Topic] = {
     "waveform": Topic("rpud_msgs/msg/Waveform", 40),
     "wrench": Topic("geometry_msgs/msg/WrenchStamped", 1000),
 }
-# Topics of a proof, by their names.
+# Topics whose every bit a proof compares.
 PROVED = tuple(name for name, topic in TOPICS.items() if topic.proved)

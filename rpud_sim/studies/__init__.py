@@ -1,1 +1,1 @@
-"""Numbers, plots and reports from trajectories and bags."""
+"""Studies of many runs: the reproduction of the paper, and sweeps over parameters."""

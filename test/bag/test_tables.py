@@ -1,4 +1,4 @@
-"""Any topic of a bag is NumPy arrays or a pandas frame in two lines, whatever its type is."""
+"""Two lines turn any topic of a bag into NumPy arrays or a pandas frame."""
 
 import builtins
 import tracemalloc

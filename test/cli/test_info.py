@@ -1,4 +1,4 @@
-"""`rpud info` tells people and programs the same."""
+"""``rpud info`` shows people and programs the same."""
 
 import json
 
@@ -48,7 +48,7 @@ def test_json_has_the_figures(tmp_path, capsys):
     }
 
 
-def test_losses_are_told(tmp_path, capsys):
+def test_losses_are_shown(tmp_path, capsys):
     with BagWriter(tmp_path / "run") as bag:
         bag.add_topic(TALK)
         bag.add_topic(CHAT)
@@ -81,7 +81,7 @@ def test_fewer_than_ten_messages_have_no_rate(tmp_path, capsys):
         assert [row[3] for row in topic_rows(survey(bag))] == ["–", "–"]
 
 
-def test_rates_that_no_index_tells_are_no_rates(tmp_path, capsys):
+def test_rates_without_an_index_are_unknown(tmp_path, capsys):
     """As of the bags of `ros2 bag record --storage-preset-profile fastwrite`."""
     file = tmp_path / "fast.mcap"
     with file.open("wb") as stream:

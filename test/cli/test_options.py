@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from rpud_sim.bag.writer import COMPRESSIONS
+from rpud_sim.bag.output_file import COMPRESSIONS
 from rpud_sim.cli import record as record_command
 from rpud_sim.cli import replay as replay_command
 from rpud_sim.cli.options import Parser, options_from, split_ros_arguments

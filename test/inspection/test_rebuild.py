@@ -42,7 +42,7 @@ def bag(tmp_path_factory, regime):
 
 
 def waveform(path):
-    """Give the published channels of a bag, all blocks in one."""
+    """Return the published channels of a bag, all blocks in one."""
     name = "rpud_msgs/msg/Waveform"
     codec = Codec(name, find_definition(name))
     with rpud_sim.bag.open(path) as opened:

@@ -12,7 +12,7 @@ from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import Status
 
 import rpud_sim.bag
-from rpud_sim.bag.recovery import RECORDING_RECORD
+from rpud_sim.bag.losses import RECORDING_RECORD
 
 CONFIG = get_package_share_directory("rpud_sim") + "/config"
 TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")

@@ -36,7 +36,7 @@ def test_the_configuration_acts_until_the_first_command():
     simulation, control = made()
     go_on(simulation, control, 10 * MILLISECOND)
     assert acting(simulation) == (10.0, 100.0)
-    control.take(WeightOnBit(20.0))
+    control.apply(WeightOnBit(20.0))
     assert acting(simulation) == (20.0, 100.0)
     assert simulation.applied.weight_on_bit_time == 10 * MILLISECOND
 
@@ -45,14 +45,14 @@ def test_a_configuration_without_drive_starts_without_drive():
     simulation, control = made(drive_enabled=False)
     go_on(simulation, control, MILLISECOND)
     assert acting(simulation) == (10.0, 0.0)
-    control.take(NOMINAL)
+    control.apply(NOMINAL)
     assert acting(simulation) == (10.0, 100.0)
 
 
 def test_acting_again_changes_nothing():
     simulation, control = made()
-    control.take(WeightOnBit(20.0))
-    control.take(Drive(True, 60.0, 17000.0))
+    control.apply(WeightOnBit(20.0))
+    control.apply(Drive(True, 60.0, 17000.0))
     before = simulation.applied
     go_on(simulation, control, MILLISECOND)
     assert simulation.applied == before
@@ -62,16 +62,16 @@ def test_an_inactive_drill_has_neither_drive_nor_weight_on_bit():
     simulation, control = made(active=False)
     assert not control.active
     assert acting(simulation) == (0.0, 0.0)
-    control.take(WeightOnBit(20.0))
-    control.take(NOMINAL)
+    control.apply(WeightOnBit(20.0))
+    control.apply(NOMINAL)
     go_on(simulation, control, MILLISECOND)
     assert acting(simulation) == (0.0, 0.0)
 
 
 def test_activation_begins_with_the_configuration_and_not_with_the_last_command():
     simulation, control = made()
-    control.take(WeightOnBit(20.0))
-    control.take(Drive(True, 60.0, 17000.0))
+    control.apply(WeightOnBit(20.0))
+    control.apply(Drive(True, 60.0, 17000.0))
     go_on(simulation, control, MILLISECOND)
     control.activate(False)
     control.act()
@@ -85,7 +85,7 @@ def test_activation_begins_with_the_configuration_and_not_with_the_last_command(
 
 def test_activating_an_active_drill_leaves_its_commands():
     simulation, control = made()
-    control.take(WeightOnBit(20.0))
+    control.apply(WeightOnBit(20.0))
     control.activate(True)
     control.act()
     assert acting(simulation) == (20.0, 100.0)
@@ -103,7 +103,7 @@ def test_lost_commands_ramp_down_are_told_once_and_come_back_whole():
     go_on(simulation, control, 300 * MILLISECOND)
     assert acting(simulation) == (0.0, 0.0)
     # A weight on bit alone shows that there is a commander, and so the drive comes back as well.
-    control.take(WeightOnBit(20.0))
+    control.apply(WeightOnBit(20.0))
     assert control.act()
     assert not control.commands_lost
     assert acting(simulation) == (20.0, 100.0)
@@ -112,13 +112,13 @@ def test_lost_commands_ramp_down_are_told_once_and_come_back_whole():
 
 def test_a_drive_that_is_off_stays_off_when_commands_come_back():
     simulation, control = made(timeout=0.1, ramp=0.1)
-    control.take(Drive(False, 0.0, 0.0))
+    control.apply(Drive(False, 0.0, 0.0))
     go_on(simulation, control, SECOND)
     assert acting(simulation) == (0.0, 0.0)
-    control.take(WeightOnBit(20.0))
+    control.apply(WeightOnBit(20.0))
     control.act()
     assert acting(simulation) == (20.0, 0.0)
-    control.take(Drive(True, 80.0, 16000.0))
+    control.apply(Drive(True, 80.0, 16000.0))
     assert acting(simulation) == (20.0, 80.0)
 
 
@@ -164,7 +164,7 @@ def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events)
         elif isinstance(event, int):
             simulation.advance_to(simulation.time + event * MILLISECOND)
         else:
-            control.take(event)
+            control.apply(event)
             if control.active and isinstance(event, WeightOnBit):
                 weight_on_bit = event
             elif control.active:

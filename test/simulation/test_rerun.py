@@ -71,7 +71,7 @@ def again(entries):
     """Give the messages of a rerun, of entries that went through a bag; ground truth aside."""
     rerun = Rerun()
     for entry in entries:
-        yield from (item for item in rerun.do(entry) if item[1] != "faults")
+        yield from (item for item in rerun.repeat(entry) if item[1] != "faults")
 
 
 def bits(items):
@@ -115,21 +115,21 @@ def test_entries_are_numbered_and_taken_once():
     journal = Journal()
     journal.note(0, "stop")
     journal.note(3, "stop")
-    assert [(entry.sequence, entry.time) for entry in journal.take()] == [(0, 0), (1, 3)]
+    assert [(entry.sequence, entry.time) for entry in journal.drain()] == [(0, 0), (1, 3)]
     journal.note(4, "stop")
-    assert [entry.sequence for entry in journal.take()] == [2]
+    assert [entry.sequence for entry in journal.drain()] == [2]
 
 
 def test_a_change_that_is_refused_is_not_noted():
     journal = Journal()
     simulation = started({}, journal).simulation
     simulation.inject(Fault("lost_preload"))
-    journal.take()
+    journal.drain()
     with pytest.raises(FaultError):
         simulation.inject(Fault("lost_preload"))
     with pytest.raises(FaultError):
         simulation.clear(99)
-    assert journal.take() == []
+    assert journal.drain() == []
 
 
 BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed": 0, "faults": []}
@@ -148,17 +148,17 @@ BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed"
 )
 def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
     rerun = Rerun()
-    assert list(rerun.do(JournalEntry(0, 0, "begin", BEGIN))) == []
+    assert list(rerun.repeat(JournalEntry(0, 0, "begin", BEGIN))) == []
     with pytest.raises(JournalError, match=rf"^journal entry 1 \({kind}\) cannot be done: .*") as e:
-        list(rerun.do(JournalEntry(1, time, kind, content)))
+        list(rerun.repeat(JournalEntry(1, time, kind, content)))
     assert reason in str(e.value)
 
 
 def test_time_does_not_go_back_and_nothing_comes_before_the_beginning():
     rerun = Rerun()
     with pytest.raises(JournalError, match="nothing has begun"):
-        list(rerun.do(JournalEntry(0, 0, "stop", {})))
-    list(rerun.do(JournalEntry(0, 0, "begin", BEGIN)))
-    list(rerun.do(JournalEntry(1, 5, "stop", {})))
+        list(rerun.repeat(JournalEntry(0, 0, "stop", {})))
+    list(rerun.repeat(JournalEntry(0, 0, "begin", BEGIN)))
+    list(rerun.repeat(JournalEntry(1, 5, "stop", {})))
     with pytest.raises(JournalError, match="before that of the one before it"):
-        list(rerun.do(JournalEntry(2, 4, "stop", {})))
+        list(rerun.repeat(JournalEntry(2, 4, "stop", {})))

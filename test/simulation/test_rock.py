@@ -114,7 +114,7 @@ def test_depth_of_a_run_is_its_energy(stops):
         for time in sorted({*times, 2 * SECOND}):
             seconds, rest = divmod(time, SECOND)
             engine.advance(seconds, rest / SECOND)
-            _, impacts = engine.take()
+            _, impacts = engine.drain()
             progress.add(impacts)
             energy += float(impacts["energy"].sum())
         return progress, energy

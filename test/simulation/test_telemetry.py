@@ -33,8 +33,8 @@ def made(telemetry_rate=100, sample_rate=50_000, block_duration=0.05, **options)
 
 
 def everything(telemetry, block, faults):
-    yield from telemetry.take_prompt(block, faults)
-    yield from telemetry.take_streams(block)
+    yield from telemetry.prompt(block, faults)
+    yield from telemetry.streams(block)
 
 
 def told(telemetry, times, faults=(), simulation=None):
@@ -62,7 +62,7 @@ def stamps(messages):
 def test_sensors_are_sampled_at_the_boundaries_alone(rate):
     times = sorted({*periods(rate), *range(7_654_321, END, 7_654_321), END})
     telemetry = made(rate)
-    telemetry.move(ORIGIN)
+    telemetry.origin = ORIGIN
     found = told(telemetry, times)
     whole = Simulation(Parameters()).advance_to(END)
     due = periods(rate)
@@ -179,7 +179,7 @@ def test_a_move_changes_stamps_and_nothing_else():
     telemetry = made()
     simulation = Simulation(Parameters())
     told(telemetry, periods(100, END // 2), simulation=simulation)
-    telemetry.move(ORIGIN)
+    telemetry.origin = ORIGIN
     found = told(telemetry, periods(100)[10:], simulation=simulation)
     assert stamps(found["wrench"])[0] == ORIGIN + END // 2 + 10 * MILLISECOND
     assert stamps(found["waveform"])[0] == ORIGIN + END // 2
@@ -192,8 +192,8 @@ def test_what_is_wanted_at_once_comes_before_the_streams():
     simulation = Simulation(Parameters())
     for time in periods(100):
         block = simulation.advance_to(time)
-        prompt = list(telemetry.take_prompt(block, ()))
-        streams = list(telemetry.take_streams(block))
+        prompt = list(telemetry.prompt(block, ()))
+        streams = list(telemetry.streams(block))
         assert {topic for _, topic, _ in prompt} <= {*SENSORS, "joint_states", "contact_force"}
         due = time % (50 * MILLISECOND) == 0
         assert [topic for _, topic, _ in streams] == ["waveform", "trajectory"] * due

@@ -1,6 +1,6 @@
-"""A picture of a recorded run: ``python -m toolchain.pictures.first_light BAG OUT.png``.
+"""Picture of a recorded run: ``python -m toolchain.pictures.first_light BAG OUT.png``.
 
-From top to bottom: the peak force of every impact on the drill tool, the three bodies during some
+From top to bottom: the peak force of every impact on the drill tool, the three bodies during a few
 milliseconds, and the reacting force with its mean.
 """
 
@@ -24,13 +24,13 @@ from rpud_sim.foundation.time import SECOND
 
 ZOOM = 0.010  # length of the middle panel [s]
 
-# Okabe and Ito's colours: told apart with every kind of colour vision.
+# Okabe and Ito's colours: distinct with every kind of colour vision.
 ACTUATOR, FREE_MASS, DRILL_TOOL, FORCE, MEAN = "#0072B2", "#E69F00", "#000000", "#56B4E9", "#D55E00"
 
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """What a picture shows of a run; times in s from the beginning of the picture, SI units.
+    """Part of a run that a picture shows; times in s from the beginning of the picture, SI units.
 
     Args:
         impact_times: shape (n,).
@@ -46,7 +46,7 @@ class Run:
 
 
 def read_run(bag: BagReader, start: float, duration: float) -> Run:
-    """Read a part of a bag.
+    """Return a part of a bag.
 
     Args:
         bag: with one ``contact_force`` and one ``waveform``.
@@ -54,7 +54,7 @@ def read_run(bag: BagReader, start: float, duration: float) -> Run:
         duration: of the part [s].
 
     Raises:
-        BagError: if the bag does not hold that.
+        BagError: if the bag does not hold that part.
     """
     blocks = _messages(bag, "rpud_msgs/msg/Waveform")
     origin = _stamp(blocks[0]) + round(start * SECOND)
@@ -84,7 +84,7 @@ def read_run(bag: BagReader, start: float, duration: float) -> Run:
 
 
 def draw(run: Run) -> Figure:
-    """Draw the three panels."""
+    """Return the figure with three panels."""
     figure = Figure(figsize=(9.0, 7.5), dpi=110, layout="constrained")
     top, middle, bottom = figure.subplots(3, 1)
     _draw_impacts(top, run)
@@ -143,7 +143,7 @@ def _legend(axes: Axes) -> None:
 
 
 def _messages(bag: BagReader, type_name: str) -> list[Any]:
-    """Decode all messages of the one topic of a type."""
+    """Return the decoded messages of the only topic of a type."""
     found = [topic for topic in bag.topics if topic.topic.type == type_name and topic.message_count]
     if len(found) != 1:
         raise BagError(f"{bag.path} holds {len(found)} topics of {type_name}; it must be one")
@@ -157,7 +157,7 @@ def _stamp(message: Any) -> int:
 
 
 def main() -> int:
-    """Draw the picture; give the exit code."""
+    """Draw the picture; return the exit code."""
     parser = argparse.ArgumentParser(prog="picture", description="Draw a recorded run.")
     parser.add_argument("bag", metavar="BAG", help="a bag of the drill")
     parser.add_argument("out", metavar="OUT", type=Path, help="the picture's file")

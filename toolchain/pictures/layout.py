@@ -1,7 +1,7 @@
-"""What a Foxglove layout shows of a recorded run.
+"""Picture of a recorded run as a Foxglove layout shows it, drawn without Foxglove.
 
 ``python -m toolchain.pictures.layout BAG LAYOUT.json OUT.png`` draws the plots of the layout
-below each other, without Foxglove.
+below each other.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ STAMP = "header.stamp"
 
 
 def read_plots(path: Path) -> list[Mapping[str, Any]]:
-    """Give the plot panels of a layout, in its order.
+    """Return the plot panels of a layout, in its order.
 
     Raises:
         BagError: if the file is not a layout with plots.
@@ -42,10 +42,10 @@ def read_plots(path: Path) -> list[Mapping[str, Any]]:
 
 
 def draw(bag: BagReader, plots: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw plots of a bag.
+    """Return a figure with plots of a bag.
 
     Raises:
-        BagError: if the bag has not got the topic or the field of a series.
+        BagError: if the bag lacks the topic or the field of a series.
     """
     figure = Figure(figsize=(PANEL[0], PANEL[1] * len(plots)), dpi=110, layout="constrained")
     rows = figure.subplots(len(plots), 1, sharex=True, squeeze=False)[:, 0]
@@ -82,7 +82,7 @@ def _draw_series(axes: Axes, bag: BagReader, series: Mapping[str, Any]) -> None:
 
 
 def main() -> int:
-    """Draw the picture; give the exit code."""
+    """Draw the picture; return the exit code."""
     parser = argparse.ArgumentParser(prog="layout_picture", description=__doc__)
     parser.add_argument("bag", metavar="BAG", help="a bag of the drill")
     parser.add_argument("layout", metavar="LAYOUT", type=Path, help="a layout of Foxglove")

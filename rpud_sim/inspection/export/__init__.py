@@ -1,1 +1,1 @@
-"""The tables of a bag as files for other programs: Parquet, CSV, NumPy."""
+"""Export of the tables of a bag to files for other programs: Parquet, CSV, NumPy."""

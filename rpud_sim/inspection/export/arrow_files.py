@@ -1,4 +1,4 @@
-"""Parquet and CSV: one file for each table, which grows batch by batch."""
+"""Parquet and CSV files: one for each table, written batch by batch."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from rpud_sim.bag.columns import Column, Kind
-from rpud_sim.inspection.export.texts import to_text
+from rpud_sim.inspection.export.numpy_files import to_json
 
 
 class ParquetFile:
-    """One table as a Parquet file: each batch is a row group.
+    """Table as a Parquet file: each batch is a row group.
 
-    Times are timestamps, durations durations, arrays and sequences lists; what else there is in
-    sequences is JSON text. Units and descriptions are metadata of the columns.
+    Times are timestamps, durations are durations, arrays and sequences of numbers are lists; other
+    sequences are JSON text. Units and descriptions are metadata of the columns.
 
     Args:
         path: of the new file, without its ending.
@@ -49,15 +49,15 @@ class ParquetFile:
 
 
 class CsvFile:
-    """One table as a CSV file with a line of names.
+    """Table as a CSV file with a line of names.
 
-    Times and durations are integer nanoseconds; arrays, sequences and what else there is in them
-    are JSON text. A text that a spreadsheet would take for a formula gets an apostrophe before it.
+    Times and durations are integer nanoseconds; arrays and sequences are JSON text. A text that a
+    spreadsheet would run as a formula gets a leading apostrophe.
 
     Args:
         path: of the new file, without its ending.
         columns: of the table.
-        metadata: not kept, as there is no place for it.
+        metadata: not written, since CSV has no place for it.
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
@@ -70,7 +70,7 @@ class CsvFile:
     def write(self, values: Mapping[str, np.ndarray]) -> None:
         """Add rows."""
         plain: dict[str, Any] = {
-            column.name: [_no_formula(text) for text in values[column.name]]
+            column.name: [_escape_formula(text) for text in values[column.name]]
             for column in self._columns
             if column.kind is Kind.TEXT
         }
@@ -84,11 +84,11 @@ class CsvFile:
             self._stream.close()
 
 
-def _no_formula(text: str) -> str:
+def _escape_formula(text: str) -> str:
     return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
 
 
-# How Arrow has what CSV only has as numbers and texts.
+# Arrow types of those columns that CSV can only hold as numbers and texts.
 _PARQUET_TYPES = {
     Kind.TIME: lambda column: pa.timestamp("ns"),
     Kind.DURATION: lambda column: pa.duration("ns"),
@@ -108,8 +108,8 @@ def _schema(
             kind = pa.from_numpy_dtype(column.dtype)
         else:
             kind = pa.string()
-        told = {"unit": column.unit, "description": column.description}
-        fields.append(pa.field(column.name, kind, False, {k: v for k, v in told.items() if v}))
+        about = {"unit": column.unit, "description": column.description}
+        fields.append(pa.field(column.name, kind, False, {k: v for k, v in about.items() if v}))
     return pa.schema(fields, {key: json.dumps(value) for key, value in metadata.items()})
 
 
@@ -125,7 +125,7 @@ def _batch(
 
 def _array(column: Column, kind: pa.DataType, values: np.ndarray) -> pa.Array:
     if kind == pa.string():
-        texts = values if column.kind is Kind.TEXT else [to_text(value) for value in values]
+        texts = values if column.kind is Kind.TEXT else [to_json(value) for value in values]
         return pa.array(texts, kind)
     if column.kind is Kind.ARRAY:
         return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), type=kind)

@@ -1,29 +1,33 @@
-"""The topics of a bag as files for other programs, in bounded memory."""
+"""Export of a bag: one file or folder for each topic, written in bounded memory."""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
-from collections.abc import Callable, Collection, Iterator
-from contextlib import ExitStack, contextmanager
+import re
+from collections.abc import Callable, Collection, Mapping
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
+
+import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagReader, TopicSummary
 from rpud_sim.bag.columns import Column
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.foundation.whole_folder import whole_folder
 from rpud_sim.inspection.damages import Damages
-from rpud_sim.inspection.export.names import file_stem
+from rpud_sim.inspection.output import new_folder
 
 ACCOUNT = "export.json"
-"""What was exported, and what the files themselves cannot tell."""
+"""File with the account of an export, and with what the other files have no place for."""
 
-# Module and class of each; Arrow is loaded only where it is asked for.
+# Module and class of each: Arrow, which may not be installed, is imported only if it is needed.
 FORMATS = {
     "parquet": ("arrow_files", "ParquetFile"),
     "csv": ("arrow_files", "CsvFile"),
@@ -32,17 +36,17 @@ FORMATS = {
 
 
 class ExportError(Exception):
-    """A bag cannot be exported; the text says why, in one line."""
+    """Bag that cannot be exported; the text gives the reason in one line."""
 
 
 @dataclass(frozen=True)
 class ExportedTopic:
-    """What was made of one topic.
+    """Exported topic.
 
     Args:
         name: of the topic.
         type: of its messages.
-        messages: that were exported.
+        messages: number of exported ones.
         rows: of its table.
         path: of its file or folder, in the folder of the export.
         size: of its files [bytes].
@@ -58,14 +62,14 @@ class ExportedTopic:
 
 @dataclass(frozen=True)
 class Exported:
-    """What was exported.
+    """Result of an export.
 
     Args:
         path: of the folder.
         format: one of ``FORMATS``.
         topics: in the order of their names.
         left_out: topics that cannot be tables, with the reason.
-        damaged: what was left out because it is damaged, by topic or record: how much, and why.
+        damaged: amount and reason of the damaged parts that were skipped, by topic or record.
     """
 
     path: str
@@ -84,19 +88,19 @@ def export(
     duration: float | None = None,
     report: Callable[[int], object] = lambda messages: None,
 ) -> Exported:
-    """Write one table for each topic; there is nothing at ``out`` until all of it is whole.
+    """Write one table for each topic; ``out`` appears when all tables are complete.
 
     Args:
         path: of the bag.
         out: new folder for the files.
         file_format: one of ``FORMATS``.
         topics: names; None for all that can be tables.
-        start: leave out so much at the beginning of the bag [s].
-        duration: export at most so much [s]; None for all.
-        report: told the messages that were exported since it was told last.
+        start: of the exported part, from the beginning of the bag [s].
+        duration: of the exported part, at most [s]; None for all.
+        report: called with the number of messages that were exported since its last call.
 
     Raises:
-        BagError: if the bag cannot be read, or a topic is not there or cannot be a table.
+        BagError: if the bag cannot be read, or a topic is unknown or cannot be a table.
         ExportError: if the files cannot be written.
     """
     with rpud_sim.bag.open(path) as bag:
@@ -112,14 +116,14 @@ def export(
             and (topics is None or summary.topic.name in topics)
         ]
         length = None if duration is None else round(duration * SECOND)
-        # Before any file is made, so that an unknown topic leaves nothing behind.
+        # Before any file is created, so that an unknown topic leaves no file behind.
         batches = bag.batches(
             [summary.topic.name for summary in chosen] if topics is None else topics,
             round(start * SECOND),
             length,
             damages.add,
         )
-        with _whole(out) as folder:
+        with new_folder(out, ExportError) as folder:
             files = _Files(bag, folder, file_format, chosen, damages)
             with files:
                 for batch in batches:
@@ -134,19 +138,27 @@ def export(
     return exported
 
 
-@contextmanager
-def _whole(out: str | os.PathLike[str]) -> Iterator[Path]:
-    try:
-        with whole_folder(out) as folder:
-            yield folder
-    except FileExistsError as error:
-        raise ExportError(f"{error.filename} exists already; nothing is overwritten") from None
-    except OSError as error:
-        raise ExportError(f"cannot write {out}: {error.strerror or error}") from error
+_ROS_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_LONGEST = 180  # bytes; file systems take 255
+
+
+def file_stem(topic: str) -> str:
+    """Return the name of a topic's file without its ending, as in ``rpud.contact_force``.
+
+    Different topics have different names. A topic whose name is not one of ROS gets the prefix
+    ``topic-``, and escapes for all characters that a path could interpret.
+    """
+    if _ROS_NAME.fullmatch(topic):
+        stem = topic[1:].replace("/", ".")
+    else:
+        stem = "topic-" + quote(topic, safe="")
+    if len(stem) > _LONGEST:
+        stem = f"{stem[:_LONGEST]}-{hashlib.sha256(topic.encode()).hexdigest()[:16]}"
+    return stem
 
 
 class _Files:
-    """The open files of all topics."""
+    """Open files of all topics."""
 
     def __init__(
         self,
@@ -174,7 +186,7 @@ class _Files:
         """Create the files."""
         with self._open:
             for name, columns in self._columns.items():
-                metadata = {"rpud_sim": {**self._about, **self._told(name)}}
+                metadata = {"rpud_sim": {**self._about, **self._describe(name)}}
                 file = self._make(self._folder / file_stem(name), columns, metadata)
                 self._files[name] = file
                 self._open.callback(file.close)
@@ -184,14 +196,16 @@ class _Files:
     def __exit__(self, *_: object) -> None:
         self._open.close()
 
-    def write(self, topic: str, columns: Any, rows: int, messages: int) -> None:
+    def write(
+        self, topic: str, columns: Mapping[str, np.ndarray], rows: int, messages: int
+    ) -> None:
         """Add rows to the file of a topic."""
         self._files[topic].write(columns)
         self._counts[topic][0] += messages
         self._counts[topic][1] += rows
 
     def exported(self) -> tuple[ExportedTopic, ...]:
-        """Tell what was made, after the files are closed."""
+        """Return the account of each topic, after the files are closed."""
         return tuple(
             ExportedTopic(
                 name,
@@ -206,22 +220,22 @@ class _Files:
 
     @property
     def account(self) -> dict[str, Any]:
-        """Give what the bag tells of itself and the columns, for those who read the files."""
-        return {**self._about, "tables": {name: self._told(name) for name in self._topics}}
+        """Content of ``export.json`` about the bag and the columns."""
+        return {**self._about, "tables": {name: self._describe(name) for name in self._topics}}
 
-    def _told(self, topic: str) -> dict[str, Any]:
+    def _describe(self, topic: str) -> dict[str, Any]:
         summary = self._topics[topic]
         return {
             "topic": topic,
             "type": summary.topic.type,
             "type_hash": summary.topic.type_hash,
             "losses": asdict(summary.losses) if summary.losses else None,
-            "columns": {column.name: _column(column) for column in self._columns[topic]},
+            "columns": {column.name: _describe_column(column) for column in self._columns[topic]},
         }
 
 
-def _column(column: Column) -> dict[str, Any]:
-    told = {"kind": column.kind.value, "unit": column.unit, "description": column.description}
+def _describe_column(column: Column) -> dict[str, Any]:
+    content = {"kind": column.kind.value, "unit": column.unit, "description": column.description}
     if column.dtype != object:
-        told["dtype"] = str(column.dtype)
-    return told
+        content["dtype"] = str(column.dtype)
+    return content

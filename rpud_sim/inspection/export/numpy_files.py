@@ -1,7 +1,9 @@
-"""NumPy: one folder for each table, with one growing file for each column."""
+"""NumPy files: one folder for each table, with one growing file for each column."""
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,22 +12,22 @@ import numpy as np
 from numpy.lib.format import dtype_to_descr, write_array_header_1_0
 
 from rpud_sim.bag.columns import Column, Kind
-from rpud_sim.inspection.export.texts import to_text
 
 _VARYING = (Kind.SEQUENCE, Kind.TEXT, Kind.NESTED)
+_PIECE = 65_536  # elements
 
 
 class NumpyFolder:
-    """One table as a folder of ``.npy`` files, which can be mapped into memory.
+    """Table as a folder of ``.npy`` files, which can be mapped into memory.
 
-    Times and durations are integer nanoseconds. What has no fixed length takes two files: row n
-    of ``name.npy`` is there from ``name.offsets.npy`` [n] to [n + 1]; of texts it is the UTF-8
-    bytes, and what else there is in sequences is JSON text.
+    Times and durations are integer nanoseconds. A column without a fixed length takes two files:
+    row n lies in ``name.npy`` from ``name.offsets.npy`` [n] to [n + 1]. Texts are their UTF-8
+    bytes; sequences of other things than numbers are JSON text.
 
     Args:
         path: of the new folder.
         columns: of the table.
-        metadata: not kept, as there is no place for it.
+        metadata: not written, since the files have no place for it.
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
@@ -51,7 +53,7 @@ class NumpyFolder:
             file = self._files[column.name]
             found = values[column.name]
             if column.kind in _VARYING:
-                lengths, found = _together(column, found)
+                lengths, found = _concatenate(column, found)
                 ends = file.length + np.cumsum(lengths, dtype=np.int64)
                 self._files[f"{column.name}.offsets"].write(ends)
             file.write(found)
@@ -62,19 +64,19 @@ class NumpyFolder:
             file.close()
 
 
-def _together(column: Column, values: np.ndarray) -> tuple[list[int], np.ndarray]:
-    """Return the length of each value, and all of them one after the other."""
+def _concatenate(column: Column, values: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """Return the length of each value, and all values one after the other."""
     if column.kind is Kind.SEQUENCE:
         return [*map(len, values)], np.concatenate([np.empty(0, column.dtype), *values])
-    texts = values if column.kind is Kind.TEXT else map(to_text, values)
+    texts = values if column.kind is Kind.TEXT else map(to_json, values)
     encoded = [text.encode() for text in texts]
     return [*map(len, encoded)], np.frombuffer(b"".join(encoded), np.uint8)
 
 
 class _GrowingFile:
-    """A ``.npy`` file whose length is written when it is closed.
+    """Growing ``.npy`` file whose length is written at the end.
 
-    It is not kept open: there may be more of them than a process may have open.
+    It is not kept open: a bag may have more columns than a process may have open files.
 
     Attributes:
         path: of the file.
@@ -101,10 +103,37 @@ class _GrowingFile:
         """Write the length."""
         with self.path.open("r+b") as stream:
             self._write_header(stream)
-            # NumPy leaves room in the header for the longest length there is.
+            # Or rows would be overwritten; NumPy pads the header for the greatest length.
             assert stream.tell() == self._begin
 
     def _write_header(self, stream: Any) -> None:
         shape = (self.length, *self._shape)
         descr = dtype_to_descr(self.dtype)
         write_array_header_1_0(stream, {"descr": descr, "fortran_order": False, "shape": shape})
+
+
+def to_json(value: Any) -> str:
+    """Return a value as one line of JSON; NaN and infinity, which JSON lacks, are texts.
+
+    Args:
+        value: an array, or lists and dictionaries of numbers and texts.
+    """
+    if isinstance(value, np.ndarray) and value.size > _PIECE:
+        # One list of everything would take many times the memory of the array.
+        pieces = (to_json(value[at : at + _PIECE])[1:-1] for at in range(0, len(value), _PIECE))
+        return f"[{', '.join(pieces)}]"
+    plain = value.tolist() if isinstance(value, np.ndarray) else value
+    try:
+        return json.dumps(plain, ensure_ascii=False, allow_nan=False)
+    except ValueError:
+        return json.dumps(_name_infinities(plain), ensure_ascii=False)
+
+
+def _name_infinities(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _name_infinities(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_name_infinities(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+    return value

@@ -1,1 +1,1 @@
-"""What a bag holds as one page: it is gone through once, and memory does not grow with it."""
+"""Report of a bag as one HTML page, made in one pass and in bounded memory."""

@@ -1,4 +1,4 @@
-"""The tables of a report: rows of texts, out of what was seen of a bag."""
+"""Rows of a report's tables: texts from the survey of a bag."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import math
 from collections.abc import Iterator
 from datetime import datetime, timezone
 
-from rpud_sim.inspection.report.drills import FaultLog
-from rpud_sim.inspection.report.streams import Distribution
+from rpud_sim.inspection.report.drill_topics import FaultLog
+from rpud_sim.inspection.report.running_statistics import Distribution
 from rpud_sim.inspection.report.survey import Survey
-from rpud_sim.inspection.report.topics import TopicSurvey
+from rpud_sim.inspection.report.topic_survey import TopicSurvey
 
 Rows = list[tuple[str, ...]]
 
 MOST_ROWS = 300
-"""Of a table of topics."""
+"""Number of rows in a table of topics."""
 
 STATUS = "rpud_msgs/msg/Status"
 _UNSET = "–"
 
-# Of a status: what to tell of it, and how.
+# Counters of a status, and their names in the report.
 _COUNTERS = (
     ("deadlines_missed", "deadlines missed"),
     ("messages_dropped", "messages dropped"),
@@ -29,14 +29,14 @@ _COUNTERS = (
 
 
 def show(value: float | None, unit: str = "") -> str:
-    """Write a number with four digits and its unit; a dash for none."""
+    """Return a number with four digits and its unit; a dash for None, NaN and infinity."""
     if value is None or not math.isfinite(value):
         return _UNSET
     return f"{value:.4g} {unit}".rstrip()
 
 
 def bag_rows(seen: Survey) -> Rows:
-    """What the bag is."""
+    """Return the properties of the bag."""
     start = datetime.fromtimestamp(seen.start / 1e9, tz=timezone.utc)
     return [
         ("bag", seen.path),
@@ -48,7 +48,7 @@ def bag_rows(seen: Survey) -> Rows:
 
 
 def run_rows(seen: Survey) -> list[Rows]:
-    """How each run came about, as its recorder tells."""
+    """Return the properties of each run, from its manifest."""
     return [
         [
             ("drill", manifest.node or _UNSET),
@@ -62,10 +62,10 @@ def run_rows(seen: Survey) -> list[Rows]:
 
 
 def parameter_rows(seen: Survey) -> Rows:
-    """The parameters of the first run, by the manifest or else by the journal."""
-    told = [dict(manifest.parameters) for manifest in seen.manifests]
-    told += [journal.parameters for journal in seen.journals.values()]
-    parameters = next(filter(None, told), {})
+    """Return the parameters of the first run, from the manifest or else from the journal."""
+    found = [dict(manifest.parameters) for manifest in seen.manifests]
+    found += [journal.parameters for journal in seen.journals.values()]
+    parameters = next(filter(None, found), {})
     return [
         (str(name), f"{value:g}" if isinstance(value, float) else f"{value!s:.200}")
         for name, value in sorted(parameters.items())
@@ -73,7 +73,7 @@ def parameter_rows(seen: Survey) -> Rows:
 
 
 def topic_rows(seen: Survey) -> Rows:
-    """What the bag's index tells of every topic."""
+    """Return the entries of the bag's index of topics."""
     return [
         (
             summary.topic.name,
@@ -87,7 +87,7 @@ def topic_rows(seen: Survey) -> Rows:
 
 
 def series_rows(topic: TopicSurvey) -> Rows:
-    """Figures of each column of numbers."""
+    """Return the statistics of each column of numbers."""
     return [
         (
             item.column.name,
@@ -101,7 +101,7 @@ def series_rows(topic: TopicSurvey) -> Rows:
 
 
 def impact_rows(seen: Survey, name: str) -> Rows:
-    """The figures of ``rpud simulate``, as far as the topics of one drill give them."""
+    """Return the figures of ``rpud simulate``, as far as the topics of one drill give them."""
     topic, impacts = seen.topics[name], seen.impacts[name]
     count = topic.find("peak_force").count
     span = impacts.intervals.total
@@ -115,7 +115,7 @@ def impact_rows(seen: Survey, name: str) -> Rows:
         ("contact_force_max", show(topic.find("peak_force").greatest, "N"), ""),
         ("contact_duration_mean", show(topic.find("contact_duration").mean, "s"), ""),
     ]
-    segments = seen.beside(name, "rpud_msgs/msg/Trajectory")
+    segments = seen.sibling(name, "rpud_msgs/msg/Trajectory")
     if segments is not None and segments.name in seen.segments:
         exact = seen.segments[segments.name]
         actuator = exact.actuator_impacts / exact.duration if exact.duration > 0.0 else None
@@ -127,7 +127,7 @@ def impact_rows(seen: Survey, name: str) -> Rows:
         ("rpud_msgs/msg/Waveform", "reacting_force"),
         ("rpud_msgs/msg/ReactingForce", "force"),
     ):
-        force = seen.beside(name, kind)
+        force = seen.sibling(name, kind)
         if force is not None and force.find(column).count:
             mean = force.find(column).mean
             rows.append(("reacting_force_mean", show(mean, "N"), f"of the samples in {force.name}"))
@@ -136,7 +136,7 @@ def impact_rows(seen: Survey, name: str) -> Rows:
 
 
 def energy_rows(seen: Survey, name: str) -> Rows:
-    """Where the energy goes, as far as the topics of one drill tell it."""
+    """Return energies and powers, as far as the topics of one drill give them."""
     topic, impacts = seen.topics[name], seen.impacts[name]
     energy, span = topic.find("energy"), impacts.intervals.total
     power = energy.mean * impacts.intervals.count / span if span > 0.0 else math.nan
@@ -146,7 +146,7 @@ def energy_rows(seen: Survey, name: str) -> Rows:
         ("kinetic_energy_rate", show(power, "W"), "power that arrives at the drill tool"),
         ("impulse of an impact", show(topic.find("impulse").mean, "N s"), "on the drill tool"),
     ]
-    status = seen.beside(name, STATUS)
+    status = seen.sibling(name, STATUS)
     if status is None:
         return rows
     electrical = status.find("electrical_power")
@@ -171,7 +171,7 @@ def energy_rows(seen: Survey, name: str) -> Rows:
 
 
 def timing_rows(seen: Survey) -> Rows:
-    """How regularly messages came, how late, and how many not at all."""
+    """Return losses, intervals and delays of the messages of each topic."""
     rows = []
     for topic in [*seen.topics.values()][:MOST_ROWS]:
         timing = topic.timing
@@ -199,7 +199,7 @@ def timing_rows(seen: Survey) -> Rows:
 
 
 def status_rows(topic: TopicSurvey) -> Rows:
-    """What a drill says of its own timing and counts."""
+    """Return the timing and the counters from a drill's status."""
     speed = topic.find("real_time_factor")
     rows = [
         ("real_time_factor", f"mean {show(speed.mean)}, least {show(speed.least)}"),
@@ -212,7 +212,7 @@ def status_rows(topic: TopicSurvey) -> Rows:
 
 
 def fault_rows(log: FaultLog) -> Rows:
-    """Every fault with its times since the bag began."""
+    """Return every fault with its times since the bag began."""
     return [
         (
             str(fault.number),

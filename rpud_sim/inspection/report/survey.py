@@ -1,4 +1,4 @@
-"""One pass through a bag, from which the whole report is made."""
+"""Survey of a bag in one pass: everything that a report shows."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.damages import Damages
-from rpud_sim.inspection.report.drills import (
+from rpud_sim.inspection.report.drill_topics import (
     CHANNELS,
     FaultLog,
     Impacts,
@@ -19,14 +19,14 @@ from rpud_sim.inspection.report.drills import (
     Segments,
     Waveform,
 )
-from rpud_sim.inspection.report.streams import zero_stamp
-from rpud_sim.inspection.report.topics import TopicSurvey, is_latched, stamp_column
+from rpud_sim.inspection.report.timeline import zero_stamp
+from rpud_sim.inspection.report.topic_survey import TopicSurvey, is_latched, stamp_column
 
 MOST_TOPICS = 200
-"""Topics that are followed; of others the report has what the bag's index tells."""
+"""Number of topics that are surveyed; of others the report only shows the bag's index."""
 
-# Columns without which a topic is not ours, whatever its type is called: of numbers the kind of
-# their dtype, of others their own kind.
+# Columns that a topic of ours has, since other types may have the same name: the kind of the dtype
+# of numbers, and the kind of other columns.
 _NEEDED = {
     "rpud_msgs/msg/ContactForce": {"header.stamp": "time", "energy": "f", "peak_force": "f"},
     "rpud_msgs/msg/Trajectory": {"time": "time", "event": "u", "duration": "f"},
@@ -43,20 +43,21 @@ _NEEDED = {
 
 @dataclass
 class Survey:
-    """What was seen of a bag.
+    """Content of a bag, as far as a report shows it.
 
     Args:
         path: of the bag.
-        start: log time at which it begins [ns].
+        start: log time of its beginning [ns].
         duration: [s].
         size: of its files [bytes].
         message_count: of all topics.
         compression: of its chunks.
-        manifests: how its runs came about.
+        manifests: of its runs.
         summaries: of all topics.
-        left_out: topics that were not followed, with the reason.
-        topics: those that were, by name; and the drill's own.
-        damaged: what was left out because it is damaged, by topic or record: how much, and why.
+        left_out: topics that are not surveyed, with the reason.
+        topics: surveyed topics, by name.
+        impacts, segments, waveforms, faults, journals: content of the drill's own topics, by name.
+        damaged: amount and reason of the damaged parts that were skipped, by topic or record.
     """
 
     path: str
@@ -78,14 +79,14 @@ class Survey:
 
     @property
     def span(self) -> float:
-        """From the bag's beginning to the last of all stamps and log times [s].
+        """Time from the bag's beginning to the last of all stamps and log times [s].
 
-        Where time passes faster than on the recorder's clock, that is more than the duration.
+        It exceeds the duration if simulation time passes faster than the recorder's clock.
         """
         return max([self.duration, *(topic.end for topic in self.topics.values())])
 
-    def beside(self, topic: str, kind: str) -> TopicSurvey | None:
-        """Return the topic of a type in the namespace of another."""
+    def sibling(self, topic: str, kind: str) -> TopicSurvey | None:
+        """Return the topic of a type in the same namespace as another topic."""
         for name, found in self.topics.items():
             if _namespace(name) == _namespace(topic) and found.type == kind:
                 return found
@@ -93,46 +94,33 @@ class Survey:
 
 
 def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: None) -> Survey:
-    """Go through a bag once.
+    """Read a bag once and return its survey.
 
     Args:
         bag: open.
-        report: told the messages that were read since it was told last.
+        report: called with the number of messages that were read since its last call.
 
     Raises:
         BagError: if the bag is damaged.
     """
-    left_out = bag.left_out
     damages = Damages(bag)
-    duration = bag.duration / SECOND
     seen = Survey(
         str(bag.path),
         bag.start_time,
-        duration,
+        bag.duration / SECOND,
         bag.size,
         bag.message_count,
         bag.compression,
         _manifests(bag, damages),
         bag.readable_topics,
-        left_out,
+        bag.left_out,
     )
-    zeros = _zeros(bag)
-    for summary in bag.readable_topics:
-        name = summary.topic.name
-        if name in left_out:
-            continue
-        if len(seen.topics) >= MOST_TOPICS:
-            left_out[name] = f"the bag has more than {MOST_TOPICS} topics"
-            continue
-        columns = bag.columns(name)
-        zero = zeros.get(_namespace(name))
-        seen.topics[name] = TopicSurvey(summary, columns, bag.start_time, duration, zero)
-        _follow(seen, summary, columns)
+    _choose_topics(seen, bag)
     for batch in bag.batches([*seen.topics], leave_out=damages.add):
         times = seen.topics[batch.topic].add(batch)
-        for followed in (seen.impacts, seen.segments, seen.waveforms, seen.journals):
-            if batch.topic in followed:
-                followed[batch.topic].add(batch.columns, times)
+        for kept in (seen.impacts, seen.segments, seen.waveforms, seen.journals):
+            if batch.topic in kept:
+                kept[batch.topic].add(batch.columns, times)
         if batch.topic in seen.faults:
             jumps = seen.topics[batch.topic].timeline.jumps
             seen.faults[batch.topic].add(batch.columns, times, jumps)
@@ -141,14 +129,29 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
     return seen
 
 
+def _choose_topics(seen: Survey, bag: BagReader) -> None:
+    zeros = _zeros(bag)
+    for summary in bag.readable_topics:
+        name = summary.topic.name
+        if name in seen.left_out:
+            continue
+        if len(seen.topics) >= MOST_TOPICS:
+            seen.left_out[name] = f"the bag has more than {MOST_TOPICS} topics"
+            continue
+        columns = bag.columns(name)
+        zero = zeros.get(_namespace(name))
+        seen.topics[name] = TopicSurvey(summary, columns, seen.start, seen.duration, zero)
+        _add_drill_topic(seen, summary, columns)
+
+
 def _namespace(topic: str) -> str:
     return topic.rpartition("/")[0]
 
 
 def _zeros(bag: BagReader) -> dict[str, int]:
-    """Return what the clock of each namespace showed when the bag began [ns].
+    """Return the stamp of each namespace's clock at the bag's beginning [ns].
 
-    It is that of the first message which was sent then: latched ones may be older.
+    The first message of a topic that is not latched shows it: latched ones may be older.
     """
     begin = bag.start_time
     stamped = [
@@ -179,11 +182,11 @@ def _manifests(bag: BagReader, damages: Damages) -> list[Manifest]:
         try:
             found.append(manifest_from_record(record))
         except BagFormatError as error:
-            damages.leave_out_record(MANIFEST, error)
+            damages.add_record(MANIFEST, error)
     return found
 
 
-def _follow(seen: Survey, summary: TopicSummary, columns: Sequence[Column]) -> None:
+def _add_drill_topic(seen: Survey, summary: TopicSummary, columns: Sequence[Column]) -> None:
     name, kind = summary.topic.name, summary.topic.type
     held = {
         (column.name, column.dtype.kind if column.kind is Kind.NUMBER else column.kind.value)

@@ -1,1 +1,1 @@
-"""The proof that a bag is what the simulation gives: run again from its journal, bit for bit."""
+"""Proof that a bag holds what the simulation computes: its journal is run again, bit for bit."""

@@ -1,4 +1,4 @@
-"""How much of the runs a bag covers, as all of its topics together show."""
+"""Coverage of a bag: which part of its journal's runs it should hold."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from dataclasses import dataclass
 from rpud_sim.bag import BagFormatError, BagReader, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND, join_seconds
-from rpud_sim.inspection.verify.runs import Position, Span, Stretches
+from rpud_sim.inspection.verify.recorded_journal import Position, Span, Stretches
 from rpud_sim.simulation.topics import TOPICS
 
-# At the end of the bag, in which stamps are looked for [ns].
-_LAST = 10 * SECOND
-# Topics reach a recorder one a little before the other [ns].
-_DELAY = 1 * SECOND
+# Length of the end of a bag that is searched for stamps [ns].
+_END_LENGTH = 10 * SECOND
+# Longest delay between topics on their way to a recorder [ns].
+_TOPIC_DELAY = 1 * SECOND
 _NOWHERE: Position = (-1, -1)
 _STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """What a bag covers.
+    """Part of the runs that a bag covers.
 
     Args:
-        span: of the runs.
-        last_stamp: that at least two topics come to, so that an altered one is not it [ns].
+        span: in positions of the drill.
+        last_stamp: that at least two topics reach, so that one altered stamp changes nothing [ns].
     """
 
     span: Span
@@ -34,17 +34,17 @@ class Coverage:
 
 
 def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretches) -> Coverage:
-    """Find out what a bag covers.
+    """Return the coverage of a bag.
 
-    The last second of a recording shows nothing about its end: when a recorder is closed, messages
-    of some topics are still on their way. If the drill ended first, its last status shows all.
+    The last second of a recording shows nothing about its end: when a recorder closes, messages of
+    some topics are still on their way. If the drill ended first, its last status shows the end.
 
     Args:
-        bag: that is looked at.
-        codecs: of the topics that show it, by name.
+        bag: open.
+        codecs: of the topics to look at, by name.
         stretches: of its journal.
     """
-    start = max(0, bag.duration - _LAST)
+    start = max(0, bag.duration - _END_LENGTH)
     end = max((message.log_time for message in bag.messages(codecs.keys(), start)), default=0)
     latest: dict[str, int] = {}
     reached: list[Position] = []
@@ -58,16 +58,16 @@ def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretc
         position = (stretches.of(message)[0], stamp if state else stamp - 1)
         if state == _STOPPED and stretches.ended:
             reached = [position, position]
-        elif message.log_time <= end - _DELAY:
-            # Two messages have to show it, so that an altered one does not.
+        elif message.log_time <= end - _TOPIC_DELAY:
+            # Two messages have to agree, so that one altered stamp changes nothing.
             reached = sorted([*reached, position])[-2:]
-    span = Span(_begun(bag, codecs, stretches), reached[0] if len(reached) == 2 else _NOWHERE)
+    span = Span(_find_begin(bag, codecs, stretches), reached[0] if len(reached) == 2 else _NOWHERE)
     return Coverage(span, min(sorted(latest.values())[-2:], default=0))
 
 
-def _begun(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretches) -> Position:
-    """Where the drill was when its recorder had subscribed to all topics."""
-    for message in bag.messages(codecs.keys(), _DELAY):
+def _find_begin(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretches) -> Position:
+    """Return the position of the drill when its recorder had subscribed to all topics."""
+    for message in bag.messages(codecs.keys(), _TOPIC_DELAY):
         decoded = _decode(message, codecs)
         if decoded is not None:
             return stretches.of(message)[1], decoded[0]

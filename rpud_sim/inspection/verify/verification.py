@@ -1,4 +1,4 @@
-"""A bag beside the simulation that its journal tells of, run again, in bounded memory."""
+"""Verification of a bag: its journal is run again and every message compared, in bounded memory."""
 
 from __future__ import annotations
 
@@ -6,42 +6,45 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import rpud_sim.bag
-from rpud_sim.bag import BagFormatError, BagReader, Message, Topic, TopicSummary
+from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.inspection.verify.comparison import Counts, Difference, Suspect, TopicComparison
-from rpud_sim.inspection.verify.content import ContentComparison
+from rpud_sim.inspection.verify.content_comparison import ContentComparison
 from rpud_sim.inspection.verify.coverage import find_coverage
-from rpud_sim.inspection.verify.entries import UnverifiableError, entries
-from rpud_sim.inspection.verify.runs import BEGINNINGS, Position, Stretches
+from rpud_sim.inspection.verify.installed_types import JOURNAL, installed_codec, is_installed
+from rpud_sim.inspection.verify.recorded_journal import (
+    BEGINNINGS,
+    Position,
+    Stretches,
+    UnverifiableError,
+    journal_entries,
+)
+from rpud_sim.inspection.verify.topic_comparison import Counts, Difference, Suspect, TopicComparison
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.topics import PROVED, TOPICS
 from rpud_sim.simulation.versions import engine_and_processor
 
-_JOURNAL = TOPICS["journal"].type
-# The simulation goes on this long after the last stamp: a block may end later [ns].
+# Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What came of it.
+    """Result of re-running a bag's journal.
 
     Args:
-        topics: what was found on each topic, by its name.
-        lost: what its recorder knows to have lost on each of them, None where nobody counted.
-        first_difference: by the bag's clock, of a message that no run gives; None if there is none.
-        undecided: why it cannot be decided whether messages differ, a line; empty if it can.
+        topics: results of each topic, by its name.
+        lost: messages that the recorder counted as lost, by topic; None if it did not count.
+        first_difference: by the bag's clock, of a message that no run gives; None if all agree.
+        undecided: why it cannot be decided whether messages differ, one line; empty if it can.
         simulated: simulation time that was run again [ns].
-        warnings: what else is to be said, a line each.
-        other_versions: whether something else made the bag than what verified it.
+        warnings: one line each.
+        other_versions: whether other versions made the bag than those that verified it.
     """
 
     topics: dict[str, Counts]
@@ -66,18 +69,18 @@ class Verification:
 def verify(
     path: str | os.PathLike[str], report: Callable[[float], object] = lambda seconds: None
 ) -> Verification:
-    """Run the simulations of a bag again and compare every message that they gave.
+    """Run the simulations of a bag again and compare every message with those in the bag.
 
     Args:
         path: of the bag.
-        report: told the seconds that were simulated since it was told last.
+        report: called with the seconds that were simulated since its last call.
 
     Raises:
         BagError: if the bag cannot be read.
-        UnverifiableError: if it holds no whole journal, or nothing that it could prove.
+        UnverifiableError: if it holds no complete journal, or nothing that the journal could prove.
     """
     with rpud_sim.bag.open(path) as bag:
-        journals = [summary for summary in bag.topics if summary.topic.type == _JOURNAL]
+        journals = [summary for summary in bag.topics if summary.topic.type == JOURNAL]
         held = [summary for summary in journals if summary.message_count]
         if not held:
             raise UnverifiableError(
@@ -97,12 +100,12 @@ def verify(
 
 
 class _Proof:
-    """The proof of one namespace."""
+    """Proof of one namespace of a bag."""
 
     def __init__(self, bag: BagReader, journal: TopicSummary) -> None:
         self._bag = bag
         self._journal = journal.topic.name
-        self._codec = _codec(journal)
+        self._codec = installed_codec(journal.topic)
         prefix = self._journal[: -len("journal")]
         self._summaries = {
             summary.topic.name.removeprefix(prefix): summary
@@ -113,25 +116,18 @@ class _Proof:
             name
             for name in PROVED
             if name in self._summaries
-            and (self._summaries[name].message_count or _fits(self._summaries[name].topic))
+            and (self._summaries[name].message_count or is_installed(self._summaries[name].topic))
         ]
         if not any(self._summaries[name].message_count for name in self._names):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
+        self._codecs = {name: installed_codec(self._summaries[name].topic) for name in self._names}
         self._warnings: dict[str, None] = {}
         self._other_versions = False
         self._simulated = 0
 
     def run(self, report: Callable[[float], object]) -> Verification:
         self._stretches = Stretches(self._entries())
-        codecs = {
-            self._summaries[name].topic.name: _codec(self._summaries[name]) for name in self._names
-        }
-        status = self._summaries.get("status")
-        if status and status.topic.type == TOPICS["status"].type and status.definition:
-            with contextlib.suppress(BagFormatError):
-                # Any version of it shows how far the drill has come.
-                codecs[status.topic.name] = Codec(TOPICS["status"].type, status.definition)
-        self._coverage = find_coverage(self._bag, codecs, self._stretches)
+        self._coverage = find_coverage(self._bag, self._coverage_codecs(), self._stretches)
         comparisons = self._compare(report)
         counts = {name: comparison.counts for name, comparison in comparisons.items()}
         suspects = {name: c.suspects for name, c in comparisons.items() if c.suspects}
@@ -162,17 +158,26 @@ class _Proof:
             self._other_versions,
         )
 
+    def _coverage_codecs(self) -> dict[str, Codec]:
+        codecs = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
+        status = self._summaries.get("status")
+        if status and status.topic.type == TOPICS["status"].type and status.definition:
+            with contextlib.suppress(BagFormatError):
+                # A status of any version shows the progress of the drill.
+                codecs[status.topic.name] = Codec(TOPICS["status"].type, status.definition)
+        return codecs
+
     def _compare(self, report: Callable[[float], object]) -> dict[str, TopicComparison]:
-        """Compare each message with those of the run that it was published in."""
+        """Compare each message with those of the run in which it was published."""
         comparisons = {
             name: TopicComparison(
                 self._summaries[name].topic.name,
-                _codec(self._summaries[name]),
+                codec,
                 self._messages(name),
                 self._stretches,
                 self._coverage.span,
             )
-            for name in self._names
+            for name, codec in self._codecs.items()
         }
         for name, values, position in self._computed(report):
             if name in comparisons:
@@ -193,12 +198,12 @@ class _Proof:
     ) -> list[Difference]:
         """Look for suspects in all runs; return the differences of those that no run gives.
 
-        Times may mislead: another recorder does not keep when messages were published, or the
-        clock was set back. The counts of a topic are corrected if its messages prove themselves.
+        Times may mislead: other recorders do not keep publishing times, or the clock was set back.
+        If the content of a topic's messages proves all of them, its counts are corrected.
         """
         simulated = self._simulated
         contents = {
-            name: ContentComparison(group, _codec(self._summaries[name]), self._messages(name))
+            name: ContentComparison(group, self._codecs[name], self._messages(name))
             for name, group in suspects.items()
         }
         for name, values, _ in self._computed(report):
@@ -216,13 +221,13 @@ class _Proof:
             difference
             for content in contents.values()
             if not content.in_order
-            for difference in content.strangers
+            for difference in content.unmatched
         ]
 
     def _computed(
         self, report: Callable[[float], object]
     ) -> Iterator[tuple[str, dict[str, Any], Position]]:
-        """Yield what the simulation gives: topic, message, and where the drill stands then."""
+        """Yield what the simulation gives: topic, message, and the position of the drill."""
         rerun = Rerun()
         stretch = -1
         try:
@@ -233,7 +238,7 @@ class _Proof:
                 if entry.kind == "begin":
                     self._check_versions(entry.content)
                     before = 0
-                for _, name, values in rerun.do(entry):
+                for _, name, values in rerun.repeat(entry):
                     yield name, values, (stretch, rerun.origin + rerun.time)
                 self._count(rerun.time - before, report)
             if entry.kind == "end":
@@ -249,7 +254,7 @@ class _Proof:
             raise UnverifiableError(f"{self._journal}: {error}") from error
 
     def _entries(self) -> Iterator[tuple[Message, JournalEntry]]:
-        return entries(self._bag.messages({self._journal}), self._codec)
+        return journal_entries(self._bag.messages({self._journal}), self._codec)
 
     def _messages(self, name: str) -> Iterator[Message]:
         return self._bag.messages({self._summaries[name].topic.name})
@@ -266,30 +271,3 @@ class _Proof:
             if other != version:
                 self._other_versions = True
                 self._warnings[f"made by {name} {other!s:.80}, verified by {version}"] = None
-
-
-def _codec(summary: TopicSummary) -> Codec:
-    """The codec of a topic whose type is the one that is installed here."""
-    topic = summary.topic
-    expected = _expected_type(topic)
-    if topic.type != expected:
-        raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
-    if not _fits(topic):
-        raise UnverifiableError(f"{topic.name} is of another version of {expected}")
-    return _own_codec(expected)
-
-
-def _expected_type(topic: Topic) -> str:
-    own = TOPICS.get(topic.name.rpartition("/")[2])
-    return _JOURNAL if topic.type == _JOURNAL or own is None else own.type
-
-
-def _fits(topic: Topic) -> bool:
-    """Whether a topic's type is the one that is installed here."""
-    expected = _expected_type(topic)
-    return topic.type == expected and topic.type_hash in ("", find_type_hash(expected))
-
-
-@cache
-def _own_codec(type_name: str) -> Codec:
-    return Codec(type_name, find_definition(type_name))

@@ -335,7 +335,7 @@ class Drilling:
         self._pacer.finish(until)
         # Streams are large, and wait for no deadline.
         self._publishers.send(each for each in messages if each[0] in _STREAMS)
-        for refusal in self._run.simulation.take_refusals():
+        for refusal in self._run.simulation.drain_refusals():
             self._logger.warning(refusal)
         reached = self._goal is not None and until >= self._goal
         if reached:
@@ -349,7 +349,7 @@ class Drilling:
         """Let waiting commands act; return whether anything changed that the status shows."""
         commands = self._inbox.drain()
         for command in commands:
-            self._run.control.take(command)
+            self._run.control.apply(command)
         changed = self._run.control.act()
         return bool(commands) or changed or self._account.refused_more()
 

@@ -16,7 +16,6 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.publishers import COMMAND_QOS
-from rpud_sim.simulation.actuator import check_drive
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 
@@ -77,15 +76,10 @@ class Gate:
             self._inbox.refuse(str(error))
 
     def _on_drive(self, message: DriveMessage) -> None:
-        configuration = self.settings.configuration
         try:
             self._check("drive", message.header.stamp)
             drive = Drive(message.enabled, message.voltage, message.frequency)
-            check_drive(
-                drive,
-                configuration.parameters.vibration_amplitude,
-                configuration.actuator.nominal_voltage,
-            )
+            self.settings.configuration.check_drive(drive)
             self._inbox.accept(drive)
         except ParameterError as error:
             self._inbox.refuse(str(error))

@@ -15,10 +15,9 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.qos import QoSProfile
 
 from rpud_sim.bag import BagWriter
-from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
+from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest
-from rpud_sim.bag.recovery import RECORDING_RECORD
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.disk_room import DiskRoom
 from rpud_sim.ros.record.drill_inquiry import DrillInquiry

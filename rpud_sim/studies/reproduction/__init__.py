@@ -1,1 +1,1 @@
-"""The paper reproduced: every figure and number, with intervals, under every reading."""
+"""Reproduction of the paper: every figure and number, with intervals, under every reading."""

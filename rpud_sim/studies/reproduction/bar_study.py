@@ -1,4 +1,4 @@
-"""The energy balance of eqs. (20)-(39), in both contact models, held against the elastic bar."""
+"""Comparison of the energy balance, eqs. (20)-(39), in both contact models with the bar."""
 
 from __future__ import annotations
 
@@ -6,19 +6,18 @@ import dataclasses
 
 from rpud_sim.model.parameters import CONTACT_MODELS
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.studies.reproduction.contact import Contact, single_contact
 from rpud_sim.studies.reproduction.elastic_bar import BarImpact, strike
-from rpud_sim.studies.reproduction.headline import CONTACT_SPEED
-from rpud_sim.studies.reproduction.work import Track, gather
+from rpud_sim.studies.reproduction.jobs import Track, gather
+from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED
+from rpud_sim.studies.reproduction.single_contact import Contact, single_contact
 
 FREE_MASSES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)  # [kg]
 SPEEDS = (1.0, 2.0, CONTACT_SPEED, 10.0)  # [m/s]
-TABLE_MASS = 5e-3  # Table 2 [kg]
 
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """One blow by all three models.
+    """Results of one blow by all three models.
 
     Args:
         free_mass: [kg].
@@ -35,13 +34,13 @@ class Comparison:
 
 @dataclasses.dataclass(frozen=True)
 class BarStudy:
-    """All comparisons.
+    """Results of all blows.
 
     Args:
-        by_mass: at 5 m/s.
-        by_speed: with the free mass of Table 2.
-        by_elements: the bar alone, with its number of elements in part I; the free mass of Table 2
-            at 5 m/s.
+        by_mass: comparisons at 5 m/s.
+        by_speed: comparisons with the free mass of Table 2.
+        by_elements: the bar alone, by its number of elements in part I, with the free mass of
+            Table 2 at 5 m/s.
     """
 
     by_mass: list[Comparison]
@@ -50,7 +49,7 @@ class BarStudy:
 
 
 def run_bar_study(elements: int, track: Track) -> BarStudy:
-    """Strike the bar with every free mass and at every speed.
+    """Return the results of blows with every free mass and at every speed.
 
     Args:
         elements: in part I of the drill tool.

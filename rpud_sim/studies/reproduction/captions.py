@@ -1,4 +1,4 @@
-"""What the paper says of each figure, and the numbers that belong to it."""
+"""Captions of the figures: the paper's words, and the numbers that belong to each figure."""
 
 # name: title, the paper's words, keys of the numbers to set beside them
 CAPTIONS: dict[str, tuple[str, str, tuple[str, ...]]] = {

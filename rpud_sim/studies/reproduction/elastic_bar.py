@@ -1,4 +1,4 @@
-"""The drill tool as an elastic bar: a reference for the energy balance of eqs. (20)-(39).
+"""Elastic bar in place of the drill tool: a reference for the energy balance, eqs. (20)-(39).
 
 The stepped bar obeys the one-dimensional wave equation
 
@@ -19,16 +19,16 @@ from scipy.integrate import solve_ivp
 
 from rpud_sim.simulation import Parameters
 
-# After this share of the slowest period of bar and mass together the mass is gone.
+# The mass has left the bar after this share of the slowest period of both together.
 _HORIZON = 0.9
 
 
 @dataclasses.dataclass(frozen=True)
 class BarImpact:
-    """One blow of the free mass on the bar.
+    """Result of one blow of the free mass on the bar.
 
     Args:
-        time: of the samples since the impact, shape (n,) [s].
+        time: samples since the impact, shape (n,) [s].
         force: contact force, shape (n,) [N].
         displacement: of the bar's upper end, shape (n,) [m].
         peak_force: [N].
@@ -37,7 +37,7 @@ class BarImpact:
         touching: time in contact within that [s].
         restitution: velocity of the free mass after the last touch over that before the first.
         impulse: of the contact force [N s].
-        energy_error: change of the whole energy over the initial energy.
+        energy_error: change of the total energy over the initial energy.
     """
 
     time: np.ndarray
@@ -63,12 +63,12 @@ def impedance(parameters: Parameters) -> float:
 
 
 def strike(parameters: Parameters, impact_velocity: float, elements: int = 10) -> BarImpact:
-    """Let the free mass strike the resting bar.
+    """Return the result of a blow of the free mass on the resting bar.
 
     Args:
-        parameters: of the drill; the contact model does not count.
+        parameters: of the drill; the contact model has no effect.
         impact_velocity: of the free mass [m/s].
-        elements: number of elements in part I; part II has as many of that length as fit best.
+        elements: number of elements in part I; those in part II have about the same length.
     """
     masses, springs, contact_rate = _mesh(parameters, elements)
     count = len(masses)

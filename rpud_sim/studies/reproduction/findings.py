@@ -1,4 +1,4 @@
-"""What the numbers say, in words and rows of tables, for the report and for validation.md."""
+"""Findings of a reproduction as sentences and rows of tables, for report and validation.md."""
 
 from __future__ import annotations
 
@@ -8,25 +8,24 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.model.parameters import CONTACT_MODELS
-from rpud_sim.studies.reproduction.headline import NUMBERS, Number
-from rpud_sim.studies.reproduction.readings import Fit, Value, not_reproduced
+from rpud_sim.studies.reproduction.paper_numbers import NUMBERS, Number
+from rpud_sim.studies.reproduction.parameter_studies import CLAIMS, OUTPUTS
+from rpud_sim.studies.reproduction.readings import Fit, Value, nearest_fit, not_reproduced
 from rpud_sim.studies.reproduction.reproduction import (
     BEST,
     PRESETS,
     Reproduction,
     figure_12_implies,
 )
-from rpud_sim.studies.reproduction.studies import CLAIMS, OUTPUTS
 
-SOURCES = ("section", "abstract", "conclusion")
-_SAID = ("Section IV", "abstract", "conclusion")
+SOURCES = {"section": "Section IV", "abstract": "abstract", "conclusion": "conclusion"}
 CHOICES = ("vibration_amplitude", "weight_on_bit", "elastic_modulus", "contact_model", "count")
 
 Row = tuple[str, ...]
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits and no exponent."""
+    """Return a number with so many significant digits, without an exponent if it is moderate."""
     if value != 0.0 and not 1e-4 <= abs(value) < 1e6:
         return f"{value:.{digits - 1}e}"
     return np.format_float_positional(value, digits, fractional=False, trim="-")
@@ -42,13 +41,13 @@ def show(value: float, unit: str) -> str:
 
 
 def show_mean(value: Value, number: Number) -> str:
-    """Return mean and 95 % interval of the mean."""
+    """Return mean and 95 % interval of the mean as text."""
     mean = show(value.mean, number.unit)
     return f"{mean} ± {show(1.96 * value.standard_error, number.unit)}"
 
 
 def show_value(value: Value, number: Number) -> str:
-    """Return mean, 95 % interval of the mean, and what 95 % of single runs show."""
+    """Return mean, 95 % interval of the mean, and range of 95 % of single runs as text."""
     if value.low == value.high:
         return show(value.mean, number.unit)
     runs = f"{show(value.low, number.unit)} to {show(value.high, number.unit)}"
@@ -112,7 +111,8 @@ def _damping_finding(result: Reproduction) -> str:
     parts = []
     for row in trend_rows(result, PRESETS):
         if row[0] == "rpud_damping_ratio" and row[7] != "-":
-            said = ", ".join(f"{name} {word}" for name, word in zip(_SAID, row[6:9], strict=True))
+            claims = zip(SOURCES.values(), row[6:9], strict=True)
+            said = ", ".join(f"{name} {claim}" for name, claim in claims)
             parts.append(f"{row[1]} {row[2]} ({row[3]}) in the model; {said}")
     return "On the damping ratio the paper contradicts itself: " + ". ".join(parts) + "."
 
@@ -142,7 +142,7 @@ def number_rows(result: Reproduction) -> list[Row]:
     rows: list[Row] = []
     for number in NUMBERS:
         near = sum(fit.values[number.key].near(number) for fit in result.fits)
-        nearest = _nearest(result.fits, number)
+        nearest = nearest_fit(result.fits, number)
         rows.append(
             (
                 number.key,
@@ -157,10 +157,6 @@ def number_rows(result: Reproduction) -> list[Row]:
             )
         )
     return rows
-
-
-def _nearest(fits: list[Fit], number: Number) -> Fit:
-    return min(fits, key=lambda fit: abs(np.log(fit.values[number.key].mean / number.paper)))
 
 
 def missing_rows(result: Reproduction) -> list[Row]:
@@ -266,7 +262,7 @@ def mesh_rows(result: Reproduction) -> list[Row]:
 
 
 def tool_rows(result: Reproduction) -> list[Row]:
-    """Return the tool that Fig. 12 implies, and those of both contact models of steel."""
+    """Return rows with the tool that Fig. 12 implies, and with those of both contact models."""
     implied = figure_12_implies()
     rows = [("implied by Fig. 12", implied["tool_mass"], implied["tool_spring_rate"])]
     contacts = result.bar.by_speed[0].contacts
@@ -275,5 +271,5 @@ def tool_rows(result: Reproduction) -> list[Row]:
 
 
 def effort_text(result: Reproduction) -> str:
-    """Return how much was simulated, in one line."""
+    """Return the amount of simulation in one line."""
     return ", ".join(f"{name} {value}" for name, value in dataclasses.asdict(result.effort).items())

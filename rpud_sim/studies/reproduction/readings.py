@@ -1,4 +1,4 @@
-"""Readings: sets of choices in what the paper leaves open, each held for all numbers at once.
+"""Readings of the paper: sets of choices in what it leaves open, each used for all numbers.
 
 The misfit of a reading is the root-mean-square of log(model / paper) over all numbers; exp(misfit)
 is the factor by which the model is typically off. Nothing is fitted: the product of the choices
@@ -14,27 +14,28 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.studies.reproduction.contact import single_contact
-from rpud_sim.studies.reproduction.headline import CONTACT_SPEED, NUMBERS, Number
+from rpud_sim.studies.reproduction.jobs import Track, gather
+from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED, NUMBERS, Number
+from rpud_sim.studies.reproduction.single_contact import single_contact
 from rpud_sim.studies.reproduction.windows import Members, run_windows
-from rpud_sim.studies.reproduction.work import Track, gather
 
 AMPLITUDES = (35e-6, 17.5e-6)  # 35 um read as amplitude, and as peak-to-peak [m]
-WEIGHTS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0)  # while drilling; before it there is none [N]
+WEIGHTS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0)  # while drilling; it is zero before drilling [N]
 MODULI = (1.96e9, 1.96e11)  # as printed, and of steel [Pa]
 CONTACT_MODELS = ("printed", "rayleigh")
 COUNTS = ("one", "both")  # impacts on the drill tool, or these and those of the actuator
 
-# The paper's runs begin at phase zero, eq. (1); members begin this near to it [cycles].
+# The paper's runs begin at phase zero, eq. (1); members begin at most this far from it [cycles].
 PHASE_SPREAD = 0.1
 
-NEAR = 0.10  # a number counts as reproduced within this share of the paper's
+NEAR = 0.10  # relative difference within which a number counts as reproduced
 _RESAMPLES = 400
+_REGIMES = ("free", "drilling")
 
 
 @dataclasses.dataclass(frozen=True)
 class Reading:
-    """One set of choices.
+    """Set of choices.
 
     Args:
         vibration_amplitude: [m].
@@ -54,7 +55,7 @@ class Reading:
         return self.describe("drilling")
 
     def describe(self, regime: str) -> str:
-        """Return the choices in words: those that matter to a number of the regime."""
+        """Return those choices in words that affect a number of the regime."""
         amplitude = f"A = {self.vibration_amplitude * 1e6:g} µm"
         weight = f"W = {self.weight_on_bit:g} N"
         contact = f"E = {self.elastic_modulus:g} Pa, {self.contact_model} contact"
@@ -79,12 +80,12 @@ class Reading:
 
 @dataclasses.dataclass(frozen=True)
 class Value:
-    """The model's counterpart of a number under one reading, in SI units.
+    """Counterpart of a number in the model under one reading, in SI units.
 
     Args:
         mean: over the members.
         standard_error: of the mean.
-        low: 2.5 % quantile of single members: the paper shows one such run.
+        low: 2.5 % quantile of single members, since the paper shows one run.
         high: 97.5 % quantile.
     """
 
@@ -97,23 +98,19 @@ class Value:
         """Whether the mean is within ``NEAR`` of the paper's value."""
         return abs(self.mean / number.paper - 1.0) <= NEAR
 
-    def includes(self, number: Number) -> bool:
-        """Whether the paper's value is one that a single run may show."""
-        return self.low <= number.paper <= self.high
-
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """How well a reading fits as a whole.
+    """Fit of a reading to all numbers.
 
     Args:
         reading: the choices.
-        values: the model's, by the numbers' keys.
+        values: of the model, by the numbers' keys.
         misfit: root-mean-square of log(model / paper).
-        misfit_interval: its 95 % interval, members resampled.
+        misfit_interval: its 95 % interval, from resampled members.
         misfit_simulated: over the numbers that the paper simulated.
-        misfit_measured: over those that it measured.
-        stalled: members that the engine could not finish.
+        misfit_measured: over the numbers that it measured.
+        stalled: number of members that the engine could not finish.
     """
 
     reading: Reading
@@ -126,7 +123,7 @@ class Fit:
 
     @property
     def near(self) -> int:
-        """How many numbers are reproduced within ``NEAR``."""
+        """Number of numbers that are reproduced within ``NEAR``."""
         return sum(self.values[number.key].near(number) for number in NUMBERS)
 
 
@@ -140,13 +137,13 @@ def search(members: int, seed: int, track: Track) -> list[Fit]:
     """Return the fit of every reading, the best first.
 
     Args:
-        members: of each ensemble.
+        members: number of members of each ensemble.
         seed: of the initial phases.
         track: shows the progress.
     """
     readings = all_readings()
     random = np.random.default_rng(seed)
-    # The count and, before drilling, the contact change nothing in a run; such runs are made once.
+    # Readings share runs: the count affects no run, and the contact none before drilling.
     drills = list(
         dict.fromkeys(_drill(reading, regime) for reading in readings for regime in _REGIMES)
     )
@@ -156,9 +153,6 @@ def search(members: int, seed: int, track: Track) -> list[Fit]:
     windows = dict(zip(drills, results, strict=True))
     fits = [_fit(reading, windows, np.random.default_rng(seed)) for reading in readings]
     return sorted(fits, key=lambda fit: fit.misfit)
-
-
-_REGIMES = ("free", "drilling")
 
 
 def _drill(reading: Reading, regime: str) -> Parameters:
@@ -214,13 +208,18 @@ def _value(column: np.ndarray) -> Value:
     return Value(float(column.mean()), float(error), float(low), float(high))
 
 
+def nearest_fit(fits: list[Fit], number: Number) -> Fit:
+    """Return the fit whose value is nearest to a number of the paper."""
+    return min(fits, key=lambda fit: abs(np.log(fit.values[number.key].mean / number.paper)))
+
+
 def not_reproduced(fits: list[Fit]) -> list[dict[str, Any]]:
-    """Return the numbers that no reading reproduces within ``NEAR``, with the nearest there is."""
+    """Return the numbers that no reading reproduces within ``NEAR``, with the nearest values."""
     missing = []
     for number in NUMBERS:
         if any(fit.values[number.key].near(number) for fit in fits):
             continue
-        nearest = min(fits, key=lambda fit: abs(np.log(fit.values[number.key].mean / number.paper)))
+        nearest = nearest_fit(fits, number)
         missing.append(
             {
                 "key": number.key,

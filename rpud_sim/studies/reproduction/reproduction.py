@@ -1,4 +1,4 @@
-"""Everything that is reproduced, from nothing: the runs, and their numbers as one JSON object."""
+"""Reproduction of the paper: all runs, and their numbers as one JSON object."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from scipy import stats
 
 from rpud_sim.simulation import preset
 from rpud_sim.studies.reproduction.bar_study import BarStudy, Comparison, run_bar_study
-from rpud_sim.studies.reproduction.headline import CONTACT_SPEED, NUMBERS
-from rpud_sim.studies.reproduction.readings import Fit, Reading, not_reproduced, search
-from rpud_sim.studies.reproduction.studies import (
+from rpud_sim.studies.reproduction.jobs import Track, silent
+from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED, NUMBERS
+from rpud_sim.studies.reproduction.parameter_studies import (
     OUTPUTS,
     Study,
     Trend,
     find_trends,
     run_studies,
 )
-from rpud_sim.studies.reproduction.work import Track, silent
+from rpud_sim.studies.reproduction.readings import Fit, Reading, not_reproduced, search
 
 PRESETS = "presets"  # the paper's tables
 BEST = "best reading"
@@ -27,13 +27,13 @@ BEST = "best reading"
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """How much is simulated.
+    """Amount of simulation for a reproduction.
 
     Args:
         window_members: runs of the paper's windows per reading.
         study_members: runs per point of a study.
         study_duration: of each of these runs [s].
-        study_points: values of each parameter.
+        study_points: number of values of each parameter.
         bar_elements: elements in part I of the elastic bar.
         seed: of all initial phases.
     """
@@ -51,14 +51,14 @@ QUICK = Effort(4, 4, 2.0, 3, 4)
 
 @dataclasses.dataclass(frozen=True)
 class Reproduction:
-    """All results.
+    """Results of a reproduction.
 
     Args:
-        effort: that was made.
+        effort: amount of simulation.
         fits: of every reading, the best first.
         studies: by drill, ``PRESETS`` and ``BEST``.
         trends: verdicts on the studies, by drill.
-        bar: the elastic bar's.
+        bar: study of the elastic bar.
     """
 
     effort: Effort
@@ -69,12 +69,12 @@ class Reproduction:
 
     @property
     def best(self) -> Fit:
-        """The reading that fits best as a whole."""
+        """Fit of the reading that is best for all numbers together."""
         return self.fits[0]
 
     @property
     def presets(self) -> Fit:
-        """The reading of the presets, one collision counted."""
+        """Fit of the presets, with one collision of a cycle counted."""
         drill = preset("drilling")
         reading = Reading(
             drill.vibration_amplitude,
@@ -90,13 +90,13 @@ class Reproduction:
         study = next(item for item in self.studies[drill] if item.parameter == "weight_on_bit")
         members = study.members["reacting_force_mean"]
         weights = np.broadcast_to(study.values[:, None], members.shape)
-        there = np.isfinite(members)
-        line = stats.linregress(weights[there], members[there])
-        spread = stats.t.ppf(0.975, np.count_nonzero(there) - 2)
+        valid = np.isfinite(members)
+        line = stats.linregress(weights[valid], members[valid])
+        spread = stats.t.ppf(0.975, np.count_nonzero(valid) - 2)
         return float(line.slope), float(spread * line.stderr)
 
     def numbers(self) -> dict[str, Any]:
-        """Return every number, ready for JSON; SI units."""
+        """Return every number in SI units, ready for JSON."""
         return {
             "effort": dataclasses.asdict(self.effort),
             "numbers": {number.key: dataclasses.asdict(number) for number in NUMBERS},
@@ -126,10 +126,10 @@ class Reproduction:
 
 
 def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
-    """Run everything.
+    """Run all simulations of the reproduction.
 
     Args:
-        effort: how much is simulated.
+        effort: amount of simulation.
         track: shows the progress.
     """
     fits = search(effort.window_members, effort.seed, track)
@@ -150,10 +150,10 @@ def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
 
 
 def figure_12_implies() -> dict[str, float]:
-    """Return the tool that would give both numbers of Fig. 12 by eqs. (21), (30) and (36).
+    """Return effective mass [kg] and spring rate [N/m] of the tool that Fig. 12 implies.
 
-    Gravity left out, from F = m_fm w^2 eta and v' = w eta: effective mass [kg] and spring rate
-    [N/m].
+    Such a tool gives both numbers of Fig. 12 by eqs. (21), (30) and (36), without gravity:
+    F = m_fm w^2 eta and v' = w eta.
     """
     force, displacement = (
         next(number.paper for number in NUMBERS if number.key == key)

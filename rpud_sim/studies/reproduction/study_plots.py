@@ -1,4 +1,4 @@
-"""Figures 15-18 and 23 with intervals, the readings side by side, and the elastic bar."""
+"""Plots of studies: figures 15-18 and 23 with intervals, the readings, and the elastic bar."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.reproduction.bar_study import BarStudy
-from rpud_sim.studies.reproduction.contact import contact_history, single_contact
 from rpud_sim.studies.reproduction.elastic_bar import impedance
-from rpud_sim.studies.reproduction.headline import NUMBERS
-from rpud_sim.studies.reproduction.plots import new_figure
+from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
+from rpud_sim.studies.reproduction.parameter_studies import OUTPUTS, Study
 from rpud_sim.studies.reproduction.readings import Fit
-from rpud_sim.studies.reproduction.studies import OUTPUTS, Study
+from rpud_sim.studies.reproduction.run_plots import new_figure
+from rpud_sim.studies.reproduction.single_contact import contact_history, single_contact
 
 STUDY_FIGURES = {
     "actuator_restitution": "figure_15",
@@ -37,7 +37,7 @@ def plot_studies(studies: dict[str, list[Study]]) -> dict[str, Figure]:
         figure, axes = new_figure(columns=2, rows=2)
         for axis, output in zip(axes.flat, OUTPUTS, strict=True):
             axis.set(xlabel=_label(parameter), title=f"{output} [{FIGURES[output]}]")
-            # Each drill has a scale of its own: the trends are what is compared.
+            # Each drill has its own scale, since only the trends are compared.
             sides = (axis, axis.twinx())
             for side, color, (drill, group) in zip(sides, _COLORS, studies.items(), strict=True):
                 _draw(side, _find(group, parameter), output, drill, color)
@@ -80,7 +80,7 @@ def _draw(axis: Axes, study: Study, output: str, label: str, color: str) -> None
 
 
 def plot_readings(fits: dict[str, Fit]) -> Figure:
-    """Return the ratio of model to paper for every number, under some readings by name."""
+    """Return a figure with the ratio of model to paper for every number, under named readings."""
     figure, axes = new_figure()
     figure.set_size_inches(9.0, 5.5)
     axis = axes[0, 0]
@@ -109,7 +109,7 @@ def plot_readings(fits: dict[str, Fit]) -> Figure:
 
 
 def plot_bar_study(study: BarStudy) -> dict[str, Figure]:
-    """Return the elastic bar's figures by name: one blow in time, and all of them."""
+    """Return the elastic bar's figures by name: one blow over time, and all blows."""
     return {"bar_contact": _bar_contact(study), "bar_trends": _bar_trends(study)}
 
 

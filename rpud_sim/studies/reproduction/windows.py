@@ -1,7 +1,7 @@
-"""Runs of the windows that the paper shows: from rest, 0.6 s and 5 s, one per initial phase.
+"""Runs over the paper's windows: from rest, for 0.6 s and 5 s, one for each initial phase.
 
-Members are independent, so that their spread is what one run of the paper may show by chance, and
-their standard error is that of the mean.
+Members are independent. Their spread is the chance in one run of the paper, and their standard
+error is that of the mean.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
 SHORT = 0.6  # Figs. 3, 8, 10, 11 and 13 [s]
-LONG = 5.0  # Fig. 5; Fig. 14 is taken to be as long [s]
-MOST_FORCES = (0.05, 0.95)  # quantiles between which "most of the contact forces" lie
+LONG = 5.0  # Fig. 5, and by assumption Fig. 14 [s]
+MOST_FORCES = (0.05, 0.95)  # quantiles that bound "most of the contact forces"
 
 _SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower than 100 Hz [Hz]
 
@@ -30,8 +30,8 @@ class Members:
     """Figures of the members of an ensemble.
 
     Args:
-        values: by name, each of shape (n,); not a number where a member has none.
-        stalled: members that the engine could not finish; they are left out.
+        values: by name, each of shape (n,); NaN if a member has no such figure.
+        stalled: number of members that the engine could not finish; ``values`` lacks them.
     """
 
     values: dict[str, np.ndarray]

@@ -1,6 +1,6 @@
-"""Designs of experiments over the drill's parameters, on processes or on a cluster.
+"""Sweeps: designs of experiments over the drill's parameters, on processes or on a cluster.
 
-A specification becomes a design, the design a row of chunks, and each chunk's results a file; the
-finished files become one table of simulations and one of points, and these the pictures. Which
-worker runs a chunk, and when, changes nothing in any file.
+A specification gives a design, and the design a sequence of chunks. The results of each chunk are
+written to a file. The finished files are joined to one table of simulations and one of points, from
+which the pictures are drawn. The files do not depend on which worker runs a chunk, nor when.
 """

@@ -1,7 +1,7 @@
-"""The work of a sweep in chunks: what one worker does at a time, and loses at most.
+"""Chunks of a sweep: the units of work, and the most that a lost worker costs.
 
 Simulations are numbered point by point. The ensemble at a point is that of ``rpud simulate
---repeat REPEAT --seed SEED`` with the point's own seed, so that any point can be run again.
+--repeat REPEAT --seed SEED`` with the point's own seed, so that any point can be repeated.
 """
 
 from __future__ import annotations
@@ -16,30 +16,35 @@ from rpud_sim.simulation import EngineError, Parameters
 from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.versions import engine_versions
-from rpud_sim.studies.sweep.errors import WorkerError
 from rpud_sim.studies.sweep.specification import Specification
 
-# A chunk takes a quarter of a second or so: long beside what it costs to hand it out and to write
-# it, short beside what one is ready to lose. Small sweeps are cut finer, so that there is enough
-# to do for several workers. The cut follows from the specification alone.
+# A chunk takes about a quarter of a second: much longer than sending and writing it, and short
+# enough to lose. Small sweeps are cut finer, so that several workers have work. The size depends on
+# the specification alone, since a folder may be completed on another machine.
 _LONGEST, _SHORTEST = 100.0, 10.0  # simulated [s]
 _MOST = 512  # simulations
 _WANTED = 32  # chunks of a small sweep
 
+_NO_FIGURES = [np.nan] * len(FIGURES)
+
 Failure = str | None
+
+
+class WorkerError(RuntimeError):
+    """Workers that cannot run a sweep; the text gives the reason in one line."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Chunk:
-    """Simulations that follow each other.
+    """Consecutive simulations of a sweep.
 
     Args:
         number: of the chunk.
         first: number of the first simulation.
         count: of simulations.
         specification: of the sweep.
-        points: values of the swept parameters at the points that these simulations belong to.
-        versions: of everything that the results depend on.
+        points: values of the swept parameters at the points of these simulations.
+        versions: of everything that determines the results.
     """
 
     number: int
@@ -57,12 +62,12 @@ class Chunk:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What the simulations of a chunk gave.
+    """Results of the simulations of a chunk.
 
     Args:
         phases: initial phase of each [cycles], shape (count,).
-        figures: ``FIGURES`` of each, shape (count, figures), SI units; not a number for none.
-        failures: why a simulation gave no figures, None where it did.
+        figures: ``FIGURES`` of each, shape (count, figures), SI units; NaN if missing.
+        failures: why a simulation has no figures, None if it has.
     """
 
     phases: np.ndarray
@@ -70,12 +75,12 @@ class Outcome:
     failures: tuple[Failure, ...]
 
 
-# Chunks with their outcomes, as they are finished.
+# Chunks with their outcomes, as they finish.
 Outcomes = Generator[tuple[Chunk, Outcome], None, None]
 
 
 def chunk_size(specification: Specification) -> int:
-    """Return how many simulations a chunk has; the last one may have fewer."""
+    """Return the number of simulations in a chunk; the last one may have fewer."""
     whole = specification.simulations * specification.duration
     simulated = min(max(whole / _WANTED, _SHORTEST), _LONGEST)
     return min(max(round(simulated / specification.duration), 1), _MOST)
@@ -96,7 +101,7 @@ def make_chunks(
     design: Mapping[str, np.ndarray],
     finished: frozenset[int] = frozenset(),
 ) -> Iterator[Chunk]:
-    """Yield the chunks of a sweep that are not finished, in order."""
+    """Yield the unfinished chunks of a sweep, in order."""
     size = chunk_size(specification)
     versions = engine_versions()
     for number in range(chunk_count(specification)):
@@ -114,7 +119,7 @@ def simulate(chunk: Chunk) -> Outcome:
     """Run the simulations of a chunk.
 
     Raises:
-        WorkerError: if this worker would not give the bits that the sweep's own machine gives.
+        WorkerError: if this worker's versions would give other bits than the sweep's machine.
     """
     _check_versions(chunk.versions)
     repeat = chunk.specification.repeat
@@ -144,23 +149,20 @@ def _ensemble(
     try:
         parameters = specification.parameters(point)
     except ParameterError as error:
-        yield from ((_NOTHING, str(error)) for _ in phases)
+        yield from ((_NO_FIGURES, str(error)) for _ in phases)
         return
     yield from _members(parameters, specification.duration, phases)
-
-
-_NOTHING = [np.nan] * len(FIGURES)
 
 
 def _members(
     parameters: Parameters, duration: float, phases: tuple[float, ...]
 ) -> Iterator[tuple[list[float], Failure]]:
-    """Yield figures and failure of each member; one that fails takes no other with it."""
+    """Yield figures and failure of each member; a failed one does not affect the others."""
     try:
         members = run_ensemble(parameters, duration, phases).members
     except EngineError as error:
         if len(phases) == 1:
-            yield _NOTHING, str(error)
+            yield _NO_FIGURES, str(error)
             return
         for phase in phases:
             yield from _members(parameters, duration, (phase,))

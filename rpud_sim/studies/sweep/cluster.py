@@ -1,4 +1,4 @@
-"""Chunks on an existing Dask cluster, which runs those of a lost worker again by itself."""
+"""Chunks on an existing Dask cluster, which itself retries those of a lost worker."""
 
 from __future__ import annotations
 
@@ -7,23 +7,22 @@ import socket
 from collections.abc import Iterable
 from urllib.parse import urlsplit
 
-from rpud_sim.studies.sweep.chunks import Chunk, Outcomes, simulate
-from rpud_sim.studies.sweep.errors import WorkerError
+from rpud_sim.studies.sweep.chunks import Chunk, Outcomes, WorkerError, simulate
 
 CONNECT_TIMEOUT = 10.0  # s
-# Chunks per thread of the cluster that are handed out: one to run and one to follow.
-_AHEAD = 2
+# Chunks in flight for each thread of the cluster: one runs, one waits.
+_IN_FLIGHT = 2
 
 
 def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Outcomes:
-    """Yield each chunk with its outcome, as they are finished.
+    """Yield each chunk with its outcome, as they finish.
 
     Args:
-        chunks: to run; taken one by one, as they are needed.
+        chunks: to run; an iterator is advanced only as workers need chunks.
         address: of the scheduler, such as ``tcp://192.168.1.5:8786``.
 
     Raises:
-        WorkerError: if the cluster cannot be reached, or cannot run a chunk.
+        WorkerError: if the cluster cannot be reached or cannot run a chunk.
     """
     try:
         from distributed import Client, Future, KilledWorker, as_completed
@@ -38,7 +37,7 @@ def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Outcomes:
         finished = as_completed(loop=client.loop)
 
         def fill() -> None:
-            wanted = _AHEAD * max(sum(client.nthreads().values()), 1)
+            wanted = _IN_FLIGHT * max(sum(client.nthreads().values()), 1)
             for chunk in itertools.islice(waiting, max(wanted - len(running), 0)):
                 future = client.submit(simulate, chunk, pure=False)
                 running[future] = chunk
@@ -62,7 +61,7 @@ def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Outcomes:
 
 
 def _check_reachable(address: str) -> None:
-    """Refuse an address where nobody listens, on which a client would go on trying."""
+    """Raise WorkerError for an address where no scheduler listens: a client would retry forever."""
     try:
         parts = urlsplit(address)
         if parts.scheme != "tcp" or not parts.hostname or parts.port is None:

@@ -1,4 +1,4 @@
-"""Where in the space of the swept parameters the points of a design lie."""
+"""Design of an experiment: the points of a sweep in the space of the swept parameters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def design_points(specification: Specification) -> dict[str, np.ndarray]:
         return {
             name: values[index] for name, values, index in zip(swept, levels, indices, strict=True)
         }
-    # With a generator, which every version of SciPy takes by this name.
+    # Every version of SciPy accepts a generator by this name.
     random = np.random.default_rng(specification.seed)
     if specification.design == "sobol":
         shares = qmc.Sobol(len(swept), seed=random).random_base2(count.bit_length() - 1)

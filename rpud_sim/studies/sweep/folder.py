@@ -1,7 +1,7 @@
-"""The folder of a sweep: its manifest, its finished chunks, and the tables made of them.
+"""Folder of a sweep: its manifest, its finished chunks, and the tables of their results.
 
-Files appear whole or not at all, so that a sweep can be killed at any time. While it runs, one
-process holds the folder.
+A file appears when it is complete, so that a sweep can be killed at any time. While a sweep runs,
+its process locks the folder.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file
+from rpud_sim.simulation.versions import engine_versions, version_of
 from rpud_sim.studies.sweep.chunks import Chunk, Outcome, chunk_count, chunk_size
-from rpud_sim.studies.sweep.errors import SweepError
-from rpud_sim.studies.sweep.specification import Specification
+from rpud_sim.studies.sweep.specification import Specification, SweepError
 from rpud_sim.studies.sweep.tables import PointTables, simulation_table
-from rpud_sim.studies.sweep.versions import all_versions
 
 MANIFEST = "manifest.json"
 SIMULATIONS = "simulations.parquet"
@@ -33,11 +32,12 @@ _CHUNKS = "chunks"
 
 
 def make_manifest(specification: Specification) -> dict[str, Any]:
-    """Return what the results depend on, and the digest of it; the host is no part of it."""
+    """Return the specification, versions and sizes of a sweep, with a digest; no host is in it."""
     depends = {
-        # As JSON gives it back, to be compared.
+        # As JSON reads it back, since it is compared with a manifest from a file.
         "specification": json.loads(json.dumps(specification.content())),
-        "versions": all_versions(),
+        # The engine, and what draws the design and writes the files.
+        "versions": engine_versions() | {name: version_of(name) for name in ("scipy", "pyarrow")},
     }
     text = json.dumps(depends, sort_keys=True)
     return depends | {
@@ -49,7 +49,7 @@ def make_manifest(specification: Specification) -> dict[str, Any]:
 
 
 class SweepFolder:
-    """The files of one sweep.
+    """Files of one sweep.
 
     Args:
         path: of the folder.
@@ -63,11 +63,11 @@ class SweepFolder:
 
     @contextlib.contextmanager
     def held(self) -> Iterator[None]:
-        """Make or open the folder, and keep other processes from it.
+        """Create or open the folder, and lock it against other processes.
 
         Raises:
-            SweepError: if it is in use or holds anything but this sweep; nothing is changed then.
-            OSError: if it cannot be made.
+            SweepError: if it is locked or holds anything but this sweep; nothing is changed then.
+            OSError: if it cannot be created.
         """
         self.path.mkdir(parents=True, exist_ok=True)
         handle = os.open(self.path, os.O_RDONLY)
@@ -76,26 +76,26 @@ class SweepFolder:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise SweepError(f"{self.path}: another rpud sweep is at work there") from None
-            self._check_or_begin()
+            self._check_or_write_manifest()
             yield
         finally:
             os.close(handle)
 
     @property
     def complete(self) -> bool:
-        """Whether both tables are there."""
+        """Whether both tables exist."""
         return all((self.path / name).exists() for name in (SIMULATIONS, POINTS))
 
     def finished(self) -> frozenset[int]:
-        """Return the numbers of the chunks that are there, whole."""
+        """Return the numbers of the finished chunks."""
         if self.complete:
             return frozenset(range(self.manifest["chunks"]))
         return frozenset(
-            number for number in range(self.manifest["chunks"]) if self._iswhole_file(number)
+            number for number in range(self.manifest["chunks"]) if self._is_complete(number)
         )
 
     def add(self, chunk: Chunk, outcome: Outcome) -> None:
-        """Keep a chunk's outcome."""
+        """Write the file of a chunk."""
         table = simulation_table(chunk, outcome)
         path = self._chunk_path(chunk.number)
         path.parent.mkdir(exist_ok=True)
@@ -103,7 +103,7 @@ class SweepFolder:
             pq.write_table(table, unfinished)
 
     def complete_tables(self) -> None:
-        """Make both tables of the chunks, one by one in their order, and remove the chunks."""
+        """Write both tables from the chunks, one by one in their order, and remove the chunks."""
         if not self.complete:
             tables = PointTables(self._specification)
             with (
@@ -115,7 +115,7 @@ class SweepFolder:
                 for number in range(self.manifest["chunks"]):
                     table = pq.read_table(self._chunk_path(number))
                     all_simulations.write(table)
-                    all_points.write(tables.take(table))
+                    all_points.write(tables.add(table))
         shutil.rmtree(self.path / _CHUNKS, ignore_errors=True)
 
     def failures(self) -> int:
@@ -131,7 +131,7 @@ class SweepFolder:
         table = pq.read_table(self.path / POINTS)
         return {name: table[name].to_numpy() for name in table.column_names}
 
-    def _check_or_begin(self) -> None:
+    def _check_or_write_manifest(self) -> None:
         path = self.path / MANIFEST
         if path.exists():
             try:
@@ -149,8 +149,8 @@ class SweepFolder:
     def _chunk_path(self, number: int) -> Path:
         return self.path / _CHUNKS / f"{number:08}.parquet"
 
-    def _iswhole_file(self, number: int) -> bool:
-        """Tell whether a chunk has all its rows: a machine may have lost power while writing."""
+    def _is_complete(self, number: int) -> bool:
+        """Whether a chunk's file has all rows: the machine may have lost power while writing it."""
         size = chunk_size(self._specification)
         rows = min(size, self._specification.simulations - number * size)
         try:
@@ -160,7 +160,7 @@ class SweepFolder:
 
 
 class _Writer:
-    """A Parquet file whose columns are those of the first table."""
+    """Parquet file with the columns of the first table."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

@@ -1,4 +1,4 @@
-"""Chunks on local processes: a process that is killed costs the chunk that it was at."""
+"""Chunks on local processes: if one is killed, only its current chunk runs again."""
 
 from __future__ import annotations
 
@@ -11,37 +11,36 @@ from multiprocessing import forkserver
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from rpud_sim.studies.sweep.chunks import Chunk, Outcome, Outcomes, simulate
-from rpud_sim.studies.sweep.errors import WorkerError
+from rpud_sim.studies.sweep.chunks import Chunk, Outcome, Outcomes, WorkerError, simulate
 
-# A chunk that ends so many processes is at fault itself, by the memory that it takes, say.
+# A chunk that ends so many processes is itself the cause, for example by its memory.
 ATTEMPTS = 3
 
-# Forked from a server that has imported all there is to import, once, and holds nothing of the
-# calling process: no threads, locks or files.
+# Workers are forked from a server that has imported everything once, and that shares nothing with
+# the calling process: no threads, locks or files.
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["rpud_sim.studies.sweep.chunks"])
 
 
 def run_on_processes(chunks: Iterable[Chunk], workers: int) -> Outcomes:
-    """Yield each chunk with its outcome, as they are finished.
+    """Yield each chunk with its outcome, as they finish.
 
-    ``concurrent.futures`` would end all processes when one is killed. Here each has a pipe of its
-    own: its end tells this side that the process has gone, and the process that this side has.
+    ``concurrent.futures`` would end all processes when one is killed. Here each process has its
+    own pipe: when it closes, either side knows that the other one has ended.
 
     Args:
-        chunks: to run; taken one by one, as they are needed.
+        chunks: to run; an iterator is advanced only as workers need chunks.
         workers: number of processes.
 
     Raises:
-        WorkerError: if a chunk ends its process again and again.
+        WorkerError: if a chunk ends its process three times.
     """
     waiting = iter(chunks)
-    again: deque[tuple[Chunk, int]] = deque()
+    retries: deque[tuple[Chunk, int]] = deque()
 
     def next_job() -> tuple[Chunk, int] | None:
-        if again:
-            return again.popleft()
+        if retries:
+            return retries.popleft()
         chunk = next(waiting, None)
         return None if chunk is None else (chunk, 1)
 
@@ -51,28 +50,28 @@ def run_on_processes(chunks: Iterable[Chunk], workers: int) -> Outcomes:
         for _ in range(workers):
             if (job := next_job()) is None:
                 break
-            _give(_Worker(), job, busy)
+            _send(_Worker(), job, busy)
         while busy:
             ready = wait(busy)
             for connection in [item for item in busy if item in ready]:
                 worker, chunk, attempt = busy.pop(connection)
-                outcome = worker.take()
+                outcome = worker.receive()
                 if outcome is None:
                     worker.stop()
                     if attempt == ATTEMPTS:
                         raise WorkerError(
                             f"chunk {chunk.number} ended its worker {ATTEMPTS} times ({worker.end})"
                         )
-                    again.append((chunk, attempt + 1))
+                    retries.append((chunk, attempt + 1))
                     worker = _Worker()
                 elif isinstance(outcome, Exception):
                     worker.stop()
                     raise outcome
-                # The worker goes on before its outcome is written.
+                # The worker gets its next chunk before the outcome is written to disk.
                 if (job := next_job()) is None:
                     worker.stop()
                 else:
-                    _give(worker, job, busy)
+                    _send(worker, job, busy)
                 if isinstance(outcome, Outcome):
                     yield chunk, outcome
     finally:
@@ -81,7 +80,7 @@ def run_on_processes(chunks: Iterable[Chunk], workers: int) -> Outcomes:
 
 
 class _Worker:
-    """A process that answers each chunk with its outcome until nobody asks any more."""
+    """Process that answers each chunk with its outcome, until its pipe closes."""
 
     def __init__(self) -> None:
         self.connection, theirs = _SERVER.Pipe()
@@ -91,34 +90,34 @@ class _Worker:
 
     @property
     def end(self) -> str:
-        """How the process ended."""
+        """Exit code of the process, or the signal that ended it."""
         code = self._process.exitcode
         return f"exit code {code}" if code is None or code >= 0 else signal.Signals(-code).name
 
-    def give(self, chunk: Chunk) -> None:
-        """Hand over a chunk; a process that has gone shows when its outcome is taken."""
+    def send(self, chunk: Chunk) -> None:
+        """Send a chunk; if the process has ended, ``receive`` shows it."""
         with contextlib.suppress(OSError):
             self.connection.send(chunk)
 
-    def take(self) -> Outcome | Exception | None:
-        """Return the outcome, or None if the process has gone."""
+    def receive(self) -> Outcome | Exception | None:
+        """Return the outcome, or None if the process has ended."""
         try:
             return self.connection.recv()
         except (EOFError, OSError):
             return None
 
     def stop(self) -> None:
-        """End the process; whatever it is at is lost."""
+        """End the process; its current chunk is lost."""
         self.connection.close()
         self._process.kill()
         self._process.join()
 
 
 def _start_server() -> None:
-    """Start what forks the workers, if it does not run yet.
+    """Start the server that forks the workers, if it does not run yet.
 
-    Ctrl-C goes to all processes of a terminal, and is for the calling one alone to answer: the
-    server begins deaf to it, and so do all that it forks.
+    A terminal sends Ctrl-C to all of its processes, and only the calling one shall handle it: the
+    server ignores the signal, and so do the workers, which inherit that.
     """
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
@@ -127,21 +126,21 @@ def _start_server() -> None:
         signal.signal(signal.SIGINT, handler)
 
 
-def _give(
+def _send(
     worker: _Worker, job: tuple[Chunk, int], busy: dict[Connection, tuple[_Worker, Chunk, int]]
 ) -> None:
-    worker.give(job[0])
+    worker.send(job[0])
     busy[worker.connection] = (worker, *job)
 
 
 def _work(connection: Connection) -> None:
-    """Run chunks until the other side has gone."""
+    """Run chunks until the pipe closes."""
     with contextlib.suppress(EOFError, OSError):
         while True:
             chunk = connection.recv()
             outcome: Outcome | Exception
             try:
                 outcome = simulate(chunk)
-            except Exception as error:  # for the calling process to tell
+            except Exception as error:  # the calling process raises it
                 outcome = error
             connection.send(outcome)

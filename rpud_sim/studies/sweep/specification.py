@@ -1,4 +1,4 @@
-"""What a sweep is: a YAML file with the design, the ensemble at each point, and the parameters."""
+"""Specification of a sweep, read from YAML: design, ensemble at each point, and parameters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.foundation.yaml_files import read_yaml
 from rpud_sim.model.parameters import NAMES, QUANTITIES
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.studies.sweep.errors import SweepError
 
 DESIGNS = ("grid", "latin_hypercube", "sobol")
 SCALES = ("linear", "log")
@@ -24,9 +23,13 @@ _MOST_VALUES = 10_000  # in a list
 _DURATION = Quantity("s", "", 1e-9, 1e6)
 
 
+class SweepError(ValueError):
+    """Sweep that is not possible as specified; the text gives the reason in one line."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Range:
-    """All values between two, evenly spread or evenly spread in their logarithms.
+    """Interval of values, spread evenly or evenly in their logarithms.
 
     Args:
         minimum: least value, SI units.
@@ -41,7 +44,7 @@ class Range:
     points: int | None = None
 
     def at(self, shares: np.ndarray) -> np.ndarray:
-        """Return the values at shares of the way from minimum to maximum, of the same shape."""
+        """Return the values at shares of the way from minimum to maximum, in the same shape."""
         if self.scale == "log":
             values = self.minimum * np.exp(shares * math.log(self.maximum / self.minimum))
         else:
@@ -56,12 +59,12 @@ class Range:
 
 @dataclasses.dataclass(frozen=True)
 class Values:
-    """These values alone: numbers in SI units, or choices."""
+    """List of values: numbers in SI units, or choices."""
 
     values: tuple[float, ...] | tuple[str, ...]
 
     def at(self, shares: np.ndarray) -> np.ndarray:
-        """Return the values that each hold an equal part of the shares in [0, 1)."""
+        """Return the value at each share in [0, 1); all values have equal parts of it."""
         return self.levels()[(shares * len(self.values)).astype(int)]
 
     def levels(self) -> np.ndarray:
@@ -71,16 +74,16 @@ class Values:
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
-    """A sweep.
+    """Sweep over the drill's parameters.
 
     Args:
         design: of ``DESIGNS``.
-        points: number of points; None in a grid, where it follows from the parameters.
+        points: number of points; None in a grid, whose ranges have their own.
         seed: of the design and of the initial phases.
-        repeat: simulations at each point, each from an initial phase of its own.
+        repeat: simulations at each point, with different initial phases.
         duration: of each simulation [s].
-        fixed: parameters that differ from the regime's preset everywhere.
-        swept: what each swept parameter may be, by name.
+        fixed: parameters that differ from the regime's preset at all points.
+        swept: range or values of each swept parameter, by name.
     """
 
     design: str
@@ -109,10 +112,10 @@ class Specification:
         Raises:
             ParameterError: if a value is outside its range.
         """
-        return _drill({**self.fixed, **point})
+        return _to_parameters({**self.fixed, **point})
 
     def content(self) -> dict[str, Any]:
-        """Return everything as plain values, equal for sweeps that are equal."""
+        """Return the specification as plain values; equal sweeps give equal values."""
         content = dataclasses.asdict(self)
         return content | {
             "fixed": dict(self.fixed),
@@ -124,7 +127,7 @@ def read_specification(path: str | Path) -> Specification:
     """Return the sweep of a YAML file.
 
     Raises:
-        SweepError: if it is none; the text names the file, the entry and the reason.
+        SweepError: if the file is not valid; the text names the file, the entry and the reason.
     """
     try:
         content = read_yaml(path)
@@ -140,24 +143,15 @@ def parse_specification(content: Any) -> Specification:
     """Return the sweep that plain values from YAML describe.
 
     Raises:
-        SweepError: if they describe none; the text names the entry and the reason.
+        SweepError: if they are not valid; the text names the entry and the reason.
     """
     entries = _mapping("the file", content)
-    _known("", entries, [field.name for field in dataclasses.fields(Specification)])
+    _refuse_unknown("", entries, [field.name for field in dataclasses.fields(Specification)])
     for name in ("design", "duration", "swept"):
         if name not in entries:
             raise SweepError(f"{name}: is missing")
     design = _choice("design", entries["design"], DESIGNS)
-    points = None
-    if design == "grid":
-        if "points" in entries:
-            raise SweepError("points: a grid has its points at each range of swept")
-    elif "points" not in entries:
-        raise SweepError(f"points: is missing, the number of points of the {design} design")
-    else:
-        points = _whole("points", entries["points"], 1, MOST_SIMULATIONS)
-        if design == "sobol" and points & (points - 1):
-            raise SweepError(f"points: {points} is no power of two, as a sobol design needs")
+    points = _points(entries, design)
     try:
         duration = _DURATION.check("duration", entries["duration"])
     except ParameterError as error:
@@ -180,9 +174,22 @@ def parse_specification(content: Any) -> Specification:
     return specification
 
 
+def _points(entries: Mapping[Any, Any], design: str) -> int | None:
+    if design == "grid":
+        if "points" in entries:
+            raise SweepError("points: a grid has its points at each range of swept")
+        return None
+    if "points" not in entries:
+        raise SweepError(f"points: is missing, the number of points of the {design} design")
+    points = _whole("points", entries["points"], 1, MOST_SIMULATIONS)
+    if design == "sobol" and points & (points - 1):
+        raise SweepError(f"points: {points} is no power of two, as a sobol design needs")
+    return points
+
+
 def _fixed(content: Any) -> dict[str, float | str]:
     fixed = {str(name): value for name, value in _mapping("fixed", content).items()}
-    _known("fixed.", fixed, NAMES)
+    _refuse_unknown("fixed.", fixed, NAMES)
     drill = _checked("fixed", fixed)
     return {name: getattr(drill, name) for name in fixed}
 
@@ -191,16 +198,16 @@ def _swept(
     content: Any, fixed: Mapping[str, float | str], design: str
 ) -> dict[str, Range | Values]:
     swept = _mapping("swept", content)
-    _known("swept.", swept, NAMES)
+    _refuse_unknown("swept.", swept, NAMES)
     if not swept:
         raise SweepError("swept: names no parameter")
     for name in swept:
         if name in fixed:
             raise SweepError(f"swept.{name}: is fixed as well")
-    return {name: _spread(name, item, design) for name, item in swept.items()}
+    return {name: _range_or_values(name, item, design) for name, item in swept.items()}
 
 
-def _spread(name: str, content: Any, design: str) -> Range | Values:
+def _range_or_values(name: str, content: Any, design: str) -> Range | Values:
     entry = f"swept.{name}"
     if isinstance(content, list):
         return _values(entry, name, content)
@@ -209,7 +216,7 @@ def _spread(name: str, content: Any, design: str) -> Range | Values:
     if name not in QUANTITIES:
         raise SweepError(f"{entry}: has no range; give a list of its choices")
     needed = ["minimum", "maximum", *(["points"] if design == "grid" else [])]
-    _known(f"{entry}.", content, [*needed, "scale"])
+    _refuse_unknown(f"{entry}.", content, [*needed, "scale"])
     for key in needed:
         if key not in content:
             raise SweepError(f"{entry}.{key}: is missing")
@@ -242,14 +249,14 @@ def _values(entry: str, name: str, content: list[Any]) -> Values:
     return Values(values)
 
 
-def _drill(values: Mapping[str, Any]) -> Parameters:
+def _to_parameters(values: Mapping[str, Any]) -> Parameters:
     others = {name: value for name, value in values.items() if name != "regime"}
     return preset(values.get("regime", "drilling")).replace(**others)
 
 
 def _checked(entry: str, values: Mapping[str, Any]) -> Parameters:
     try:
-        return _drill(values)
+        return _to_parameters(values)
     except ParameterError as error:
         raise SweepError(f"{entry}: {error}") from None
 
@@ -264,7 +271,7 @@ def _mapping(entry: str, content: Any) -> Mapping[Any, Any]:
     return content
 
 
-def _known(prefix: str, content: Mapping[Any, Any], names: Any) -> None:
+def _refuse_unknown(prefix: str, content: Mapping[Any, Any], names: Any) -> None:
     for name in content:
         if name not in names:
             raise SweepError(f"{prefix}{name}: is unknown; known are {', '.join(names)}")

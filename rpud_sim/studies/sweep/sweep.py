@@ -1,4 +1,4 @@
-"""A sweep from its specification to its tables and pictures."""
+"""Run of a sweep, from its specification to its tables and pictures."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from rpud_sim.studies.sweep.chunks import chunk_size, make_chunks
 from rpud_sim.studies.sweep.cluster import run_on_cluster
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.folder import SweepFolder
-from rpud_sim.studies.sweep.plots import plot_points
+from rpud_sim.studies.sweep.point_plots import plot_points
 from rpud_sim.studies.sweep.processes import run_on_processes
 from rpud_sim.studies.sweep.specification import Specification
 
 
 @dataclasses.dataclass(frozen=True)
-class Result:
-    """What was made.
+class SweepResult:
+    """Result of a sweep.
 
     Args:
         folder: with all files.
         manifest: of the sweep.
-        simulations: that were run now.
-        kept: simulations that an earlier call had run.
-        failures: simulations that gave no figures.
-        pictures: their files.
+        simulations: number that this call ran.
+        kept: number that earlier calls had run.
+        failures: number of simulations without figures.
+        pictures: files of the pictures.
     """
 
     folder: Path
@@ -46,19 +46,19 @@ def run_sweep(
     workers: int,
     scheduler: str | None = None,
     report: Callable[[int], None] = lambda simulations: None,
-) -> Result:
-    """Run what of a sweep is not there yet, and complete its folder.
+) -> SweepResult:
+    """Run those simulations of a sweep that are missing in its folder, and complete the folder.
 
     Args:
         specification: of the sweep.
-        out: its folder; new, or left behind by an earlier call of the same sweep.
+        out: its folder; new, or left by an earlier call of the same sweep.
         workers: number of local processes.
-        scheduler: address of a Dask cluster to use in their place.
-        report: called with the number of simulations that have been finished since the last call.
+        scheduler: address of a Dask cluster to use instead of local processes.
+        report: called with the number of simulations that finished since its last call.
 
     Raises:
         SweepError: if the folder holds anything else.
-        WorkerError: if the workers cannot do it.
+        WorkerError: if the workers fail.
         OSError: if a file cannot be written.
     """
     folder = SweepFolder(out, specification)
@@ -70,7 +70,7 @@ def run_sweep(
             design = design_points(specification)
             chunks = make_chunks(specification, design, finished)
             if scheduler is None:
-                # Once, for all workers find the kernels in the cache then.
+                # Compiled here once: the workers then find the kernels in the cache.
                 first = {name: values[0].item() for name, values in design.items()}
                 compile_kernels(specification.parameters(first))
                 outcomes = run_on_processes(chunks, workers)
@@ -86,7 +86,7 @@ def run_sweep(
             pictures.append(out / f"{name}.png")
             with whole_file(pictures[-1]) as unfinished:
                 figure.savefig(unfinished, format="png", dpi=110)
-        return Result(
+        return SweepResult(
             out,
             folder.manifest,
             specification.simulations - kept,

@@ -1,4 +1,4 @@
-"""The two tables of a sweep: a row for each simulation, and a row for each point."""
+"""Tables of a sweep: one with a row for each simulation, one with a row for each point."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def error_name(figure: str) -> str:
 
 
 def simulation_table(chunk: Chunk, outcome: Outcome) -> pa.Table:
-    """Return the rows of a chunk's simulations; what a simulation did not give is null."""
+    """Return the rows of a chunk's simulations; missing figures are null."""
     repeat = chunk.specification.repeat
     numbers = chunk.first + np.arange(chunk.count)
     points = numbers // repeat
@@ -43,7 +43,7 @@ def simulation_table(chunk: Chunk, outcome: Outcome) -> pa.Table:
 
 
 class PointTables:
-    """Makes rows of points from rows of simulations, which come in order and in any portions.
+    """Conversion of simulations' rows, added in order and in any portions, to points' rows.
 
     Args:
         specification: of the sweep.
@@ -53,13 +53,13 @@ class PointTables:
         self._specification = specification
         self._held: pa.Table | None = None
 
-    def take(self, table: pa.Table) -> pa.Table:
-        """Return the rows of the points that are whole now."""
+    def add(self, table: pa.Table) -> pa.Table:
+        """Add rows of simulations; return the rows of the points that are complete now."""
         if self._held is not None:
             table = pa.concat_tables([self._held, table])
         repeat = self._specification.repeat
         whole = table.num_rows // repeat * repeat
-        # A copy: a slice would keep everything before it in memory.
+        # A copy: a slice would keep the rows before it in memory.
         self._held = table.slice(whole).take(pa.array(range(table.num_rows - whole), pa.int64()))
         return self._points(table.slice(0, whole))
 
@@ -73,11 +73,11 @@ class PointTables:
         figures = np.column_stack(
             [table[name].to_numpy().astype(np.float64) for name in FIGURES]
         ).reshape(len(firsts), repeat, len(FIGURES))
-        there = ~np.isnan(figures)
-        count = there.sum(axis=1)
+        valid = ~np.isnan(figures)
+        count = valid.sum(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            mean = np.where(there, figures, 0.0).sum(axis=1) / count
-            squares = np.where(there, (figures - mean[:, None]) ** 2, 0.0).sum(axis=1)
+            mean = np.where(valid, figures, 0.0).sum(axis=1) / count
+            squares = np.where(valid, (figures - mean[:, None]) ** 2, 0.0).sum(axis=1)
             error = np.sqrt(squares / (count - 1) / count)
         columns["members"] = pa.array(count.max(axis=1, initial=0).astype(np.int64))
         for i, name in enumerate(FIGURES):

@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from sample_bags import (
     SECOND,
     START,
@@ -28,7 +30,7 @@ from rpud_sim.bag import BagError, BagWriter, Topic
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest, manifest_from_record
-from rpud_sim.inspection.export.export import ACCOUNT, FORMATS, ExportError, export
+from rpud_sim.inspection.export.export import ACCOUNT, FORMATS, ExportError, export, file_stem
 from rpud_sim.simulation import preset
 
 
@@ -276,3 +278,28 @@ def test_a_text_that_a_spreadsheet_would_take_for_a_formula_is_none(tmp_path):
     assert {row["number"] for row in rows} == {"-1.5"}
     export(tmp_path / "bag", tmp_path / "parquet")
     assert [*pd.read_parquet(tmp_path / "parquet" / "a.parquet")["text"]] == texts
+
+
+def test_names_of_ros_stay_readable():
+    assert file_stem("/rpud/contact_force") == "rpud.contact_force"
+    assert file_stem("/clock") == "clock"
+
+
+@pytest.mark.parametrize(
+    "topic", ["../../etc/passwd", "/a/../b", "/", "", "a\0b", "C:\\x", "/a b", ".", "x" * 9999]
+)
+def test_hostile_names_are_one_plain_name(topic):
+    stem = file_stem(topic)
+    assert stem.startswith("topic-")
+    assert not set(stem) & set("/\\\0: ")
+    assert len(stem) < 220
+
+
+@given(st.text(), st.text())
+def test_no_two_topics_have_the_same(one, other):
+    assert (file_stem(one) == file_stem(other)) == (one == other)
+
+
+def test_names_that_only_look_alike_differ():
+    names = ["/a/b", "a/b", "/a.b", "a.b", "/a//b", "/a/b/", "/A/b", "a%2Fb", "topic-a"]
+    assert len({file_stem(name) for name in names}) == len(names)

@@ -10,7 +10,7 @@ from sample_bags import write_offline_bag
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.verify.entries import UnverifiableError
+from rpud_sim.inspection.verify.recorded_journal import UnverifiableError
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import parse_scenario
@@ -61,14 +61,14 @@ def bag(tmp_path_factory):
 
 
 def flipped(data, place, bit=0):
-    """Give data with one bit flipped."""
+    """Return data with one bit flipped."""
     changed = bytearray(data)
     changed[place] ^= 1 << bit
     return bytes(changed)
 
 
 def numbered(topic, number, change):
-    """Give a change of the message of that number on a topic, and of no other."""
+    """Return a change of the message of that number on a topic, and of no other."""
     count = iter(range(1_000_000))
 
     def apply(message):
@@ -80,7 +80,7 @@ def numbered(topic, number, change):
 
 
 def totals(verification):
-    """Give the numbers of equal, different, missing and unexpected messages."""
+    """Return the numbers of equal, different, missing and unexpected messages."""
     counts = verification.topics.values()
     return tuple(
         sum(getattr(count, name) for count in counts)
@@ -242,7 +242,7 @@ def longer_bag(tmp_path_factory):
 
 
 def without(*topics, after, before=10**12):
-    """Give a change that takes the messages of topics between two times of the bag [s]."""
+    """Return a change that takes the messages of topics between two times of the bag [s]."""
     names = {f"/rpud/{topic}" for topic in topics}
 
     def change(message):
@@ -322,7 +322,7 @@ def test_a_recording_of_a_part_is_proved(bag, tmp_path):
 
 
 def edited(edit):
-    """Give a change of the journal's first entry."""
+    """Return a change of the journal's first entry."""
     codec = Codec("rpud_msgs/msg/JournalEntry", find_definition("rpud_msgs/msg/JournalEntry"))
 
     def change(message):

@@ -27,7 +27,7 @@ class Drill:
         self.outputs = DrillPublishers(node, publish_clock=False)
         self.blocks = []
         self.account = Account(node, 100, self.outputs, self.inbox, Namesakes(node))
-        self.run = Run(Beginning(Settings(telemetry_rate=1, block_duration=1.0)), count=self.add)
+        self.run = Run(Beginning(Settings(telemetry_rate=1, block_duration=1.0)), on_block=self.add)
         self.pacer = Pacer(100)
 
     def add(self, block):
@@ -72,7 +72,7 @@ def test_the_first_report_comes_before_the_start(drill):
 
 def test_a_report_tells_of_the_drill(drill):
     block = drill.advance(SECOND)
-    drill.run.control.take(WeightOnBit(30.0))
+    drill.run.control.apply(WeightOnBit(30.0))
     report = drill.report()
     assert report.time == SECOND
     assert report.status["impacts"] == drill.run.simulation.impact_count >= len(block.impacts) > 0

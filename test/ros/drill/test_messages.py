@@ -34,7 +34,7 @@ from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
-from rpud_sim.simulation.ledger import Faults
+from rpud_sim.simulation.ledger import FaultLedger
 from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.simulation import Simulation
@@ -291,7 +291,7 @@ def test_what_the_drill_does_not_have_is_not_a_number():
 
 
 def test_the_ledger_is_said_record_by_record():
-    ledger = Faults()
+    ledger = FaultLedger()
     ledger.inject(3, Fault("bias", "wrench", 2.5))
     ledger.inject(5, Fault("free_mass_jammed"))
     ledger.clear(SECOND + 4, 1)

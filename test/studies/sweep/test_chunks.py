@@ -12,6 +12,7 @@ from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.chunks import (
     Chunk,
+    WorkerError,
     chunk_count,
     chunk_size,
     make_chunks,
@@ -19,7 +20,6 @@ from rpud_sim.studies.sweep.chunks import (
     simulate,
 )
 from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.errors import WorkerError
 from rpud_sim.studies.sweep.specification import parse_specification
 from rpud_sim.studies.sweep.tables import PointTables, error_name, simulation_table
 
@@ -99,14 +99,14 @@ def test_the_cut_into_chunks_changes_no_row_and_no_point(size):
     tables = [simulation_table(chunk, simulate(chunk)) for chunk in pieces(specification, size)]
     assert [row for table in tables for row in table.to_pylist()] == expected.to_pylist()
     one, many = PointTables(specification), PointTables(specification)
-    points = [row for table in tables for row in many.take(table).to_pylist()]
-    assert points == one.take(expected).to_pylist()
+    points = [row for table in tables for row in many.add(table).to_pylist()]
+    assert points == one.add(expected).to_pylist()
 
 
 def test_points_have_the_mean_and_the_error_of_their_ensemble():
     specification = sweep(points=2, repeat=5)
     (chunk,) = chunks_of(specification)
-    table = PointTables(specification).take(simulation_table(chunk, simulate(chunk)))
+    table = PointTables(specification).add(simulation_table(chunk, simulate(chunk)))
     for point, row in enumerate(table.to_pylist()):
         parameters = specification.parameters({"weight_on_bit": row["weight_on_bit"]})
         ensemble = run_ensemble(parameters, 0.02, initial_phases(5, row["seed"]))
@@ -125,7 +125,7 @@ def test_a_simulation_without_impacts_has_nulls_and_no_failure():
     assert [row["contact_force_mean"] for row in rows] == [None, None]
     assert [row["failure"] for row in rows] == [None, None]
     assert [type(row["events"]) for row in rows] == [int, int]
-    (point,) = PointTables(specification).take(simulation_table(chunk, simulate(chunk))).to_pylist()
+    (point,) = PointTables(specification).add(simulation_table(chunk, simulate(chunk))).to_pylist()
     assert point["contact_force_mean"] is None
     assert point[error_name("contact_force_mean")] is None
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from rpud_sim.model.parameters import CONTACT_MODELS, QUANTITIES, REGIMES
 from rpud_sim.simulation import preset
-from rpud_sim.studies.sweep.errors import SweepError
 from rpud_sim.studies.sweep.specification import (
     DESIGNS,
     Range,
+    SweepError,
     Values,
     parse_specification,
     read_specification,
