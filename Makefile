@@ -54,7 +54,7 @@ format: .venv/.lint ## Format the code and mend what ruff can
 .PHONY: docs
 docs: install/.package .venv/.docs ## Publish docs/ as pages in build/docs; a warning or a broken link fails
 	@$(WITH_ENV) export PYTHONPATH="$$PWD/.venv/docs:$$PYTHONPATH" && \
-	  python -m sphinx --builder html --jobs auto --fail-on-warning --keep-going --quiet docs build/docs
+	  python -m sphinx --builder html --jobs auto --fresh-env --fail-on-warning --keep-going --quiet docs build/docs
 	@echo "Pages: build/docs/index.html"
 
 .PHONY: bench
