@@ -55,9 +55,9 @@ setup(
     entry_points={
         "console_scripts": [
             "rpud = rpud_sim.cli.main:main",
-            "drill_node = rpud_sim.ros.executables:drill_node",
-            "recorder = rpud_sim.ros.executables:recorder",
-            "replayer = rpud_sim.ros.executables:replayer",
+            "drill_node = rpud_sim.cli.executables:drill_node",
+            "recorder = rpud_sim.cli.executables:recorder",
+            "replayer = rpud_sim.cli.executables:replayer",
         ],
     },
 )

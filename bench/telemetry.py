@@ -122,10 +122,11 @@ class _Talk:
         kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
         self.hearing = Hearing(self._node, kinds, ("status", "/diagnostics"))
         words = [f"{key}:={value}" for key, value in parameters.items()]
-        module = "rpud_sim.ros.drill.drill_node" if program == "drill_node" else f"bench.{program}"
+        talker = (sys.executable, "-m", f"bench.{program}")
         self._process = subprocess.Popen(
             [
-                *(sys.executable, "-m", module, "--ros-args", "-r", f"__ns:={namespace}"),
+                *(("drill_node",) if program == "drill_node" else talker),
+                *("--ros-args", "-r", f"__ns:={namespace}"),
                 *("--log-level", "error"),
                 *(word for pair in words for word in ("-p", pair)),
             ]

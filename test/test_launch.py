@@ -15,7 +15,7 @@ from ament_index_python.packages import (
     get_package_share_directory,
 )
 
-from rpud_sim.ros.arguments import COMPRESSIONS
+from rpud_sim.ros.record.record_options import COMPRESSIONS
 
 ROOT = Path(__file__).resolve().parent.parent
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))

@@ -16,6 +16,7 @@ from rpud_sim.bag.columns import RECEIVED, Column, Kind, columns_of, objects
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.messages import Message
 from rpud_sim.bag.topic_summary import TopicSummary
+from rpud_sim.foundation.quantities import suggestion
 
 if TYPE_CHECKING:
     import pandas
@@ -146,7 +147,8 @@ def open_tables(
         if name in errors:
             raise errors[name]
         if name not in known:
-            raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}")
+            hint = suggestion(name, known)
+            raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}{hint}")
         kind = (known[name].topic.type, known[name].definition)
         if kind not in compiled:
             compiled.add(kind)

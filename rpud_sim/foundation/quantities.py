@@ -28,6 +28,18 @@ def shown_name(name: Any) -> str:
     return name if plain else shown(name)
 
 
+def suggestion(name: Any, known: Iterable[str]) -> str:
+    """Return `` (did you mean x?)`` with the nearest known name; empty if none is near.
+
+    It is for messages that list the known names anyway, and stricter than `did_you_mean`: names of
+    topics begin alike.
+    """
+    known = list(known)
+    near = isinstance(name, str)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8) if near else []
+    return f" (did you mean {close[0]}?)" if close else ""
+
+
 def did_you_mean(name: Any, known: Iterable[str]) -> str:
     """Return a hint for an unknown name: the nearest known one, or all of them."""
     known = list(known)

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown, suggestion
 from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
 
 
@@ -191,7 +191,10 @@ class Fault:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.kind, str) and self.kind in KINDS):
-            raise FaultError(f"fault kind = {shown(self.kind)} is not one of {', '.join(KINDS)}")
+            raise FaultError(
+                f"fault kind = {shown(self.kind)} is not one of {', '.join(KINDS)}"
+                f"{suggestion(self.kind, KINDS)}"
+            )
         self._check_channel()
         object.__setattr__(self, "magnitude", self._checked_magnitude())
 
@@ -219,7 +222,7 @@ class Fault:
         elif not (isinstance(self.channel, str) and self.channel in CHANNELS):
             raise FaultError(
                 f"channel of {self.kind} = {shown(self.channel)} is not one of "
-                f"{', '.join(CHANNELS)}"
+                f"{', '.join(CHANNELS)}{suggestion(self.channel, CHANNELS)}"
             )
 
     def _checked_magnitude(self) -> float:

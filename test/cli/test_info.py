@@ -1,6 +1,5 @@
 """``rpud info`` shows people and programs the same."""
 
-import argparse
 import json
 
 import pytest
@@ -10,15 +9,13 @@ from sample_bags import CHAT, START, STRING, TALK, write_bag
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
-from rpud_sim.cli import info
+from rpud_sim.cli.main import execute
 from rpud_sim.inspection.report.rows import topic_rows
 from rpud_sim.inspection.report.survey import survey
 
 
 def run(*words):
-    parser = argparse.ArgumentParser()
-    info.add_arguments(parser)
-    return info.run(parser.parse_args([str(word) for word in words]))
+    return execute(["info", *map(str, words)])
 
 
 def test_json_has_the_figures(tmp_path, capsys):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
 import importlib
@@ -21,6 +20,8 @@ from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
+
+from rpud_sim.cli.main import execute
 
 CPU = 10  # seconds that a command may take
 MEMORY = 2**30  # bytes that a command may have resident
@@ -180,13 +181,9 @@ def _command(way: str, bag: Path, folder: Path, drawn: random.Random) -> bool:
 
 
 def _called(way: str, bag: Path, *words: str) -> int:
-    """Call a command with its own error handlers and return its exit code."""
-    module = importlib.import_module(f"rpud_sim.cli.{way}")
-    parser = argparse.ArgumentParser()
-    module.add_arguments(parser)
-    arguments = parser.parse_args([str(bag), *words])
+    """Call a command within its own handlers; give its exit code."""
     with _captured() as (_, errors):
-        code = module.run(arguments)
+        code = execute([way, str(bag), *words])
     output = errors.getvalue()
     if code not in (0, 1, 3):
         raise HarmError(f"exit code {code}: {output}")
@@ -207,9 +204,7 @@ def _check_recovered(path: Path, folder: Path) -> None:
     from mcap.reader import make_reader
 
     with _captured() as (_, errors):
-        code = importlib.import_module("rpud_sim.cli.info").run(
-            argparse.Namespace(bag=str(path), json=False)
-        )
+        code = execute(["info", str(path)])
     if code:
         raise HarmError(f"it was recovered to what cannot be listed: {errors.getvalue()}")
     _called("export", path, "--out", str(folder / "tables"))

@@ -253,7 +253,7 @@ def test_what_a_recorder_cannot_use_is_one_line(process, tmp_path):
     (tmp_path / "qos.yaml").write_text("/rpud/status: {depth: -1}\n")
     for words, complaint in (
         (("--regex", "("), "argument --regex: '\\(' is no regular expression"),
-        (("--max-disk", "0"), "--max-disk: '0' bytes; it must be a finite number greater than 0"),
+        (("--max-disk", "0"), r"--max-disk = 0 bytes is outside its range \[1, 1e\+18\] bytes"),
         (("--qos-profile-overrides-path", tmp_path / "qos.yaml"), "/rpud/status: depth is -1"),
     ):
         recorder = process("recorder", "--out", tmp_path / "run", *words)

@@ -223,6 +223,7 @@ def test_two_types_do_not_share_a_name(process, audience, tmp_path):
     [
         (["--remap", "/rpud/none:=/b"], "--remap names /rpud/none; .* has /rpud/chat, /rpud/talk"),
         (["--exclude", "/rpud/none"], "--exclude names /rpud/none"),
+        (["--topics", "/rpud/tlak"], r"names /rpud/tlak \(did you mean /rpud/talk\?\); "),
     ],
 )
 def test_wrong_calls_are_refused(process, bag, words, complaint):

@@ -97,6 +97,19 @@ def test_what_cannot_be_a_fault_is_refused_with_its_name(arguments, complaint):
     assert str(caught.value).startswith(complaint)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (("hard_rok",), "(did you mean hard_rock?)"),
+        (("off", "wrnech"), "(did you mean wrench?)"),
+    ],
+)
+def test_a_misspelt_name_is_answered_with_the_nearest_one(arguments, hint):
+    with pytest.raises(FaultError) as caught:
+        Fault(*arguments)
+    assert str(caught.value).endswith(hint)
+
+
 @pytest.mark.parametrize("channel", GROUND_TRUTH)
 @pytest.mark.parametrize("kind", SIGNAL)
 def test_the_ground_truth_never_fails(kind, channel):

@@ -1,4 +1,4 @@
-"""Node of the drill, and the executable ``drill_node`` of ``ros2 run``.
+"""Managed node of the drill.
 
 Publishers (docs/reference/topics.md): ``nodal_plane``, ``drill_tool``, ``reacting_force``,
 ``wrench`` and ``joint_states`` at ``telemetry_rate``; ``contact_force`` for every impact on the
@@ -19,12 +19,11 @@ set while it runs.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import gc
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import rclpy
@@ -34,10 +33,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.utilities import remove_ros_args
 
-from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.foundation.terminal import complain
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.account import REPORT_PERIOD
@@ -54,7 +50,7 @@ from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import serve
-from rpud_sim.ros.starting import start_ros
+from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
@@ -265,36 +261,27 @@ class DrillNode(ManagedNode):
                 self.request(lambda drilling: drilling.configure(self.settings))
 
 
-def main() -> None:
-    """Run the executable until SIGINT or SIGTERM: exit 0, 1 after a failure, 2 for bad input."""
-    parser = argparse.ArgumentParser(
-        prog="drill_node",
-        description="A drill in soft real time.",
-        epilog="example: drill_node --ros-args -r __ns:=/rpud --params-file config/free.yaml",
-    )
-    try:
-        words = remove_ros_args(sys.argv)[1:]
-    except RuntimeError as error:  # RCLError
-        reason = str(error).partition(", at ")[0]
-        complain("drill_node", f"ROS arguments that cannot be used: {reason}")
-        sys.exit(2)
-    parser.parse_args(words)
-    sys.exit(_main())
+def drill(ros_arguments: Sequence[str]) -> None:
+    """Run a drill until SIGINT, SIGTERM or the end of its node.
 
+    Args:
+        ros_arguments: command line of ROS, with name, namespace and parameters of the node.
 
-def _main() -> int:
+    Raises:
+        ParameterError: if a parameter has a value that cannot be used.
+        StartError: if ROS or the node cannot start with the arguments.
+        RuntimeError: if the drill cannot start, or fails.
+    """
     with StopRequest() as stop:
         try:
-            start_ros(sys.argv)
-            node = DrillNode()
-        # StartError and rcl's errors are RuntimeErrors; ParameterException is of use_sim_time,
-        # which rclpy declares.
-        except (ParameterError, ParameterException, RuntimeError) as error:
-            complain("drill_node", error)
-            rclpy.try_shutdown()
-            return 2
-        try:
-            return spin(node, stop)
+            start_ros(ros_arguments)
+            try:
+                node = DrillNode()
+            # rcl's errors are RuntimeErrors; ParameterException is of use_sim_time, which rclpy
+            # declares.
+            except (ParameterException, RuntimeError) as error:
+                raise StartError(str(error)) from error
+            spin(node, stop)
         finally:
             rclpy.try_shutdown()
 
@@ -303,13 +290,16 @@ def spin(
     node: DrillNode,
     stop: StopRequest,
     show: Callable[[Report | None], None] = lambda report: None,
-) -> int:
-    """Drill until the stop is requested or the node has finished; return the exit code.
+) -> None:
+    """Drill until the stop is requested or the node has finished.
 
     Args:
-        node: that drills.
+        node: of the drill.
         stop: the request.
         show: called several times a second with the latest report.
+
+    Raises:
+        RuntimeError: if the drill cannot start, or fails.
     """
     executor = MultiThreadedExecutor(_THREADS)
     executor.add_node(node)
@@ -318,17 +308,8 @@ def spin(
         while not (stop.requested or node.finished):
             serve(executor, node.refuse_request)
             show(node.report)
-    except RuntimeError as error:
-        complain("drill_node", error)
-        return 1
     finally:
         node.stop()
         executor.shutdown(timeout_sec=1.0)
     if node.failure is not None:
-        complain("drill_node", node.failure)
-        return 1
-    return 0
-
-
-if __name__ == "__main__":
-    main()
+        raise RuntimeError(str(node.failure)) from node.failure

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from rpud_sim.bag import Message, Topic
-from rpud_sim.ros.arguments import MAX_CACHE_SIZE
+from rpud_sim.ros.record.record_options import RecordOptions
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class MessageQueue:
         capacity: bytes of messages that may wait; a message that does not fit is dropped.
     """
 
-    def __init__(self, capacity: int = MAX_CACHE_SIZE) -> None:
+    def __init__(self, capacity: int = RecordOptions.max_cache_size) -> None:
         self._capacity = capacity
         self._items: queue.SimpleQueue[Item | None] = queue.SimpleQueue()
         self._put_bytes = 0

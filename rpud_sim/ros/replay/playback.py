@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from typing import Protocol
 
 from rpud_sim.bag import Message
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.arguments import FASTEST_RATE
 from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.replay.replay_options import RATE
 from rpud_sim.ros.replay.timeline import Timeline
 
 _BEHIND = SECOND // 20  # later than this, messages come as fast as they can
@@ -174,10 +175,12 @@ class Playback:
         """Set bag time over real time.
 
         Raises:
-            RefusedError: if it is not above 0 and at most ``FASTEST_RATE``.
+            RefusedError: if it is outside the range of ``RATE``.
         """
-        if not (isfinite(rate) and 0 < rate <= FASTEST_RATE):
-            raise RefusedError(f"rate = {rate:g} is outside its range (0, {FASTEST_RATE:g}]")
+        try:
+            RATE.check("rate", rate)
+        except ParameterError as error:
+            raise RefusedError(str(error)) from None
         self._hold()
         self._timeline = self._timeline.with_rate(self._clock(), rate)
 
