@@ -103,7 +103,10 @@ class PacedRun:
 
     def flush(self, kind: str = "flush") -> None:
         """Publish what the streams still hold: ``flush`` to go on, or ``end``."""
-        self._publishers.publish(self._run.flush(kind))
+        # One by one: the journal's entry arrives before the short blocks that follow from it, or a
+        # recorder that ends in between has blocks which nothing explains.
+        for message in self._run.flush(kind):
+            self._publishers.publish([message])
 
     def report(self, state: str = "") -> None:
         """Publish changes and the status; its state is that of the time control if empty."""
