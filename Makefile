@@ -29,9 +29,9 @@ run: install/.package ## Drill in real time for DURATION seconds (10) and record
 .PHONY: picture
 picture: install/.package ## Draw docs/images anew: record BAG for 3 s, and BAG_faults for 12 s with the faults of config
 	@$(WITH_ENV) rpud run --duration 3 --record $(BAG) && \
-	  python -m rpud_sim.analysis.picture $(BAG) docs/images/first_light.png && \
+	  python -m toolchain.pictures.first_light $(BAG) docs/images/first_light.png && \
 	  rpud run --duration 12 --set scenario=config/faults.yaml --record $(BAG)_faults && \
-	  python -m rpud_sim.analysis.layout_picture $(BAG)_faults config/foxglove.json docs/images/live.png
+	  python -m toolchain.pictures.layout $(BAG)_faults config/foxglove.json docs/images/live.png
 
 ##@ Develop
 .PHONY: test
@@ -50,6 +50,12 @@ lint: install/.package .venv/.lint ## Check style, types, the rules of import an
 format: .venv/.lint ## Format the code and mend what ruff can
 	@.venv/bin/ruff format
 	@.venv/bin/ruff check --fix
+
+.PHONY: docs
+docs: install/.package .venv/.docs ## Publish docs/ as pages in build/docs; a warning or a broken link fails
+	@$(WITH_ENV) export PYTHONPATH="$$PWD/.venv/docs:$$PYTHONPATH" && \
+	  python -m sphinx --builder html --jobs auto --fresh-env --fail-on-warning --keep-going --quiet docs build/docs
+	@echo "Pages: build/docs/index.html"
 
 .PHONY: bench
 bench: install/.package .venv/.bench ## Run the benchmarks, or those of BENCH_ARGS; installs MuJoCo to compare with
@@ -107,6 +113,12 @@ help: ## Show this help
 
 .venv/.bench: toolchain/requirements/bench.lock .venv/.installed
 	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@touch $@
+
+# In a folder of its own, as docs.in says why.
+.venv/.docs: toolchain/requirements/docs.lock .venv/.installed
+	@rm -rf .venv/docs
+	@$(PIP_INSTALL) --only-binary :all: --target .venv/docs -r $<
 	@touch $@
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)

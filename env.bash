@@ -1,20 +1,30 @@
-# Source this in bash or zsh: puts rpud, drill_node, recorder, replayer and ROS 2 Jazzy into the shell.
+# Source this in bash, zsh, dash or another sh: puts rpud, drill_node, recorder, replayer and ROS 2 Jazzy into the shell.
 # It keeps a ROS_DOMAIN_ID and a FASTRTPS_DEFAULT_PROFILES_FILE that are set already, and any
 # ROS_AUTOMATIC_DISCOVERY_RANGE but LOCALHOST: docs/security.md says which sockets a process opens.
 
 _rpud_env() {
-  local shell=bash file root
-  if [ -n "${ZSH_VERSION:-}" ]; then shell=zsh; fi
-  file="${BASH_SOURCE[0]:-${(%):-%x}}"
-  root="$(cd "$(dirname "$file")" && pwd)"
+  local file
+  # Only bash and zsh know which file they source; each has a notation that other shells do not parse.
+  if [ -n "${BASH_VERSION:-}" ]; then
+    eval 'file="${BASH_SOURCE[0]}"'
+  elif [ -n "${ZSH_VERSION:-}" ]; then
+    eval 'file="${(%):-%x}"'
+  else
+    file=./env.bash
+  fi
+  _rpud_root="$(cd "$(dirname "$file")" && pwd)"
+  if [ ! -f "$_rpud_root/toolchain/ros_env.bash" ]; then
+    echo "rpud_sim: this shell does not know where env.bash is: source it as ./env.bash in its own folder" >&2
+    return 1
+  fi
 
-  . "$root/toolchain/ros_env.bash" || return 1
-  if [ ! -f "$root/install/local_setup.$shell" ]; then
+  . "$_rpud_root/toolchain/ros_env.bash" || return 1
+  if [ ! -f "$_rpud_root/install/local_setup.bash" ]; then
     echo "rpud_sim: not built yet: run 'make setup' first" >&2
     return 1
   fi
-  _rpud_source "$root/install/local_setup.$shell" || return 1
-  _rpud_prepend PATH "$root/install/rpud_sim/lib/rpud_sim"
+  _rpud_source "$_rpud_root/install/local_setup" || return 1
+  _rpud_prepend PATH "$_rpud_root/install/rpud_sim/lib/rpud_sim"
 }
 
 _rpud_env

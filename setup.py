@@ -16,7 +16,7 @@ setup(
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={f"{PACKAGE}.bag": ["share/*/msg/*.msg"]},
+    package_data={PACKAGE: ["py.typed"], f"{PACKAGE}.bag": ["share/*/msg/*.msg"]},
     python_requires=">=3.10",
     # What the offline commands need. The ROS packages come from package.xml.
     install_requires=[
@@ -55,9 +55,9 @@ setup(
     entry_points={
         "console_scripts": [
             "rpud = rpud_sim.cli.main:main",
-            "drill_node = rpud_sim.ros.executables:drill_node",
-            "recorder = rpud_sim.ros.executables:recorder",
-            "replayer = rpud_sim.ros.executables:replayer",
+            "drill_node = rpud_sim.cli.executables:drill_node",
+            "recorder = rpud_sim.cli.executables:recorder",
+            "replayer = rpud_sim.cli.executables:replayer",
         ],
     },
 )

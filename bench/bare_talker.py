@@ -13,12 +13,13 @@ from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.messages import filled
-from rpud_sim.ros.drill.publishers import TOPICS
-from rpud_sim.simulation.block import boundary
-from rpud_sim.simulation.configuration import to_configuration
-from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.telemetry import Telemetry
+from rpud_sim.ros.drill.publishers import qos_of
+from rpud_sim.ros.types import message_class
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.topics import TOPICS
 
 _PATIENCE = 1.0  # [s]
 _PARAMETERS = {"weight_on_bit": 60.0, "sample_rate": 50_000, "telemetry_rate": 100}
@@ -36,17 +37,20 @@ def main() -> None:
 
 
 def _talk(node: Node, weight_on_bit: float, telemetry_rate: int, sample_rate: int) -> None:
-    telemetry = Telemetry(telemetry_rate, sample_rate)
-    simulation = Simulation(to_configuration({"weight_on_bit": weight_on_bit}))
+    settings = to_settings(
+        {
+            "weight_on_bit": weight_on_bit,
+            "telemetry_rate": telemetry_rate,
+            "sample_rate": sample_rate,
+        }
+    )
     messages = [
-        (name, filled(TOPICS[name][0](), fields))
-        for number in range(1, telemetry_rate + 1)
-        for _, name, fields in telemetry.take(
-            simulation.advance_to(boundary(number, telemetry_rate)), ()
-        )
+        (name, filled(message_class(TOPICS[name].type)(), fields))
+        for _, name, fields in Run(Beginning(settings)).advance_to(SECOND)
     ]
     publishers = {
-        name: node.create_publisher(TOPICS[name][0], name, TOPICS[name][1]) for name, _ in messages
+        name: node.create_publisher(type(message), name, qos_of(TOPICS[name]))
+        for name, message in messages
     }
     unacknowledged = dict.fromkeys(publishers, 0)
     while True:
@@ -54,7 +58,7 @@ def _talk(node: Node, weight_on_bit: float, telemetry_rate: int, sample_rate: in
             publisher = publishers[name]
             publisher.publish(message)
             unacknowledged[name] += 1
-            if unacknowledged[name] >= TOPICS[name][1].depth:
+            if unacknowledged[name] >= TOPICS[name].depth:
                 for each in publishers.values():
                     each.wait_for_all_acked(Duration(seconds=_PATIENCE))
                 unacknowledged = dict.fromkeys(publishers, 0)

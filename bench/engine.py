@@ -17,9 +17,10 @@ import numpy as np
 from bench.drill_in_c import DrillInC
 from bench.drill_in_scipy import Bodies, impact_times
 from bench.row import Row, row
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Block, Simulation
 from rpud_sim.simulation.statistics import Statistics
 
@@ -98,7 +99,7 @@ def _run(parameters: Parameters, phase: float) -> tuple[float, Figures, Block]:
     used = 0.0
     for end in range(STRIDE, DURATION + 1, STRIDE):
         began = time.process_time()
-        block = simulation.advance_to(end * NANOSECONDS)
+        block = simulation.advance_to(end * SECOND)
         used += time.process_time() - began
         statistics.add(block)
     figures = {name: value for name, value in statistics.figures().items() if value is not None}

@@ -37,7 +37,7 @@ from tqdm import tqdm
 from bench import soak_checks as checks
 from bench.soak_checks import Tally, Verdict
 
-NANOSECONDS = 1_000_000_000
+SECOND = 1_000_000_000
 TELEMETRY_RATE = 100  # the node's default [Hz]
 TELEMETRY = {
     "nodal_plane": NodalPlane,
@@ -112,7 +112,7 @@ class Listener:
         """Return the number of the sample at a stamp [ns], counted from the first one heard."""
         if self._start is None:
             self._start = stamp
-        return round((stamp - self._start) * TELEMETRY_RATE / NANOSECONDS)
+        return round((stamp - self._start) * TELEMETRY_RATE / SECOND)
 
     def _on_telemetry(self, name: str, message: Any, info: Any) -> None:
         stamp = _stamp(message)
@@ -122,8 +122,8 @@ class Listener:
         # When it came to this process, however much later it is heard.
         waited = time.time_ns() - info["received_timestamp"]
         arrival = time.monotonic_ns() - waited
-        if arrival // NANOSECONDS != self._second:
-            self._second = arrival // NANOSECONDS
+        if arrival // SECOND != self._second:
+            self._second = arrival // SECOND
             self.arrivals.append((stamp, arrival))
         elif arrival - stamp < self.arrivals[-1][1] - self.arrivals[-1][0]:
             self.arrivals[-1] = stamp, arrival
@@ -143,7 +143,7 @@ class Listener:
 
 def _stamp(message: Any) -> int:
     stamp = message.header.stamp
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+    return int(stamp.sec) * SECOND + int(stamp.nanosec)
 
 
 class Watched:
@@ -161,9 +161,14 @@ class Watched:
         self._ticks: list[int] = []
         self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
 
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._process.poll() is None
+
     def check_running(self) -> None:
         """Raise RuntimeError if it has ended."""
-        if self._process.poll() is not None:
+        if not self.running:
             raise RuntimeError(f"{self.name} ended with exit code {self._process.returncode}")
 
     def sample(self) -> None:
@@ -228,7 +233,9 @@ def soak(duration: float, bag: str | None = None) -> Result:
         drill = Watched("drill", "drill_node", "--ros-args", "-r", f"__ns:={namespace}")
         processes.append(drill)
         tallies = listener.tallies.values()
-        listener.take_until(lambda: all(tally.messages for tally in tallies), STARTING)
+        listener.take_until(
+            lambda: not drill.running or all(tally.messages for tally in tallies), STARTING
+        )
         drill.check_running()
         if not listener.arrivals:
             raise RuntimeError(f"the drill was not heard within {STARTING:g} s")

@@ -20,11 +20,11 @@ def cost(simulations: int, workers: int) -> float:
 
     From the first outcome on, to leave out the start of the workers, and up to both tables.
     """
-    from rpud_sim.analysis.sweep.chunks import make_chunks
-    from rpud_sim.analysis.sweep.design import design_points
-    from rpud_sim.analysis.sweep.folder import SweepFolder
-    from rpud_sim.analysis.sweep.processes import run_on_processes
-    from rpud_sim.analysis.sweep.specification import parse_specification
+    from rpud_sim.studies.sweep.chunks import make_chunks
+    from rpud_sim.studies.sweep.design import design_points
+    from rpud_sim.studies.sweep.folder import SweepFolder
+    from rpud_sim.studies.sweep.processes import run_on_processes
+    from rpud_sim.studies.sweep.specification import parse_specification
 
     specification = parse_specification(
         {

@@ -18,9 +18,11 @@ from rclpy.signals import SignalHandlerOptions
 
 from bench.hearing import Hearing
 from bench.row import Row, row
-from rpud_sim.ros.drill.pacing import NANOSECONDS
-from rpud_sim.ros.drill.publishers import TOPICS
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.drill.publishers import DIAGNOSTICS
 from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.types import message_class
+from rpud_sim.simulation.topics import TOPICS
 
 PERIOD = 0.01  # of blocks at the default rate [s]
 SECONDS = 20.0  # of listening at each load
@@ -31,7 +33,10 @@ LOADS: Mapping[str, Mapping[str, object]] = {
     # Five channels and more at 100 kHz, about 1,500 impacts per second, scalars at 1 kHz.
     "largest": {"weight_on_bit": 80.0, "sample_rate": 100_000, "telemetry_rate": 1000},
 }
-_KINDS = {name: kind for name, (kind, _) in TOPICS.items()}
+_KINDS = {
+    name: message_class(topic.type)
+    for name, topic in {**TOPICS, "/diagnostics": DIAGNOSTICS}.items()
+}
 _STARTING = 60.0  # that a process may take until it is heard [s]
 _SETTLING = 2.0  # between the first message and the first figure [s]
 
@@ -58,8 +63,8 @@ def _timer(seconds: float) -> Iterator[Row]:
     wake, lateness = threading.Event(), Lateness()
     due = time.monotonic_ns()
     for _ in range(round(seconds / PERIOD)):
-        due += round(PERIOD * NANOSECONDS)
-        wake.wait(max(0.0, (due - time.monotonic_ns()) / NANOSECONDS))
+        due += round(PERIOD * SECOND)
+        wake.wait(max(0.0, (due - time.monotonic_ns()) / SECOND))
         lateness.add(time.monotonic_ns() - due)
     for key, share in (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999)):
         late = 1e3 * lateness.quantile(share)
@@ -117,10 +122,11 @@ class _Talk:
         kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
         self.hearing = Hearing(self._node, kinds, ("status", "/diagnostics"))
         words = [f"{key}:={value}" for key, value in parameters.items()]
-        module = "rpud_sim.ros.drill.drill_node" if program == "drill_node" else f"bench.{program}"
+        talker = (sys.executable, "-m", f"bench.{program}")
         self._process = subprocess.Popen(
             [
-                *(sys.executable, "-m", module, "--ros-args", "-r", f"__ns:={namespace}"),
+                *(("drill_node",) if program == "drill_node" else talker),
+                *("--ros-args", "-r", f"__ns:={namespace}"),
                 *("--log-level", "error"),
                 *(word for pair in words for word in ("-p", pair)),
             ]

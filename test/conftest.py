@@ -36,8 +36,6 @@ def process() -> Iterator[Callable[..., Process]]:
     with ExitStack() as stack:
 
         def start(*command: str | os.PathLike, **options) -> Process:
-            started = Process(*command, **options)
-            stack.callback(started.stop)
-            return started
+            return stack.enter_context(Process(*command, **options))
 
         yield start

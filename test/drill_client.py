@@ -1,4 +1,4 @@
-"""A plain rclpy client of the drill, as somebody else would write it."""
+"""A plain rclpy client of the drill, as a user would write it."""
 
 import itertools
 import time
@@ -28,7 +28,7 @@ from rpud_msgs.msg import (
 )
 from rpud_msgs.srv import InjectFault, ResetSimulation, SetSimulationState, StepSimulation
 from sensor_msgs.msg import JointState
-from support import Process
+from support import PATIENCE, Process
 
 SECOND = 1_000_000_000
 TYPES = {
@@ -49,18 +49,21 @@ TYPES = {
 TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 PLENTY = QoSProfile(depth=5000)  # reliable, and longer than anything that a test waits for
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-COMPILED = 100.0  # seconds in which a first drill has compiled
-UNANSWERED = 60.0  # seconds after which a request is repeated
+UNANSWERED = 50.0  # seconds after which a request is repeated
 
 
 def start_drill(namespace, **parameters):
-    """Start a drill with parameters, given as YAML writes them."""
+    """Start a drill with parameters of ROS."""
     words = [word for item in parameters.items() for word in ("-p", "{}:={}".format(*item))]
     return Process("drill_node", "--ros-args", "-r", f"__ns:={namespace}", *words)
 
 
 class Client:
-    """A node in a context of its own, which hears topics and gives commands."""
+    """A node in a context of its own, which subscribes to topics and gives commands.
+
+    Attributes:
+        status: every message of the topic `status` that was received.
+    """
 
     def __init__(self, namespace="/rpud"):
         self._context = rclpy.Context()
@@ -73,6 +76,13 @@ class Client:
             WeightOnBit: self.node.create_publisher(WeightOnBit, "command/weight_on_bit", 100),
             Drive: self.node.create_publisher(Drive, "command/drive", 100),
         }
+        self.status = self.listen("status")
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
 
     def close(self):
         """Leave the graph."""
@@ -87,25 +97,30 @@ class Client:
         self.node.create_subscription(TYPES[topic], topic, heard.append, qos)
         return heard
 
-    def until(self, condition, seconds=30.0):
-        """Hear messages until a condition holds and give its value; fail where it does not come."""
-        deadline = time.monotonic() + seconds
+    def listen_to_runs(self, topic):
+        """Give the list of runs that the messages of a topic are added to: lists of messages.
+
+        At a reset the stamps go back. What was sent before it may arrive after its answer, but
+        never after what was sent later.
+        """
+        runs = [[]]
+
+        def hear(message):
+            run = runs[-1]
+            if run and stamps([message]) <= stamps(run[-1:]):
+                runs.append(run := [])
+            run.append(message)
+
+        self.node.create_subscription(TYPES[topic], topic, hear, PLENTY)
+        return runs
+
+    def until(self, condition):
+        """Hear messages until a condition holds and give its value; fail if it never does."""
+        deadline = time.monotonic() + PATIENCE
         while not (value := condition()):
             assert time.monotonic() < deadline, "it did not come true"
             self._executor.spin_once(timeout_sec=0.05)
         return value
-
-    def spin(self, seconds):
-        """Hear messages until none has come for a while."""
-        quiet = time.monotonic() + seconds
-        while time.monotonic() < quiet:
-            self._executor.spin_once(timeout_sec=0.02)
-
-    def drain(self, *heard):
-        """Hear what is still on its way to lists: of a drill that stands still, nothing follows."""
-        before = -1
-        while before != (before := sum(map(len, heard))):
-            self.spin(0.3)
 
     def command(self, message):
         """Publish a command to a drill that is there to hear it."""
@@ -118,10 +133,10 @@ class Client:
         future = self.call_async(kind, name, request)
         # The middleware drops a response to a client that the server's side does not know yet.
         asked_again = time.monotonic() + UNANSWERED
-        self.until(lambda: future.done() or time.monotonic() > asked_again, COMPILED)
+        self.until(lambda: future.done() or time.monotonic() > asked_again)
         if not future.done():
             future = self.call_async(kind, name, request)
-            self.until(future.done, COMPILED)
+            self.until(future.done)
         return future.result()
 
     def call_async(self, kind, name, request):
@@ -147,6 +162,18 @@ class Client:
         """Begin again; give the result."""
         request = ResetSimulation.Request(scope=scope, reseed=seed is not None, seed=seed or 0)
         return self.call(ResetSimulation, "simulation/reset", request).result
+
+    def begin(self, seed=None):
+        """Reset a drill to time zero, and wait until its status says that it is paused there."""
+        self.set_state(SimulationState.STATE_PAUSED)
+        assert self.reset(seed=seed).result == Result.RESULT_OK
+        self.until(
+            lambda: (
+                self.status
+                and self.status[-1].state == Status.STATE_PAUSED
+                and stamps(self.status[-1:])[0] == 0
+            )
+        )
 
     def inject(self, kind, channel="", magnitude=float("nan"), seconds=0.0):
         """Inject a fault; give the response."""

@@ -24,7 +24,8 @@ from support import LOOPBACK, claim_ros_domain
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, Topic
 from rpud_sim.bag.recovery import recover
-from rpud_sim.ros.record.recording import Declaration, MessageQueue, WritingThread
+from rpud_sim.ros.record.message_queue import Declaration, MessageQueue
+from rpud_sim.ros.record.writing_thread import WritingThread
 
 FORCES = "/rpud/contact_force"
 TOPICS = ("/a", "/b", "/c")

@@ -11,6 +11,10 @@ import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
+from rpud_sim.inspection import offline_bag
+from rpud_sim.simulation import Parameters
+from rpud_sim.simulation.configuration import Configuration, Settings
+from rpud_sim.simulation.run import Beginning
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -136,7 +140,15 @@ def write_damaged(path: Path) -> Path:
             data = serialized_string("whole") if number % 2 == 0 else b"\x00\x01\x00\x00\xff"
             bag.write(TALK.name, data, time, time)
         odd = {"offered_qos_profiles": "!!timestamp 1", "topic_type_hash": ""}
-        bag.add_channel(Topic("/rpud/odd", STRING), None, odd)
+        bag._folder.add_channel(Topic("/rpud/odd", STRING), None, odd)
         bag.add_record("rpud_losses", {"losses": "["})
         bag.add_record("rpud_manifest", {"manifest": "["})
     return path
+
+
+def write_offline_bag(
+    path: Path, parameters: Parameters, duration: float, phase=0.0, scenario=None, seed=0
+) -> None:
+    """Write the bag of a run without ROS at the default rates."""
+    settings = Settings(Configuration(parameters))
+    offline_bag.write_offline_bag(path, Beginning(settings, phase, seed, scenario), duration)

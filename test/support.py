@@ -25,6 +25,8 @@ LOOPBACK = {
 """Environment of processes that talk over loopback alone, as env.bash sets it."""
 
 GRACE = 5.0  # seconds that a process has to obey a signal
+PATIENCE = 100.0
+"""Seconds that a test waits for a condition at most: a first drill compiles, beside busy loops."""
 
 
 def claim_ros_domain() -> tuple[int, IO[str]]:
@@ -56,9 +58,9 @@ def real_time_permitted() -> bool:
         return not isinstance(pool.submit(attempt).exception(), PermissionError)
 
 
-def until(condition: Callable[[], object], *, seconds: float = 20.0) -> None:
-    """Wait for a condition, and fail where it does not come."""
-    deadline = time.monotonic() + seconds
+def until(condition: Callable[[], object]) -> None:
+    """Wait for a condition, and fail if it does not come true."""
+    deadline = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < deadline, "it did not come true"
         time.sleep(0.01)
@@ -87,6 +89,12 @@ class Process:
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
+    def __enter__(self) -> "Process":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
     def _read(self) -> None:
         for line in self._popen.stdout:
             with self._changed:
@@ -107,7 +115,7 @@ class Process:
         """Whether it has not ended yet."""
         return self._popen.poll() is None
 
-    def wait_for_line(self, pattern: str, timeout: float = 30.0) -> re.Match:
+    def wait_for_line(self, pattern: str, timeout: float = PATIENCE) -> re.Match:
         """Return the match in the first line of all its output that has `pattern`, or fail."""
         expression = re.compile(pattern)
 
@@ -121,7 +129,7 @@ class Process:
             reason = "ended without it" if self._ended else f"not within {timeout} s"
             raise self._failure(f"did not print {pattern!r} ({reason})")
 
-    def wait(self, timeout: float = 30.0) -> int:
+    def wait(self, timeout: float = PATIENCE) -> int:
         """Return the exit code, all output read; fail when it does not end."""
         try:
             code = self._popen.wait(timeout)

@@ -14,9 +14,8 @@ from ament_index_python.packages import (
     get_package_prefix,
     get_package_share_directory,
 )
-from drill_client import COMPILED
 
-from rpud_sim.ros.arguments import COMPRESSIONS
+from rpud_sim.ros.record.record_options import COMPRESSIONS
 
 ROOT = Path(__file__).resolve().parent.parent
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))
@@ -173,7 +172,7 @@ def test_display_starts_nothing_where_a_package_is_missing(launch):
 
 def test_a_parameter_file_that_is_missing_is_an_error_of_the_drill(launch):
     launched = launch("drill.launch.py", "config:=nowhere.yaml")
-    launched.wait(COMPILED)
+    launched.wait()
     assert "nowhere.yaml" in launched.output
     assert "exit code 2" in launched.output
     assert "drilling: regime" not in launched.output
@@ -183,14 +182,14 @@ def test_a_parameter_file_that_is_missing_is_an_error_of_the_drill(launch):
 def test_a_recorded_drill_ends_when_its_recorder_fails(launch, tmp_path):
     (tmp_path / "there").mkdir()
     launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'there'}")
-    assert launched.wait(COMPILED) == 1
+    assert launched.wait() == 1
     assert "the recorder failed with exit code 1" in launched.output
     assert left_behind(launched) == []
 
 
 def test_a_recorded_drill_and_its_recorder_end_well_at_an_interrupt(launch, tmp_path):
     launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}", "compression:=lz4")
-    launched.wait_for_line("drilling: regime drilling", timeout=COMPILED)
+    launched.wait_for_line("drilling: regime drilling")
     launched.wait_for_line("recording [0-9]+ topics")
     launched.interrupt()
     assert launched.wait() == 0

@@ -8,14 +8,17 @@ import pytest
 from rpud_msgs.msg import WeightOnBit
 from rpud_msgs.srv import ClearFault, InjectFault
 
-from rpud_sim.ros.drill.publishers import TOPICS
+from rpud_sim.ros.drill.publishers import DIAGNOSTICS
+from rpud_sim.ros.types import message_class
 from rpud_sim.simulation.faults import KINDS
+from rpud_sim.simulation.topics import TOPICS
 
 CONFIG = Path(__file__).resolve().parent.parent / "config"
 FOXGLOVE = json.loads((CONFIG / "foxglove.json").read_text())
 PANELS = FOXGLOVE["configById"]
 PLOTJUGGLER = ElementTree.parse(CONFIG / "plotjuggler.xml").getroot()
 SERVICES = {"/rpud/inject_fault": InjectFault, "/rpud/clear_fault": ClearFault}
+PUBLISHED = {**TOPICS, "/diagnostics": DIAGNOSTICS}
 NUMBERS = ("double", "boolean", "uint32", "uint64")
 
 
@@ -35,7 +38,7 @@ def fill(message, values):
 
 def field_type(topic, field):
     """Give the type of a topic's field."""
-    message, _ = TOPICS[topic.removeprefix("/rpud/")]
+    message = message_class(PUBLISHED[topic.removeprefix("/rpud/")].type)
     return message.get_fields_and_field_types()[field]
 
 
@@ -53,7 +56,7 @@ def test_foxglove_shows_topics_that_are_published():
     topics = [panel["topicPath"] for panel in panels("RawMessages")]
     topics += [panel["topicToRender"] for panel in panels("DiagnosticSummary")]
     assert topics
-    assert {topic.removeprefix("/rpud/") for topic in topics} <= TOPICS.keys()
+    assert {topic.removeprefix("/rpud/") for topic in topics} <= PUBLISHED.keys()
 
 
 @pytest.mark.parametrize("panel", panels("Publish"), ids=lambda panel: panel["buttonText"])

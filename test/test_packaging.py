@@ -105,6 +105,10 @@ def test_pip_installs_the_messages_for_use_without_ros(plain_install):
     assert (share / "geometry_msgs" / "msg" / "WrenchStamped.msg").is_file()
 
 
+def test_pip_installs_the_types_of_the_package(plain_install):
+    assert [*plain_install.glob("lib/python3.*/site-packages/rpud_sim/py.typed")]
+
+
 def test_command_installed_with_pip_runs(plain_install):
     (site_packages,) = plain_install.glob("lib/python3.*/site-packages")
     output = subprocess.check_output(

@@ -7,7 +7,7 @@ import pytest
 from sample_bags import SECOND, START, STRING_DEFINITION, serialized_string
 
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.terminal import printable, table
+from rpud_sim.foundation.terminal import printable
 
 EVIL = "/a\x1b[2J\r\n\x9b\u202e\x00"
 ESCAPED = r"/a\x1b[2J\r\n\x9b\u202e\x00"
@@ -18,10 +18,6 @@ def test_what_steers_a_terminal_is_escaped_and_all_else_stays():
     assert printable("\udcff") == r"\udcff"
     plain = "größer 钻 \N{NARROW NO-BREAK SPACE}|"
     assert printable(plain) == plain
-
-
-def test_a_table_is_aligned_after_escaping():
-    assert table([("name", "n"), ("\x1b", "10")], left=1) == ["name   n", "\\x1b  10"]
 
 
 @pytest.fixture

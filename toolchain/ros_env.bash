@@ -1,4 +1,4 @@
-# Source this in bash or zsh: the virtual environment and ROS 2 Jazzy, without this package. For users: env.bash.
+# Sourced by env.bash and, at the root, by make, in any sh: the virtual environment and ROS 2 Jazzy, without this package. For users: env.bash.
 
 _rpud_prepend() { # NAME FOLDER...: puts the folders in front of the search path NAME, each only once
   local name="$1" folder value
@@ -12,21 +12,20 @@ _rpud_prepend() { # NAME FOLDER...: puts the folders in front of the search path
   done
 }
 
-_rpud_source() { # FILE: sources it without `set -u` and `set -e`, which ROS's own scripts do not survive
-  local options="$-" code=0
+_rpud_source() { # SETUP: sources SETUP.bash, .zsh or .sh without `set -u` and `set -e`, which ROS's own scripts do not survive
+  local options="$-" code=0 shell=sh
+  if [ -n "${BASH_VERSION:-}" ]; then shell=bash; elif [ -n "${ZSH_VERSION:-}" ]; then shell=zsh; fi
   set +eu
-  . "$1" || code=$?
+  . "$1.$shell" || code=$?
   case "$options" in *u*) set -u ;; esac
   case "$options" in *e*) set -e ;; esac
   return "$code"
 }
 
 _rpud_ros_env() {
-  local shell=bash file toolchain venv profile
-  if [ -n "${ZSH_VERSION:-}" ]; then shell=zsh; fi
-  file="${BASH_SOURCE[0]:-${(%):-%x}}"
-  toolchain="$(cd "$(dirname "$file")" && pwd)"
-  venv="$(dirname "$toolchain")/.venv"
+  local toolchain venv profile
+  toolchain="${_rpud_root:-$PWD}/toolchain" # env.bash sets the root; make runs there
+  venv="${_rpud_root:-$PWD}/.venv"
 
   if [ -d "$venv/share/rclpy" ]; then # ROS as wheels
     _rpud_prepend AMENT_PREFIX_PATH "$venv"
@@ -36,7 +35,7 @@ _rpud_ros_env() {
     _rpud_prepend LD_LIBRARY_PATH "$venv/lib" "$venv"/lib/python3.*/site-packages/ros_*.libs
     export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
   elif [ -f "$venv/ros_prefix" ]; then # an installed ROS
-    _rpud_source "$(cat "$venv/ros_prefix")/setup.$shell"
+    _rpud_source "$(cat "$venv/ros_prefix")/setup"
   else
     echo "rpud_sim: not set up yet: run 'make setup' first" >&2
     return 1

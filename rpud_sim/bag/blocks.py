@@ -1,4 +1,4 @@
-"""Messages that hold many samples or segments, as a table with one row for each of them."""
+"""Tables of messages that hold many samples or segments, with one row for each of these."""
 
 from __future__ import annotations
 
@@ -8,29 +8,30 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rpud_sim.bag.columns import SECOND, Column, Kind
+from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.foundation.time import SECOND
 
 TIME = Column("time", Kind.TIME, np.dtype(np.int64), description="of the sample or segment")
-"""The exact time of each row, in place of that of the first."""
+"""Column with the exact time of each row."""
 
-# What the time of a row is made of, by type.
-_NEEDED = {
+# Columns from which the time of a row is calculated, by type.
+_TIME_COLUMNS = {
     "rpud_msgs/msg/Trajectory": {"origin", "sequence", "start_seconds", "start_fraction"},
     "rpud_msgs/msg/Waveform": {"header.stamp", "sample_period", "sequence"},
 }
-_LONGEST = 9e9  # s; times are 64-bit nanoseconds
+_MAX_DURATION = 9e9  # s; times are 64-bit nanoseconds
 
 
 def holds_rows(type_name: str, columns: tuple[Column, ...]) -> bool:
-    """Tell whether messages of a type with these columns are blocks of rows."""
+    """Return whether messages of a type with these columns are blocks of rows."""
     names = {column.name for column in columns}
     simple = all(column.kind not in (Kind.ARRAY, Kind.NESTED) for column in columns)
-    return type_name in _NEEDED and _NEEDED[type_name] <= names and simple
+    return type_name in _TIME_COLUMNS and _TIME_COLUMNS[type_name] <= names and simple
 
 
 def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
-    """Give the columns of the table of rows: TIME, and numbers in place of their sequences."""
+    """Return the columns of the table of rows: ``TIME``, and numbers in place of sequences."""
     return (
         TIME,
         *(
@@ -43,10 +44,16 @@ def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
 
 
 def to_rows(columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Make the values of `row_columns` from those of `columns`, which have one for each block.
+    """Return the values of ``row_columns``, one for each row.
 
-    What a block has once, each of its rows has; `sequence` is that of the row. Raises
-    BagFormatError where the sequences of a block are not equally long or its times are none.
+    Each row has the values that its block has once. ``sequence`` is the number of the row.
+
+    Args:
+        columns: of the blocks.
+        blocks: values of these columns, one for each block.
+
+    Raises:
+        BagFormatError: if the sequences of a block differ in length, or its times are impossible.
     """
     sequences = [column.name for column in columns if column.kind is Kind.SEQUENCE]
     lengths = np.array([[len(values) for values in blocks[name]] for name in sequences], np.int64)
@@ -85,12 +92,12 @@ def _sample_times(blocks: Mapping[str, np.ndarray], counts: np.ndarray) -> np.nd
 
 
 def _offsets(period: float, first: int, count: int) -> np.ndarray:
-    """Times of samples after the first of them [ns], whose number is `first`.
+    """Return the times of samples after the first of them [ns], whose number is ``first``.
 
-    At a whole rate each is rounded as the first one was, so that samples have the same times
-    however they are divided into blocks.
+    At a whole rate each time is rounded as that of the first one. Otherwise the times of samples
+    would depend on how they are divided into blocks.
     """
-    if not (math.isfinite(period) and period > 0.0 and period * count < _LONGEST):
+    if not (math.isfinite(period) and period > 0.0 and period * count < _MAX_DURATION):
         raise BagFormatError(f"sample_period = {period:g} s is no time between {count} samples")
     numbers = np.arange(count)
     rate = round(1.0 / period) if period > 1.0 / SECOND else 0

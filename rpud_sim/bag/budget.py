@@ -1,4 +1,4 @@
-"""What a message takes in memory when it is decoded, found before it is."""
+"""Memory that a decoded message takes, calculated before it is decoded."""
 
 from __future__ import annotations
 
@@ -13,25 +13,28 @@ from rosbags.typesys.store import Typestore
 from rpud_sim.bag.errors import BagFormatError
 
 DECODED_LIMIT = 256 * 2**20
-"""Greatest message when it is decoded, with the texts that files have of it [bytes]."""
+"""Greatest decoded message, with its text in exported files [bytes]."""
 
 FIELDS_LIMIT = 100_000
-"""Fields that a type has at most, those of its members included."""
+"""Greatest number of fields of a type, with those of its members."""
 
-# Bytes that parts of a message take: as objects, as plain values, and as text.
+# Bytes that parts of a message take as objects, as plain values, and as text.
 _MEMBER = 500  # a message within a message
 _FIELD = 100
 _BYTE = 6  # for each byte of texts, and of sequences and arrays of numbers
-_LEAST_NUMBER = 10  # in sequences and arrays: Parquet has levels for each
+_LEAST_NUMBER = 10  # in sequences and arrays: Parquet adds levels to each
 _TEXTS = ("string", "wstring")
 _LEAST_TEXT = 5  # its length, and the zero at its end
 
 
 class _Shape(NamedTuple):
-    """What a part of a message always has.
+    """Bounds of one part of a message.
 
-    `fields` are visited; it takes `memory` when it is decoded, and of the message at least `size`
-    [bytes]. What its texts and sequences hold takes at most `share` for each of their bytes.
+    Attributes:
+        fields: number of fields.
+        memory: that it takes without the content of texts and sequences [bytes].
+        size: least number of bytes in the message.
+        share: greatest memory for each byte of texts and sequences [bytes].
     """
 
     fields: int
@@ -41,32 +44,37 @@ class _Shape(NamedTuple):
 
 
 class Budget:
-    """Bounds what messages of one type take in memory."""
+    """Bounds of the memory that decoded messages of one type take.
+
+    Args:
+        store: holds the type, with all types that it needs.
+        type_name: of the messages.
+
+    Raises:
+        BagFormatError: if the type has more than ``FIELDS_LIMIT`` fields.
+    """
 
     def __init__(self, store: Typestore, type_name: str) -> None:
-        """Visit the type, which `store` holds with all that it needs.
-
-        Raises BagFormatError where it has more than FIELDS_LIMIT fields.
-        """
         self._store = store
         self._type = type_name
         self._shapes: dict[str, _Shape] = {}
         self._whole = self._member(type_name)
 
     def most(self, size: int) -> int:
-        """Give what a message of so many bytes takes at most."""
+        """Return the greatest memory that a message of ``size`` bytes takes [bytes]."""
         return self._whole.memory + int(size * self._whole.share)
 
     def check(self, data: bytes) -> None:
-        """Refuse a message that would take more than DECODED_LIMIT; see `most`.
+        """Check that a message takes at most ``DECODED_LIMIT``.
 
-        Raises BagFormatError.
+        Raises:
+            BagFormatError: if it takes more.
         """
         if self.most(len(data)) > DECODED_LIMIT:
             _Walk(self, data).member(self._type, 4)
 
     def shape(self, node: Nodetype, described: Any) -> _Shape:
-        """Describe a field."""
+        """Return the bounds of a field."""
         if node == Nodetype.NAME:
             return self._member(described)
         if node == Nodetype.BASE:
@@ -100,7 +108,7 @@ class Budget:
 
     @cached_property
     def members(self) -> dict[str, list[Any]]:
-        """The fields of each type."""
+        """Fields of each type."""
         return {
             name: [field for _, field in self._store.get_msgdef(name).fields]
             for name in self._shapes
@@ -108,17 +116,17 @@ class Budget:
 
 
 def _number(size: int) -> int:
-    """Give the memory of a number of so many bytes among others."""
+    """Return the memory of a number of ``size`` bytes in a sequence or array [bytes]."""
     return max(_LEAST_NUMBER, size * _BYTE)
 
 
 def _is_number(node: Nodetype, described: Any) -> bool:
-    """Tell whether a field is a single number."""
+    """Return whether a field is a single number."""
     return node == Nodetype.BASE and described[0] not in _TEXTS
 
 
 class _Walk:
-    """A walk along a message that adds up what is in it, and ends when that is too much."""
+    """Walk along a message that adds up its memory, and fails if that exceeds the limit."""
 
     def __init__(self, budget: Budget, data: bytes) -> None:
         self._budget = budget
@@ -127,7 +135,7 @@ class _Walk:
         self._memory = budget.most(0)
 
     def member(self, type_name: str, place: int) -> int:
-        """Add a message's fields; give where it ends, which may be behind the end of the data."""
+        """Add a message's fields and return its end, which may be behind the end of the data."""
         for node, described in self._budget.members[type_name]:
             place = self._field(node, described, place)
         return place
@@ -137,7 +145,7 @@ class _Walk:
             return self.member(described, place)
         if node == Nodetype.BASE and described[0] in _TEXTS:
             count, place = self._count(place)
-            self._take(count * _BYTE)
+            self._add(count * _BYTE)
             return place + count
         if node == Nodetype.BASE:
             return _aligned(place, SIZEMAP[described[0]]) + SIZEMAP[described[0]]
@@ -146,7 +154,7 @@ class _Walk:
             count, place = self._count(place)
             shape = self._budget.shape(*element)
             each = _number(shape.size) if _is_number(*element) else shape.memory
-            self._take(count * each)
+            self._add(count * each)
         if _is_number(*element):
             size = SIZEMAP[element[1][0]]
             return _aligned(place, size) + count * size if count else place
@@ -157,13 +165,13 @@ class _Walk:
         return place
 
     def _count(self, place: int) -> tuple[int, int]:
-        """Read the length of a text or sequence; 0 behind the end, as decoding finds that."""
+        """Return a length and the place behind it; 0 beyond the end, which decoding reports."""
         place = _aligned(place, 4)
         if place + 4 > len(self._data):
             return 0, place + 4
         return self._length.unpack_from(self._data, place)[0], place + 4
 
-    def _take(self, memory: int) -> None:
+    def _add(self, memory: int) -> None:
         self._memory += memory
         if self._memory > DECODED_LIMIT:
             raise BagFormatError(

@@ -1,9 +1,8 @@
-"""Messages as plain values, to and from the bytes that ROS exchanges (CDR), without ROS."""
+"""Codec between plain values and the bytes that ROS exchanges (CDR), without ROS."""
 
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -16,27 +15,31 @@ from rosbags.typesys.store import Typestore
 
 from rpud_sim.bag.budget import Budget
 from rpud_sim.bag.encoder import CODES, Encoder, Members, Sequence
-from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.errors import DAMAGED, BagFormatError
 
 DEFINITION_LIMIT = 256 * 2**10
-"""Greatest definition of a type, with all that it needs [characters]."""
+"""Greatest definition of a type, with all types that it needs [characters]."""
 
 FIELDS_SIZE_LIMIT = 64 * 2**10
 """Greatest definition of a type without its comments [characters]."""
 
 _COMMENT = re.compile(r"#.*")
 _WRITTEN_OUT_LIMIT = 10_000
-_NO_FIELDS = "structure_needs_at_least_one_member"  # what a type without any has in CDR
+_NO_FIELDS = "structure_needs_at_least_one_member"  # field of a type without fields in CDR
 
 
 class Codec:
-    """Encodes and decodes the messages of one type, given its complete `ros2msg` definition."""
+    """Encoder and decoder of the messages of one type.
+
+    Args:
+        type_name: such as ``std_msgs/msg/Header``.
+        definition: complete ``ros2msg`` text.
+
+    Raises:
+        BagFormatError: if the definition is malformed, or lacks a type.
+    """
 
     def __init__(self, type_name: str, definition: str) -> None:
-        """Compile the definition; `type_name` is like `std_msgs/msg/Header`.
-
-        Raises BagFormatError where the definition is not one, or lacks a type.
-        """
         self._type = type_name
         self._store = get_typestore(Stores.EMPTY)
         if len(definition) > DEFINITION_LIMIT:
@@ -49,7 +52,7 @@ class Codec:
                 f"the definition of {type_name:.80} has more than {FIELDS_SIZE_LIMIT} characters "
                 "without its comments, too many to compile"
             )
-        with self._clear_errors("definition"):
+        with self._understanding("definition"):
             types = get_types_from_msg(definition, type_name)
             if sum(map(_written_out, types.values())) > _WRITTEN_OUT_LIMIT:
                 raise ValueError(f"arrays have more than {_WRITTEN_OUT_LIMIT} elements together")
@@ -59,18 +62,18 @@ class Codec:
 
     @property
     def type_name(self) -> str:
-        """The type's name, like `std_msgs/msg/Header`."""
+        """Name of the type, such as ``std_msgs/msg/Header``."""
         return self._type
 
     @property
     def type_hash(self) -> str:
-        """The `RIHS01_...` hash of the type."""
+        """``RIHS01_...`` hash of the type."""
         return str(self._store.hash_rihs01(self._type))
 
     def fields(self, type_name: str) -> list[tuple[str, str, Any]]:
-        """Give the fields of this type, or one that it needs.
+        """Return the fields of this type, or of one that it needs.
 
-        Each is its name, its attribute in decoded messages, and its type as `rosbags` has it.
+        Each has its name, its attribute in decoded messages, and its type in ``rosbags``.
         """
         names = [name for name, _ in self._store.fielddefs[type_name][1]]
         decoded = self._store.get_msgdef(type_name).fields
@@ -81,32 +84,35 @@ class Codec:
         ]
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:
-        """Serialize the values of all fields, as `Encoder.encode` takes them.
+        """Return a serialized message; values and errors are those of ``Encoder.encode``.
 
-        Raises what it raises, and BagFormatError where the type has other than its members.
+        Raises:
+            BagFormatError: if the type has members that an ``Encoder`` cannot encode.
         """
         return self._encoder.encode(fields)
 
     def decode(self, data: bytes) -> Any:
-        """Deserialize into an object with the fields as attributes, sequences as NumPy arrays.
+        """Return a message as an object with its fields, and with NumPy arrays for sequences.
 
-        Raises BagFormatError where the data is not of this type, or takes too much memory.
+        Raises:
+            BagFormatError: if the data is not of this type, or takes too much memory.
         """
         self._budget.check(data)
-        with self._clear_errors("message"):
+        with self._understanding("message"):
             return self._store.deserialize_cdr(data, self._type)
 
     def decoded_size(self, size: int) -> int:
-        """Give the memory that a message of `size` bytes takes at most when it is decoded."""
+        """Return the greatest memory of a decoded message of ``size`` bytes [bytes]."""
         return self._budget.most(size)
 
     def without_padding(self, data: bytes) -> bytes:
-        """Give the same message as `encode` would: with zeros in what lies between fields.
+        """Return the same message with zeros for the padding between fields, as ``encode`` does.
 
-        Raises BagFormatError where the data is not of this type.
+        Raises:
+            BagFormatError: if the data is not of this type.
         """
         message = self.decode(data)
-        with self._clear_errors("message"):
+        with self._understanding("message"):
             return bytes(self._store.serialize_cdr(message, self._type))
 
     @cached_property
@@ -114,21 +120,10 @@ class Codec:
         return Encoder(_members(self._store, self._type))
 
     @contextmanager
-    def _clear_errors(self, what: str) -> Iterator[None]:
+    def _understanding(self, what: str) -> Iterator[None]:
         try:
             yield
-        except (
-            AssertionError,
-            LookupError,
-            MemoryError,
-            OverflowError,
-            RecursionError,
-            SerdeError,
-            TypeError,
-            TypesysError,
-            ValueError,
-            struct.error,
-        ) as error:
+        except (*DAMAGED, AssertionError, SerdeError, TypesysError) as error:
             reason = " ".join(f"{error!r:.200}".split())
             raise BagFormatError(
                 f"a {what} of {self._type:.80} cannot be understood: {reason}"
@@ -136,12 +131,12 @@ class Codec:
 
 
 def definition_size(definition: str) -> int:
-    """Give the characters of a definition without comments: to compile it takes time by these."""
+    """Return the characters without comments, which determine the time to compile."""
     return len(_COMMENT.sub("", definition))
 
 
 def _written_out(kind: Any) -> int:
-    """Count the elements of arrays that the library writes out as code, one after the other."""
+    """Return the number of array elements that the library writes out as code."""
     count = 0
     for _, (node, description) in kind[1]:
         if node == Nodetype.ARRAY:

@@ -1,4 +1,4 @@
-"""The fields of any message type as columns of a table, with the units that its text tells."""
+"""Columns of a table from the fields of a message type, with units from its comments."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -14,14 +15,13 @@ from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.foundation.time import SECOND
 
 COLUMNS_LIMIT = 10_000
-"""Columns that a table has at most."""
-
-SECOND = 1_000_000_000
+"""Greatest number of columns of a table."""
 
 RECEIVED = ("log_time", "publish_time")
-"""Columns that every table has; a field of that name gets underscores until no other has it."""
+"""Columns of every table; a field with such a name gets underscores until it is unique."""
 
 _TIME, _DURATION = "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"
 _DTYPES = {"bool": np.dtype(bool), "byte": np.dtype(np.uint8), "char": np.dtype(np.uint8)}
@@ -31,11 +31,11 @@ _UNIT = re.compile(r"\[([^][]{1,20})\](?:[,;]|$)")
 
 
 class Kind(Enum):
-    """What the values of a column are, and how NumPy holds them.
+    """Kind of the values of a column, and their form in NumPy.
 
-    A number has its own dtype; times and durations are integer nanoseconds. All else is in arrays
-    of objects: texts, sequences of numbers as arrays, and lists of whatever else there is; but
-    arrays of numbers, whose length is fixed, have a second axis.
+    ``NUMBER`` has its own dtype. ``TIME`` and ``DURATION`` are integer nanoseconds. ``ARRAY``,
+    numbers of a fixed length, has a second axis. The others are arrays of objects: ``TEXT``,
+    ``SEQUENCE`` with an array of numbers in each row, and ``NESTED`` with a list in each row.
     """
 
     NUMBER = "number"
@@ -51,10 +51,14 @@ class Kind(Enum):
 class Column:
     """One column of a table.
 
-    `name` is the field's, with dots between messages and the fields in them. `dtype` is that of
-    its numbers, `length` how many an array has. `unit` and `description` come from the comment
-    behind the field, and are empty where it has none. `attribute` is where decoded messages have
-    it, with dots; empty for what is no field.
+    Attributes:
+        name: of the field, with dots between messages and the fields in them.
+        kind: of its values.
+        dtype: of its numbers.
+        length: of an array.
+        unit: from the comment behind the field; empty without one.
+        description: the comment; empty without one.
+        attribute: of the field in decoded messages, with dots; empty if there is no field.
     """
 
     name: str
@@ -66,9 +70,10 @@ class Column:
     attribute: str = ""
 
     def values(self, messages: Sequence[Any]) -> np.ndarray:
-        """Give the values that decoded messages have, one for each; see Kind.
+        """Return the values of decoded messages, one for each, in the form of ``kind``.
 
-        Raises ValueError or OverflowError where they do not fit.
+        Raises:
+            ValueError, OverflowError: if they do not fit.
         """
         found = [*map(attrgetter(self.attribute), messages)]
         if self.kind is Kind.NUMBER:
@@ -89,10 +94,14 @@ class Column:
 
 
 def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
-    """Give the columns of a type, in the order of its fields.
+    """Return the columns of a type in the order of its fields; messages give one for each field.
 
-    Messages in it become the columns of their fields. Raises BagFormatError where they are more
-    than COLUMNS_LIMIT.
+    Args:
+        codec: of the type.
+        definition: ``ros2msg`` text of the type, for the comments.
+
+    Raises:
+        BagFormatError: if there are more than ``COLUMNS_LIMIT``.
     """
     columns: list[Column] = []
     taken = {*RECEIVED}
@@ -124,14 +133,7 @@ def _columns(
         unit = units[0] if len(units) == 1 else outer_unit
         name, attribute = names + name, attributes + attribute
 
-        def column(
-            kind: Kind,
-            dtype: np.dtype = np.dtype(object),  # noqa: B008 - it never changes
-            length: int = 0,
-            told: tuple[str, ...] = (name, attribute, unit, comment),
-        ) -> Column:
-            return Column(told[0], kind, dtype, length, told[2], told[3], told[1])
-
+        column = partial(Column, name, unit=unit, description=comment, attribute=attribute)
         if node == Nodetype.BASE:
             dtype = _dtype(description)
             yield column(Kind.NUMBER, dtype) if dtype else column(Kind.TEXT)
@@ -152,7 +154,7 @@ def _columns(
 
 
 def objects(values: Sequence[Any]) -> np.ndarray:
-    """Give an array of objects, one for each value, also where the values are sequences."""
+    """Return an array of objects, one for each value, also if the values are sequences."""
     array = np.empty(len(values), object)
     for number, value in enumerate(values):
         array[number] = value
@@ -160,7 +162,7 @@ def objects(values: Sequence[Any]) -> np.ndarray:
 
 
 def to_plain(value: Any) -> Any:
-    """Give a decoded value as dictionaries, lists, numbers and texts; arrays become lists."""
+    """Return a decoded value as dictionaries, lists, numbers and texts."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, list):
@@ -172,7 +174,7 @@ def to_plain(value: Any) -> Any:
 
 
 def _dtype(base: tuple[str, int]) -> np.dtype | None:
-    """Give the dtype of a primitive type; None for texts."""
+    """Return the dtype of a primitive type; None for texts."""
     name, _ = base
     if name in ("string", "wstring"):
         return None
@@ -180,7 +182,7 @@ def _dtype(base: tuple[str, int]) -> np.dtype | None:
 
 
 def _comments(type_name: str, definition: str) -> dict[tuple[str, str], str]:
-    """Give the comments that stand behind fields, by type and field."""
+    """Return the comments behind fields, by type and field."""
     names = [type_name]
     texts = _TYPE_LINE.split(definition)
     names += [_long_name(name) for name in texts[1::2]]

@@ -1,7 +1,7 @@
-"""Message definitions and type hashes, read from an ament installation without ROS running.
+"""Message definitions and type hashes from an ament installation, without ROS.
 
-Where no ROS is installed, `share/` beside this file serves for the messages of this project: it
-links to those of `msg_defs`, and holds the fields of the standard ones that they need.
+Without an installation, ``share/`` beside this file has the messages of this project: it links to
+those in ``msg_defs``, and holds the fields of the standard messages that they need.
 """
 
 from __future__ import annotations
@@ -23,10 +23,14 @@ _FIELD_TYPE = re.compile(r"\s*([A-Za-z][\w/]*)")
 
 
 def find_definition(type_name: str, prefixes: Iterable[str | Path] | None = None) -> str:
-    """Give the complete `ros2msg` definition of a message type, with all it depends on.
+    """Return the complete ``ros2msg`` definition of a message type, with all types that it needs.
 
-    `type_name` is like `std_msgs/msg/Header`; `prefixes` are installation prefixes, by default
-    those of AMENT_PREFIX_PATH and then this package's own. Raises DefinitionNotFoundError.
+    Args:
+        type_name: such as ``std_msgs/msg/Header``.
+        prefixes: of installations; None for those of AMENT_PREFIX_PATH and then this package's own.
+
+    Raises:
+        DefinitionNotFoundError: if the definition of a type is missing.
     """
     places = _places(prefixes)
     parts = [_read(type_name, places, ".msg")]
@@ -44,10 +48,16 @@ def find_definition(type_name: str, prefixes: Iterable[str | Path] | None = None
 
 
 def find_type_hash(type_name: str, prefixes: Iterable[str | Path] | None = None) -> str:
-    """Give the `RIHS01_...` hash of a message type from its installed description.
+    """Return the ``RIHS01_...`` hash of a message type.
 
-    Where only its definition is there, the hash is calculated. Arguments are those of
-    `find_definition`. Raises DefinitionNotFoundError.
+    It comes from the installed description, or is calculated from the definition without one.
+
+    Args:
+        type_name: such as ``std_msgs/msg/Header``.
+        prefixes: as for ``find_definition``.
+
+    Raises:
+        DefinitionNotFoundError: if the definition of a type is missing.
     """
     package, name = _split(type_name)
     places = _places(prefixes)
@@ -98,7 +108,7 @@ def _read(type_name: str, places: list[Path], suffix: str) -> str:
 
 
 def _dependencies(text: str, type_name: str) -> Iterator[str]:
-    """Yield the `package/Name` of each field that is itself a message, in order."""
+    """Yield the type ``package/Name`` of each field that is a message, in order."""
     package, _ = _split(type_name)
     for line in text.splitlines():
         match = _FIELD_TYPE.match(line)

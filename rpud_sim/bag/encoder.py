@@ -1,7 +1,7 @@
-"""From plain values straight to the bytes that ROS exchanges (CDR).
+"""Encoder from plain values to the bytes that ROS exchanges (CDR).
 
-A message is one ``struct`` once the lengths of its texts and sequences are known, and these hardly
-ever change. To pack it takes a tenth of the time of filling a ROS message and serializing that.
+A message is one ``struct`` once the lengths of its texts and sequences are known, and they rarely
+change. To pack it takes a tenth of the time of filling and serializing a ROS message.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 TEXT = "s"
-# The struct's codes, by the names that definitions and the language of interfaces have.
+# Codes of the struct, by the names of types in definitions and in IDL.
 CODES = {
     name: code
     for code, names in {
@@ -33,7 +33,7 @@ CODES = {
     for name in names.split()
 }
 
-# Plain CDR in the byte order of this machine, as arrays have it; alignment counts from its end.
+# Plain CDR in the byte order of this machine, as in arrays; alignment counts from its end.
 _ENCAPSULATION = b"\0\1\0\0" if sys.byteorder == "little" else b"\0\0\0\0"
 
 _SIZES = {code: struct.calcsize(f"={code}") for code in CODES.values() if code != TEXT}
@@ -41,7 +41,7 @@ _COUNT = ("I", 4, 4)  # before each text and sequence
 
 
 class Sequence(NamedTuple):
-    """A member that is a sequence."""
+    """Member that is a sequence."""
 
     element: str | Members
 
@@ -56,7 +56,7 @@ class Members(NamedTuple):
 
 
 class Encoder:
-    """Serializes the messages of one type: members are those of the type."""
+    """Encoder of the messages of one type with these ``members``."""
 
     def __init__(self, members: Members) -> None:
         self._members = members
@@ -64,11 +64,15 @@ class Encoder:
         self._struct: struct.Struct | None = None
 
     def encode(self, values: Mapping[str, Any]) -> bytes:
-        """Serialize the values of all members.
+        """Return the serialized message.
 
-        Messages are mappings, sequences of numbers ``array.array``, other sequences lists. Raises
-        KeyError where a member is missing, TypeError, ValueError or struct.error where a value is
-        not of its type.
+        Args:
+            values: of all members. Messages are mappings, sequences of numbers ``array.array``,
+                other sequences lists.
+
+        Raises:
+            KeyError: if a member is missing.
+            TypeError, ValueError, struct.error: if a value does not fit its type.
         """
         flat: list[Any] = []
         lengths: list[int] = []
@@ -80,7 +84,7 @@ class Encoder:
 
 
 def _flatten(kind: Members, values: Mapping[str, Any], flat: list[Any], lengths: list[int]) -> None:
-    """List what the struct takes, and of it the lengths of texts and sequences."""
+    """Append the values for the struct, and the lengths of texts and sequences."""
     for name, inner in kind.members:
         value = values[name]
         if inner == TEXT:
@@ -110,7 +114,7 @@ def _flatten_sequence(
 
 
 def _layout(kind: Members, lengths: list[int]) -> str:
-    """Format of a struct in which every number is aligned to its own size."""
+    """Return the format of a struct in which every number is aligned to its own size."""
     layout, offset = f"={len(_ENCAPSULATION)}s", 0
     for code, size, alignment in _parts(kind, iter(lengths)):
         pad = -offset % alignment
@@ -120,7 +124,7 @@ def _layout(kind: Members, lengths: list[int]) -> str:
 
 
 def _parts(kind: Members, lengths: Iterator[int]) -> Iterator[tuple[str, int, int]]:
-    """Yield code and size of each part of the struct, and the multiple of which it begins at."""
+    """Yield code, size and alignment of each part of the struct."""
     for _, inner in kind.members:
         if inner == TEXT:
             length = next(lengths)

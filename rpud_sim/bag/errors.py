@@ -1,10 +1,35 @@
-"""What can go wrong with a bag. Every message is one line that names the file or the value."""
+"""Errors of bags. Every message is one line that names the file or the value."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import zstandard
+from mcap.exceptions import McapError
+
+MALFORMED = (AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError)
+"""Errors that Python raises where a value is not of the expected form."""
+
+DAMAGED = (
+    *MALFORMED,
+    EOFError,
+    McapError,
+    MemoryError,
+    RuntimeError,
+    StopIteration,
+    struct.error,
+    zstandard.ZstdError,
+)
+"""Errors that the libraries raise when they read damaged bytes."""
 
 
 class BagError(Exception):
-    """A bag cannot be read or written.
+    """Error of a bag that cannot be read or written.
 
-    What is no printable character in the text, such as those of names in a bag, is escaped.
+    Characters of the text that cannot be printed, such as some in names of a bag, are escaped.
     """
 
     def __init__(self, text: str = "") -> None:
@@ -17,16 +42,51 @@ class BagError(Exception):
 
 
 class BagExistsError(BagError):
-    """A bag would be written where something exists already."""
+    """Error of a new bag whose path exists already."""
 
 
 class BagNotFoundError(BagError):
-    """There is no bag at the path."""
+    """Error of a path without a bag."""
 
 
 class BagFormatError(BagError):
-    """The bytes at the path are not a complete MCAP bag."""
+    """Error of a file that is not a complete bag in a known format."""
 
 
 class DefinitionNotFoundError(BagError):
-    """The definition of a message type is not on the search path."""
+    """Error of a message type whose definition is not on the search path."""
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Replace every error that a missing or damaged file causes by one that names the file.
+
+    Raises:
+        BagNotFoundError: if the file does not exist.
+        BagFormatError: if it is damaged.
+        BagError: if the disk fails.
+    """
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise BagNotFoundError(f"{path} does not exist") from error
+    except OSError as error:
+        raise BagError(f"cannot read {path}: {error.strerror or error}") from error
+    except BagFormatError as error:
+        text = str(error)
+        raise BagFormatError(text if str(path) in text else f"{path}: {text}") from error
+    except DAMAGED as error:
+        raise BagFormatError(f"{path} is damaged: {error or type(error).__name__}") from error
+
+
+@contextmanager
+def parsing(what: str) -> Iterator[None]:
+    """Replace the errors of a value of the wrong form by one that names the value.
+
+    Raises:
+        BagFormatError: "``what`` is unreadable", with the reason.
+    """
+    try:
+        yield
+    except MALFORMED as error:
+        raise BagFormatError(f"{what} is unreadable: {error!r:.200}") from error

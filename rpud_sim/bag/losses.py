@@ -1,4 +1,4 @@
-"""Messages that a recorder knows it has lost, as a record in the bag."""
+"""Messages that a recorder lost, as metadata records of the bag."""
 
 from __future__ import annotations
 
@@ -6,17 +6,24 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.errors import parsing
 
 RECORD_NAME = "rpud_losses"
+"""Metadata record with the ``Losses`` of each topic."""
+
+RECORDING_RECORD = "rpud_recording"
+"""Metadata record with the duration that a recorder loses at most if it is killed: ``max_loss``
+[s]."""
 
 
 @dataclass(frozen=True)
 class Losses:
-    """Lost messages of one topic: on the way to the recorder, in its full queue, and damaged ones.
+    """Numbers of lost messages of one topic.
 
-    `damaged` arrived as what cannot be a message, or with a time that cannot be. `transport` is
-    None where the middleware does not number its messages, so that its losses are unknown.
+    Attributes:
+        transport: lost on the way to the recorder; None if the middleware does not number messages.
+        queue: dropped because the recorder's queue was full.
+        damaged: arrived with unreadable data or an impossible time.
     """
 
     transport: int | None = 0
@@ -25,31 +32,23 @@ class Losses:
 
     @property
     def total(self) -> int | None:
-        """All lost messages, or None where that is unknown."""
+        """All lost messages; None if that is unknown."""
         return None if self.transport is None else self.transport + self.queue + self.damaged
 
 
 def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:
-    """Give the content of the metadata record, one key for each topic."""
+    """Return the content of the metadata record, with one key for each topic."""
     return {topic: json.dumps(asdict(item)) for topic, item in losses.items()}
 
 
 def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
-    """Read the content of the metadata record.
+    """Return the losses of each topic from the content of the metadata record.
 
-    Raises BagFormatError where it is not one.
+    Raises:
+        BagFormatError: if the content has another form.
     """
-    try:
+    with parsing(f"the record {RECORD_NAME}"):
         return {topic: _losses(json.loads(text)) for topic, text in record.items()}
-    except (
-        AttributeError,
-        KeyError,
-        OverflowError,
-        RecursionError,
-        TypeError,
-        ValueError,
-    ) as error:
-        raise BagFormatError(f"the record {RECORD_NAME} is unreadable: {error!r:.200}") from error
 
 
 def _losses(value: Mapping[str, int | None]) -> Losses:

@@ -1,4 +1,4 @@
-"""What a run was: the drill's parameters, and what recorded it where, as a record in the bag."""
+"""Manifest of a run: the drill's parameters, and the recorder, as a metadata record of the bag."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.errors import parsing
 
 RECORD_NAME = "rpud_manifest"
-"""Metadata record of a manifest. A bag has one for each drill that ran while it was recorded."""
+"""Metadata record of a manifest; a bag has one for each drill that ran during the recording."""
 
 _KEY = "manifest"
 _PACKAGES = ("rpud_sim", "numpy", "numba", "mcap")
@@ -22,13 +22,17 @@ _PACKAGES = ("rpud_sim", "numpy", "numba", "mcap")
 
 @dataclass(frozen=True)
 class Manifest:
-    """How a run came about, as far as its recorder knows.
+    """Origin of a run, as far as its recorder knows it.
 
-    `node` is the drill's full name, empty where there was none, and `parameters` are all of its
-    parameters at `time` [ns since the epoch]. `scenario` is the text of its scenario (a recorder
-    has the faults as they were drawn), empty where it has none, None where it is unknown.
-    `command` is the command line of what wrote the bag, `versions` and `machine` (architecture and
-    processor) are of the same.
+    Attributes:
+        node: full name of the drill; empty without one.
+        time: of the parameters [ns since the epoch].
+        parameters: all parameters of the drill.
+        scenario: text of the drill's scenario, from a recorder with the faults as they were drawn;
+            empty without one, None if it is unknown.
+        command: command line of the program that wrote the bag.
+        versions: of the software of that program.
+        machine: architecture and processor of its computer.
     """
 
     node: str = ""
@@ -41,22 +45,23 @@ class Manifest:
 
     @property
     def seed(self) -> int | None:
-        """Seed of all that was drawn, None where it is unknown."""
+        """Seed of all random numbers; None if it is unknown."""
         seed = self.parameters.get("seed")
         return int(seed) if isinstance(seed, int | float) and float(seed).is_integer() else None
 
     def to_record(self) -> dict[str, str]:
-        """Give the content of the metadata record: one key with a JSON object."""
+        """Return the content of the metadata record: one key with a JSON object."""
         content = _readable(asdict(self))
         return {_KEY: json.dumps(content, ensure_ascii=False, default=repr)}
 
 
 def manifest_from_record(record: Mapping[str, str]) -> Manifest:
-    """Read the content of the metadata record; what a later version adds is left out.
+    """Return the manifest from the content of the metadata record; unknown fields are ignored.
 
-    Raises BagFormatError where it is not one.
+    Raises:
+        BagFormatError: if the content has another form.
     """
-    try:
+    with parsing(f"the record {RECORD_NAME}"):
         value = _readable(json.loads(record[_KEY]))
         scenario = value["scenario"]
         return Manifest(
@@ -68,19 +73,10 @@ def manifest_from_record(record: Mapping[str, str]) -> Manifest:
             versions={str(name): str(text) for name, text in value["versions"].items()},
             machine=str(value["machine"]),
         )
-    except (
-        AttributeError,
-        LookupError,
-        OverflowError,
-        RecursionError,
-        TypeError,
-        ValueError,
-    ) as error:
-        raise BagFormatError(f"the record {RECORD_NAME} is unreadable: {error!r:.200}") from error
 
 
 def _readable(value: Any) -> Any:
-    """Give a value whose texts have an encoding: file names may be bytes that are no UTF-8."""
+    """Return a value with texts that can be encoded: file names may be bytes that are not UTF-8."""
     if isinstance(value, str):
         try:
             return value.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
@@ -92,10 +88,10 @@ def _readable(value: Any) -> Any:
 
 
 def installed_versions() -> dict[str, str]:
-    """Give the versions that a run's numbers depend on; one that is not known is left out."""
+    """Return the known versions of the software that a run's numbers depend on."""
     versions = {
         "python": platform.python_version(),
-        "ros_distro": os.environ.get("ROS_DISTRO") or "jazzy",  # the wheels of it do not set that
+        "ros_distro": os.environ.get("ROS_DISTRO") or "jazzy",  # ROS from PyPI does not set it
     }
     for package in _PACKAGES:
         try:
@@ -106,7 +102,7 @@ def installed_versions() -> dict[str, str]:
 
 
 def machine_name() -> str:
-    """Name the architecture and the processor; no name of the host."""
+    """Return the architecture and the processor, without the name of the host."""
     return " ".join(filter(None, (platform.machine(), _processor())))
 
 

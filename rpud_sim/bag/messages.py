@@ -1,7 +1,7 @@
-"""Messages of MCAP chunks in the order of their log times, in bounded memory.
+"""Messages of an MCAP file in the order of their log times, in bounded memory.
 
-A chunk is read when the first of its messages is due, and its messages are cut out one by one, so
-that a reader neither stalls for long nor holds more than the chunks that overlap in time.
+A chunk is read when its first message is due, and its messages are cut out one by one. Thus a
+reader neither stalls for long nor holds more than the chunks that overlap in time.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import BinaryIO
 
 from mcap.opcode import Opcode
@@ -19,6 +20,7 @@ from mcap.records import Chunk, ChunkIndex
 
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.records import (
+    MAGIC,
     MESSAGE,
     RECORD,
     parse,
@@ -28,12 +30,19 @@ from rpud_sim.bag.records import (
 )
 
 OVERLAP_LIMIT = 256 * 2**20
-"""Bytes of chunks that may be open at once, because they overlap in time."""
+"""Greatest size of the chunks that are open at once, because they overlap in time [bytes]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message as it was serialized; times are integer nanoseconds since the epoch."""
+    """One serialized message.
+
+    Attributes:
+        topic: its name.
+        log_time: when it was received [ns since the epoch].
+        publish_time: when it was sent [ns since the epoch].
+        data: its bytes (CDR).
+    """
 
     topic: str
     log_time: int
@@ -43,9 +52,12 @@ class Message:
 
 @dataclass(frozen=True)
 class Source:
-    """Messages in the order of their log times, none of them before `start_time` [ns].
+    """Messages in the order of their log times.
 
-    `size` is what they take in memory while they are open [bytes].
+    Attributes:
+        start_time: no message is earlier [ns].
+        size: memory that they take while they are open [bytes].
+        open: begins to read them.
     """
 
     start_time: int
@@ -56,9 +68,16 @@ class Source:
 def chunk_messages(
     stream: BinaryIO, index: ChunkIndex, topics: Mapping[int, str], start_time: int
 ) -> Iterator[Message]:
-    """Yield a chunk's messages from `start_time` [ns] on, in the order of their log times.
+    """Yield a chunk's messages from ``start_time`` [ns] on, in the order of their log times.
 
-    `topics` names the wanted channels. Raises BagFormatError where the chunk is damaged.
+    Args:
+        stream: the file.
+        index: of the chunk.
+        topics: names of the wanted channels, by their numbers.
+        start_time: earliest log time [ns].
+
+    Raises:
+        BagFormatError: if the chunk is damaged.
     """
     start = index.chunk_start_offset
     chunk = parse(read_record(stream, start, start + index.chunk_length))
@@ -69,12 +88,50 @@ def chunk_messages(
     yield from messages_in(data, topics, start_time)
 
 
-def messages_in(data: bytes, topics: Mapping[int, str], start_time: int) -> Iterator[Message]:
-    """Yield the messages of a chunk's data from `start_time` [ns] on, by their log times.
+def unchunked_messages(
+    path: Path, size: int, topics: Mapping[int, str], start_time: int
+) -> Iterator[Message]:
+    """Yield the messages of a file without an index of chunks, in the order of the file.
 
-    Raises BagFormatError where the data is damaged.
+    Args:
+        path: of the file.
+        size: its length [bytes].
+        topics: names of the wanted channels, by their numbers.
+        start_time: earliest log time [ns].
+
+    Raises:
+        BagFormatError: if a record is damaged.
     """
-    times, places = array("Q"), array("Q")  # a tuple for each message would weigh more than it
+    offset = len(MAGIC)
+    with path.open("rb") as stream:
+        while True:
+            record = read_record(stream, offset, size - len(MAGIC))
+            offset = record.end
+            if record.opcode == Opcode.DATA_END:
+                return
+            if record.opcode == Opcode.CHUNK:
+                chunk = parse(record)
+                assert isinstance(chunk, Chunk)
+                yield from messages_in(uncompressed(chunk), topics, start_time)
+            if record.opcode == Opcode.MESSAGE:
+                channel, _, log_time, publish_time = MESSAGE.unpack_from(record.content)
+                if channel in topics and log_time >= start_time:
+                    data = record.content[MESSAGE.size :]
+                    yield Message(topics[channel], log_time, publish_time, data)
+
+
+def messages_in(data: bytes, topics: Mapping[int, str], start_time: int) -> Iterator[Message]:
+    """Yield the messages of a chunk's uncompressed data, in the order of their log times.
+
+    Args:
+        data: of the chunk.
+        topics: names of the wanted channels, by their numbers.
+        start_time: earliest log time [ns].
+
+    Raises:
+        BagFormatError: if the data is damaged.
+    """
+    times, places = array("Q"), array("Q")  # tuples would take more than the messages
     for opcode, start, _ in records_in(data):
         if opcode == Opcode.MESSAGE:
             channel, _, log_time, _ = MESSAGE.unpack_from(data, start)
@@ -95,11 +152,14 @@ def messages_in(data: bytes, topics: Mapping[int, str], start_time: int) -> Iter
 def merged(sources: Iterable[Source]) -> Iterator[Message]:
     """Yield the messages of all sources in the order of their log times.
 
-    A source is opened when nothing older is left; messages of equal time keep the sources' order.
-    Raises BagFormatError where more than OVERLAP_LIMIT would be open at once.
+    A source is opened when no earlier message is left. Messages of equal time keep the order of
+    their sources.
+
+    Raises:
+        BagFormatError: if sources of more than ``OVERLAP_LIMIT`` overlap in time.
     """
     pending = deque(sorted(sources, key=lambda source: source.start_time))
-    sizes: list[int] = []  # of all that were opened, by their numbers
+    sizes: list[int] = []  # of all opened sources, by their numbers
     total = 0
     queue: list[tuple[int, int, Message, Iterator[Message]]] = []
     while pending or queue:

@@ -1,47 +1,53 @@
-"""The metadata of a rosbag2 bag, version 9 (Jazzy). Times and durations are integer nanoseconds.
+"""Metadata of a rosbag2 bag, version 9 (Jazzy). Times and durations are integer nanoseconds.
 
-The same content is stored twice: in `metadata.yaml` under one outer key, and without that key in
-the MCAP file's metadata record `rosbag2`. rosbag2 reads every field without asking whether it is
-there, so every field is always written.
+The same content is stored twice: in ``metadata.yaml`` under one outer key, and without that key in
+the MCAP file's metadata record ``rosbag2``. rosbag2 fails if a field is missing, so every field is
+always written.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.errors import MALFORMED, BagFormatError, parsing
 from rpud_sim.bag.qos import QosProfile, profiles_from_yaml
 
 FILE_NAME = "metadata.yaml"
 RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
 VERSION = 9
+LATEST = 2**63 - 1
+"""Greatest time in a bag of rosbag2 [ns since the epoch]."""
 
 SIZE_LIMIT = 8 * 2**20
-"""Greatest metadata: its characters, and _NODE_SIZE for each value, where aliases count in full."""
+"""Greatest metadata: its characters, and _NODE_SIZE for each value; aliases count in full."""
 
 _NODE_SIZE = 32
 _DEPTH_LIMIT = 32
-_LONG_NUMBER = re.compile(r"[-+0-9_.:]{65,}")  # in sixties, `1:1:1`, it takes very long to read
+_LONG_NUMBER = re.compile(r"[-+0-9_.:]{65,}")  # sexagesimal ones, ``1:1:1``, take very long
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-# What PyYAML lets through where a text is not what its tag says, such as `!!timestamp 1`.
-_YAML_ERRORS = (
-    AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError
-)  # fmt: skip
 _OUTER_KEY = "rosbag2_bagfile_information"
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A recorded topic: its absolute name, its type, and what its publishers offered."""
+    """Recorded topic.
+
+    Attributes:
+        name: absolute name.
+        type: such as ``std_msgs/msg/Header``.
+        type_hash: ``RIHS01_...`` hash of the type; empty if it is unknown.
+        offered_qos: quality of service of each publisher.
+        serialization_format: of the messages.
+    """
 
     name: str
     type: str
@@ -52,7 +58,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class FileInformation:
-    """One storage file of the bag: its name within the bag, and what it holds [ns]."""
+    """One storage file of the bag: its name in the bag, time and duration [ns], and messages."""
 
     path: str
     start_time: int
@@ -62,10 +68,10 @@ class FileInformation:
 
 @dataclass(frozen=True)
 class BagMetadata:
-    """All that rosbag2 keeps about a bag. Times are nanoseconds since the epoch.
+    """Metadata that rosbag2 keeps of a bag. Times are nanoseconds since the epoch.
 
-    The compression of MCAP chunks is not named here: rosbag2 means by `compression_format`
-    that whole files or messages are compressed outside of the storage.
+    ``compression_format`` is that of whole files or messages outside of the storage, not that of
+    MCAP chunks.
     """
 
     start_time: int
@@ -82,11 +88,11 @@ class BagMetadata:
     version: int = VERSION
 
     def to_document(self) -> str:
-        """Give the text of `metadata.yaml`."""
+        """Return the text of ``metadata.yaml``."""
         return _dump({_OUTER_KEY: self._to_mapping()})
 
     def to_record(self) -> str:
-        """Give the text of the MCAP metadata record."""
+        """Return the text of the MCAP metadata record."""
         return _dump(self._to_mapping())
 
     def _to_mapping(self) -> dict[str, Any]:
@@ -127,10 +133,30 @@ class BagMetadata:
         }
 
 
-def metadata_from_document(text: str) -> BagMetadata:
-    """Read the text of a `metadata.yaml`, of this or an earlier version.
+def metadata_of(
+    files: Sequence[FileInformation],
+    topics: tuple[tuple[Topic, int], ...],
+    custom_data: Mapping[str, str],
+) -> BagMetadata:
+    """Return the metadata of a bag with these files, and topics with their message counts."""
+    filled = [file for file in files if file.message_count]
+    start = min((file.start_time for file in filled), default=0)
+    end = max((file.start_time + file.duration for file in filled), default=0)
+    return BagMetadata(
+        start_time=start,
+        duration=end - start,
+        message_count=sum(file.message_count for file in files),
+        topics=topics,
+        files=tuple(files),
+        custom_data=custom_data,
+    )
 
-    Raises BagFormatError where it is not one.
+
+def metadata_from_document(text: str) -> BagMetadata:
+    """Return the metadata from the text of a ``metadata.yaml``, of this or an earlier version.
+
+    Raises:
+        BagFormatError: if the text has another form.
     """
     document = _load(text)
     if not isinstance(document, Mapping) or _OUTER_KEY not in document:
@@ -139,30 +165,33 @@ def metadata_from_document(text: str) -> BagMetadata:
 
 
 def metadata_from_record(text: str) -> BagMetadata:
-    """Read the text of the MCAP metadata record `rosbag2`.
+    """Return the metadata from the text of the MCAP metadata record ``rosbag2``.
 
-    Raises BagFormatError where it is not one.
+    Raises:
+        BagFormatError: if the text has another form.
     """
     return _from_mapping(_load(text))
 
 
 def dump_offered_qos(profiles: tuple[QosProfile, ...]) -> str:
-    """Give the YAML text of the channel metadata `offered_qos_profiles`."""
+    """Return the YAML text of the channel metadata ``offered_qos_profiles``."""
     return _dump([profile.to_mapping() for profile in profiles])
 
 
 def load_offered_qos(text: str) -> tuple[QosProfile, ...]:
-    """Read the YAML text of the channel metadata `offered_qos_profiles`.
+    """Return the profiles from the YAML text of the channel metadata ``offered_qos_profiles``.
 
-    Raises BagFormatError where it is not such a list.
+    Raises:
+        BagFormatError: if the text is not such a list.
     """
     return profiles_from_yaml(_load(text))
 
 
 def stored_name(path: Path) -> str:
-    """Give a file's name as the metadata has it, in UTF-8 whatever the locale is.
+    """Return a file's name for the metadata, in UTF-8 under every locale.
 
-    Raises BagFormatError where its bytes are something else.
+    Raises:
+        BagFormatError: if the name is not UTF-8.
     """
     try:
         return os.fsencode(path.name).decode("utf-8")
@@ -171,9 +200,10 @@ def stored_name(path: Path) -> str:
 
 
 def local_name(name: str) -> str:
-    """Give a name out of the metadata as this process can open it, whatever the locale is.
+    """Return a name from the metadata as this process can open it under every locale.
 
-    Raises BagFormatError where it has no UTF-8.
+    Raises:
+        BagFormatError: if the name is not UTF-8.
     """
     try:
         return os.fsdecode(name.encode("utf-8"))
@@ -182,9 +212,11 @@ def local_name(name: str) -> str:
 
 
 def read_document(path: Path) -> BagMetadata:
-    """Read the file `metadata.yaml` at `path`.
+    """Return the metadata from the file ``metadata.yaml`` at ``path``.
 
-    Raises BagFormatError where it is not one, and OSError.
+    Raises:
+        BagFormatError: if the file has another form.
+        OSError: if it cannot be read.
     """
     if path.stat().st_size > SIZE_LIMIT:
         raise BagFormatError(f"it has more than {SIZE_LIMIT} bytes")
@@ -192,7 +224,7 @@ def read_document(path: Path) -> BagMetadata:
 
 
 def _from_mapping(value: Any) -> BagMetadata:
-    try:
+    with parsing("the rosbag2 metadata"):
         return BagMetadata(
             start_time=int(value["starting_time"]["nanoseconds_since_epoch"]),
             duration=int(value["duration"]["nanoseconds"]),
@@ -220,8 +252,6 @@ def _from_mapping(value: Any) -> BagMetadata:
             storage_identifier=str(value["storage_identifier"]),
             version=int(value["version"]),
         )
-    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-        raise BagFormatError(f"the rosbag2 metadata is unreadable: {error!r:.200}") from error
 
 
 def _topic(value: Mapping[str, Any]) -> Topic:
@@ -248,19 +278,19 @@ def _load(text: str) -> Any:
     try:
         _check_size(text)
         return yaml.load(text, Loader=_LOADER)
-    except (yaml.YAMLError, *_YAML_ERRORS) as error:
+    except (yaml.YAMLError, *MALFORMED) as error:  # the latter of `!!timestamp 1`, for example
         line = " ".join(str(error).split())
         raise BagFormatError(f"the rosbag2 metadata is not YAML: {line}") from error
 
 
 def _check_size(text: str) -> None:
-    """Refuse what a few bytes of YAML can make large: aliases of aliases, nesting, long numbers."""
+    """Check for short YAML with a large value: aliases of aliases, nesting, long numbers."""
     size = 0
-    sizes: dict[str, int] = {}  # of what anchors name, complete
+    sizes: dict[str, int] = {}  # of complete values with anchors
     inside: list[tuple[str | None, int]] = []  # anchor and size so far of open collections
     for event in yaml.parse(text, Loader=_LOADER):
         if isinstance(event, yaml.AliasEvent):
-            # What is inside itself is not complete, and has no end.
+            # A value inside itself is not complete, and has no end.
             size += sizes.get(event.anchor or "", SIZE_LIMIT + 1)
         elif isinstance(event, yaml.CollectionStartEvent):
             inside.append((event.anchor, size))

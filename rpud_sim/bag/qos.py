@@ -6,14 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.errors import BagFormatError, parsing
+from rpud_sim.foundation.time import SECOND
 
 INFINITE = 2**63 - 1
-"""An unlimited duration [ns]; in YAML `sec: 9223372036`, `nsec: 854775807`."""
+"""Unlimited duration [ns]; in YAML ``sec: 9223372036``, ``nsec: 854775807``."""
 
-_SECOND = 1_000_000_000
-
-# The place is the number that rosbag2 wrote until version 8, the word what it writes since.
+# rosbag2 wrote the index until version 8, and writes the word since.
 _HISTORY = ("system_default", "keep_last", "keep_all", "unknown")
 _RELIABILITY = ("system_default", "reliable", "best_effort", "unknown", "best_available")
 _DURABILITY = ("system_default", "transient_local", "volatile", "unknown", "best_available")
@@ -25,13 +24,25 @@ _LIVELINESS = (
     "unknown",
     "best_available",
 )
+_DURATIONS = ("deadline", "lifespan", "liveliness_lease_duration")
 
 
 @dataclass(frozen=True)
 class QosProfile:
-    """One publisher's offer. Policies are rosbag2's words, durations nanoseconds or INFINITE.
+    """Quality of service that one publisher offers, in rosbag2's words.
 
-    Discovery does not carry history and depth, so a recorded offer has `unknown` and 0 there.
+    Discovery does not carry history and depth: recorded offers have ``unknown`` and 0.
+
+    Attributes:
+        history: policy.
+        depth: of the history.
+        reliability: policy.
+        durability: policy.
+        deadline: [ns].
+        lifespan: [ns].
+        liveliness: policy.
+        liveliness_lease_duration: [ns].
+        avoid_ros_namespace_conventions: whether the topic's name is used as it is.
     """
 
     history: str = "unknown"
@@ -45,24 +56,18 @@ class QosProfile:
     avoid_ros_namespace_conventions: bool = False
 
     def to_mapping(self) -> dict[str, Any]:
-        """Give the fields as rosbag2's YAML has them."""
+        """Return the fields as in rosbag2's YAML."""
         return {
-            "history": self.history,
-            "depth": self.depth,
-            "reliability": self.reliability,
-            "durability": self.durability,
-            "deadline": _duration_to_mapping(self.deadline),
-            "lifespan": _duration_to_mapping(self.lifespan),
-            "liveliness": self.liveliness,
-            "liveliness_lease_duration": _duration_to_mapping(self.liveliness_lease_duration),
-            "avoid_ros_namespace_conventions": self.avoid_ros_namespace_conventions,
+            name: _duration_to_mapping(value) if name in _DURATIONS else value
+            for name, value in vars(self).items()
         }
 
 
 def profiles_from_yaml(value: Any) -> tuple[QosProfile, ...]:
-    """Read a list of profiles out of parsed YAML, with policies as words or as older numbers.
+    """Return the profiles of a parsed YAML list, with policies as words or as older numbers.
 
-    Raises BagFormatError where it is not such a list.
+    Raises:
+        BagFormatError: if it is not such a list.
     """
     if not value:
         return ()
@@ -72,7 +77,7 @@ def profiles_from_yaml(value: Any) -> tuple[QosProfile, ...]:
 
 
 def _profile_from_mapping(item: Any) -> QosProfile:
-    try:
+    with parsing("a profile of offered_qos_profiles"):
         return QosProfile(
             history=_policy(item["history"], _HISTORY),
             depth=int(item["depth"]),
@@ -84,10 +89,6 @@ def _profile_from_mapping(item: Any) -> QosProfile:
             liveliness_lease_duration=_duration_from_mapping(item["liveliness_lease_duration"]),
             avoid_ros_namespace_conventions=bool(item["avoid_ros_namespace_conventions"]),
         )
-    except (KeyError, OverflowError, TypeError, ValueError) as error:
-        raise BagFormatError(
-            f"a profile of offered_qos_profiles is unreadable: {error!r:.200}"
-        ) from error
 
 
 def _policy(value: Any, words: Sequence[str]) -> str:
@@ -97,10 +98,10 @@ def _policy(value: Any, words: Sequence[str]) -> str:
 
 
 def _duration_to_mapping(nanoseconds: int) -> dict[str, int]:
-    return {"sec": nanoseconds // _SECOND, "nsec": nanoseconds % _SECOND}
+    return {"sec": nanoseconds // SECOND, "nsec": nanoseconds % SECOND}
 
 
 def _duration_from_mapping(value: Mapping[str, Any]) -> int:
-    # Older middlewares wrote other spellings of "unlimited", all of them longer than a century.
-    nanoseconds = int(value["sec"]) * _SECOND + int(value["nsec"])
-    return INFINITE if nanoseconds >= 0x7FFFFFFF * _SECOND else nanoseconds
+    # Older middlewares wrote other values for "unlimited", all of them longer than 68 years.
+    nanoseconds = int(value["sec"]) * SECOND + int(value["nsec"])
+    return INFINITE if nanoseconds >= 0x7FFFFFFF * SECOND else nanoseconds

@@ -1,7 +1,7 @@
-"""MCAP records out of bytes that nobody vouches for: a length is checked before it is believed.
+"""MCAP records from untrusted bytes: every length is checked before it is used.
 
-The `mcap` library parses them, each from bytes that are exactly its own: by itself it reads as
-much as a length field asks for, and a few bytes of zstd may ask for all memory there is.
+The ``mcap`` library parses each record from exactly its own bytes. By itself it reads as much as a
+length field says, and a few bytes of zstd may then take all memory.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ RECORD = struct.Struct("<BQ")  # opcode, length of the content
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 
 CONTENT_LIMIT = 128 * 2**20
-"""Greatest record, and greatest chunk when it is uncompressed [bytes]."""
+"""Greatest record, and greatest uncompressed chunk [bytes]."""
 
 DECLARATION_LIMIT = 16 * 2**20
-"""Greatest record that is not one of messages, of their index, or an attachment [bytes]."""
+"""Greatest record without messages, their index, or an attachment [bytes]."""
 
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE, Opcode.MESSAGE_INDEX}
 _KINDS: dict[int, Any] = {
@@ -58,7 +58,7 @@ _KINDS: dict[int, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One record as it stands in the file: what it is, its content, and where the next begins."""
+    """One record of a file: its kind, its content, and the offset of the next."""
 
     opcode: int
     content: bytes
@@ -66,14 +66,15 @@ class Record:
 
 
 def limit(opcode: int) -> int:
-    """Give the greatest length that a record of this kind may have [bytes]."""
+    """Return the greatest length of a record of this kind [bytes]."""
     return CONTENT_LIMIT if opcode in _LARGE else DECLARATION_LIMIT
 
 
 def read_record(stream: BinaryIO, offset: int, end: int) -> Record:
-    """Read the record at `offset`, which lies before `end`.
+    """Return the record at ``offset``, which ends at ``end`` or before.
 
-    Raises BagFormatError where it reaches beyond that or is longer than its limit.
+    Raises:
+        BagFormatError: if it reaches beyond ``end``, or is longer than its limit.
     """
     stream.seek(offset)
     head = stream.read(RECORD.size) if offset + RECORD.size <= end else b""
@@ -93,9 +94,11 @@ def read_record(stream: BinaryIO, offset: int, end: int) -> Record:
 
 
 def parse(record: Record) -> McapRecord | None:
-    """Give the record's fields; None for a kind that nobody here needs.
+    """Return the fields of a record; None for an unused kind.
 
-    Raises BagFormatError, or what Python raises for wrong text, where the content is damaged.
+    Raises:
+        BagFormatError: if a length in it is damaged.
+        ValueError: if a text or number in it is damaged.
     """
     kind = _KINDS.get(record.opcode)
     parsed: McapRecord | None = kind.read(_Content(record.content)) if kind else None
@@ -103,9 +106,11 @@ def parse(record: Record) -> McapRecord | None:
 
 
 def fills(record: Record) -> bool:
-    """Tell whether a record that carries lengths inside is exactly as long as these say.
+    """Return whether a record is exactly as long as the lengths inside it say.
 
-    Raises what `parse` raises.
+    Raises:
+        BagFormatError: as ``parse`` does.
+        ValueError: as ``parse`` does.
     """
     kind = _KINDS.get(record.opcode)
     if kind is None:
@@ -116,9 +121,10 @@ def fills(record: Record) -> bool:
 
 
 def message_index_times(record: Record) -> tuple[int, Iterator[int]]:
-    """Give the channel of a message index, and the log times [ns] of its messages.
+    """Return the channel of a message index, and the log times of its messages [ns].
 
-    Raises BagFormatError where the record is not one.
+    Raises:
+        BagFormatError: if the record is not a message index.
     """
     content = record.content
     if record.opcode == Opcode.MESSAGE_INDEX and len(content) >= 6:
@@ -130,9 +136,10 @@ def message_index_times(record: Record) -> tuple[int, Iterator[int]]:
 
 
 def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield kind, start and end of the content of each record in a chunk's data.
+    """Yield kind, and start and end of the content, of each record in a chunk's data.
 
-    Raises BagFormatError where one is none or reaches beyond the end.
+    Raises:
+        BagFormatError: if the bytes are no record, or it reaches beyond the end.
     """
     offset = 0
     while offset < len(data):
@@ -148,10 +155,12 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def uncompressed(chunk: Chunk) -> bytes:
-    """Give a chunk's data, checked by its size and checksum.
+    """Return a chunk's uncompressed data.
 
-    Raises BagFormatError where they are wrong or the data is larger than CONTENT_LIMIT, and the
-    libraries' errors where it cannot be uncompressed.
+    Raises:
+        BagFormatError: if its size or checksum is wrong, or it is larger than ``CONTENT_LIMIT``.
+        zstandard.ZstdError: if zstd cannot uncompress it.
+        RuntimeError: if LZ4 cannot uncompress it.
     """
     size = chunk.uncompressed_size
     if size > CONTENT_LIMIT:
@@ -159,7 +168,7 @@ def uncompressed(chunk: Chunk) -> bytes:
     if chunk.compression == "":
         data = chunk.data
     elif chunk.compression == "zstd":
-        # What the frame itself tells goes before any limit.
+        # The library prefers the size in the frame to any limit.
         if zstandard.frame_content_size(chunk.data) not in (-1, size):
             raise BagFormatError("a chunk is not as large as it says")
         data = zstandard.decompress(chunk.data, max_output_size=size) if size else b""
@@ -175,7 +184,7 @@ def uncompressed(chunk: Chunk) -> bytes:
 
 
 class _Content(ReadDataStream):
-    """A record's content, for the library to read: shorter than asked for is an error."""
+    """Content of a record for the library; to read beyond its end is an error."""
 
     def __init__(self, content: bytes) -> None:
         super().__init__(BytesIO(content))

@@ -1,4 +1,4 @@
-"""The account of a recovery: what was found of each topic, and what is lost."""
+"""Account of a recovery: the messages found of each topic, and those that are lost."""
 
 from __future__ import annotations
 
@@ -13,11 +13,16 @@ _SHOWN = 1000  # damages that are kept one by one
 
 @dataclass
 class TopicRecovery:
-    """What was found of one topic.
+    """Recovered and lost messages of one topic.
 
-    `unchecked` of its `recovered` messages are not covered by a checksum. `lost` are those that
-    are known to have been in the file; `gaps` are missing by the numbers in the messages
-    themselves, None where they have none. `recording_losses` is what the recorder had lost.
+    Attributes:
+        name: of the topic.
+        type: of its messages.
+        recovered: messages in the new bag.
+        unchecked: those of them without a checksum.
+        lost: messages that are known to have been in the file.
+        gaps: messages missing by the numbers in the messages; None if they have no numbers.
+        recording_losses: messages that the recorder lost; None if they were not counted.
     """
 
     name: str
@@ -31,12 +36,17 @@ class TopicRecovery:
 
 @dataclass
 class Recovery:
-    """What was recovered into the bag at `path`, and what was not.
+    """Result of a recovery.
 
-    `closed` tells whether every file ends as one that was closed; where not, messages that its
-    recorder had not written yet are missing, of at most `max_loss` seconds where that is known.
-    `size_lost` are bytes that hold nothing readable; `damage_count` counts these places, and what
-    no bag can have; `damages` names the first of both.
+    Attributes:
+        path: of the new bag.
+        topics: by their names.
+        closed: whether every file has the end of a closed one. If not, the messages that its
+            recorder had not written yet are missing.
+        max_loss: greatest duration of those messages [s]; None if it is unknown.
+        size_lost: unreadable bytes.
+        damage_count: unreadable places, and parts that the new bag cannot hold.
+        damages: reasons for the first of these.
     """
 
     path: Path
@@ -48,10 +58,16 @@ class Recovery:
     damages: list[str] = field(default_factory=list)
 
     def note(self, reason: str) -> None:
-        """Count something that is lost or left out, and keep why, as far as these are few."""
+        """Count a lost or omitted part, and keep the reason if there are few."""
         self.damage_count += 1
         if len(self.damages) < _SHOWN:
             self.damages.append(reason)
+
+    def topic(self, name: str, type_name: str = "") -> TopicRecovery:
+        """Return the account of a topic, new if it was not known; its first type remains."""
+        topic = self.topics.setdefault(name, TopicRecovery(name, type_name))
+        topic.type = topic.type or type_name
+        return topic
 
     @property
     def message_count(self) -> int:
@@ -60,12 +76,12 @@ class Recovery:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing that the file ever held is missing."""
+        """Whether nothing that the files ever held is missing."""
         lost = any(topic.lost for topic in self.topics.values())
         return self.closed and not (self.damage_count or lost)
 
     def to_mapping(self) -> dict[str, Any]:
-        """Give it as plain values."""
+        """Return the account as plain values."""
         return {
             "path": str(self.path),
             "complete": self.complete,
@@ -77,12 +93,7 @@ class Recovery:
             "damages": self.damages,
             "topics": [
                 {
-                    "name": topic.name,
-                    "type": topic.type,
-                    "recovered": topic.recovered,
-                    "unchecked": topic.unchecked,
-                    "lost": topic.lost,
-                    "gaps": topic.gaps,
+                    **vars(topic),
                     "recording_losses": (
                         topic.recording_losses.total if topic.recording_losses else None
                     ),

@@ -1,4 +1,4 @@
-"""Room on the disk that is kept to end a bag with, should another program take the rest."""
+"""Reserved room on the disk for the end of a bag, in case another program fills the disk."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import os
 from pathlib import Path
 
 FILE_NAME = "reserve.tmp"
-"""Name of the file beside those of a bag that holds the room, until the bag is closed."""
+"""Name of the file that holds the room in a bag's directory, until the bag is closed."""
 
 _STEP = 1 << 22  # bytes by which it grows
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class Reserve:
-    """A file that takes the room, until it is released."""
+    """File in ``folder`` that takes room on the disk until it is released."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / FILE_NAME
@@ -23,7 +23,11 @@ class Reserve:
         self._released = False
 
     def hold(self, size: int) -> bool:
-        """Hold at least `size` bytes; tell whether they are held. Raises OSError."""
+        """Reserve at least ``size`` bytes and return whether they are reserved.
+
+        Raises:
+            OSError: if the disk fails.
+        """
         if self._released:
             return False
         if size <= self._size:
@@ -35,28 +39,32 @@ class Reserve:
         except OSError as error:
             if error.errno in _FULL:
                 return False
-            # Where files cannot have room ahead, or not as large, the bag is written without.
+            # Some file systems cannot reserve room, or not as much; then there is no reserve.
         finally:
             os.close(descriptor)
         self._size = size
         return True
 
     def release(self) -> bool:
-        """Give the room back for good; tell whether there was any."""
+        """Release the room for good and return whether there was any."""
         held, self._released = self._size > 0 and not self._released, True
         self._path.unlink(missing_ok=True)
         return held
 
 
 class ReservedFile(io.FileIO):
-    """A new unbuffered file that has the reserve where the disk is full."""
+    """New unbuffered file that uses the reserve when the disk is full."""
 
     def __init__(self, path: Path, reserve: Reserve | None) -> None:
         super().__init__(path, "xb")
         self._reserve = reserve
 
     def write(self, data: object, /) -> int:
-        """Write some of the bytes; give how many. Raises OSError."""
+        """Write some of the bytes and return their number.
+
+        Raises:
+            OSError: if the disk fails, or is full and there is no reserve.
+        """
         try:
             return super().write(data)  # type: ignore[arg-type]
         except OSError as error:

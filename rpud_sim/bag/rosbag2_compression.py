@@ -1,27 +1,31 @@
-"""Compression that rosbag2 puts around storage: whole files, or the data of each message."""
+"""Compression that rosbag2 adds to a storage: of whole files, or of each message."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import zstandard
 
 from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.messages import Message
 from rpud_sim.bag.metadata import BagMetadata
 from rpud_sim.bag.records import CONTENT_LIMIT
 
 SUFFIX = ".zstd"
-"""What rosbag2 adds to the name of a file that it compressed."""
+"""Suffix of a file that rosbag2 compressed."""
 
-_LEAST_LIMIT = 2**30  # bytes that any file may have when it is uncompressed
-_MOST_GROWTH = 100  # bytes for each compressed one, for what has more
+_LEAST_LIMIT = 2**30  # bytes that any uncompressed file may have
+_MOST_GROWTH = 100  # uncompressed bytes for each compressed one, in larger files
 _BLOCK = 1 << 20
 
 
 def compresses_messages(metadata: BagMetadata) -> bool:
-    """Tell whether messages are compressed; names of files tell that of these.
+    """Return whether each message is compressed; compressed files have the suffix ``SUFFIX``.
 
-    Raises BagFormatError where it is something else, or not by zstd.
+    Raises:
+        BagFormatError: if the compression is unknown.
     """
     mode = metadata.compression_mode.lower()
     if mode in ("", "none"):
@@ -40,9 +44,11 @@ def compresses_messages(metadata: BagMetadata) -> bool:
 
 
 def uncompress_file(file: Path, folder: Path) -> Path:
-    """Write what `file` holds to a file in `folder`.
+    """Uncompress ``file`` into ``folder`` and return the path of the new file.
 
-    Raises BagFormatError where it is damaged or too large, and OSError.
+    Raises:
+        BagFormatError: if it is damaged or too large.
+        OSError: if the disk fails.
     """
     path = folder / file.name.removesuffix(SUFFIX)
     most = max(_LEAST_LIMIT, _MOST_GROWTH * file.stat().st_size)
@@ -66,11 +72,21 @@ def uncompress_file(file: Path, folder: Path) -> Path:
     return path
 
 
-def uncompress_message(data: bytes) -> bytes:
-    """Give the data of a message that was compressed on its own.
+def uncompressed_messages(messages: Iterable[Message], path: Path) -> Iterator[Message]:
+    """Yield the messages of the bag at ``path`` with uncompressed data.
 
-    Raises BagFormatError where it is damaged, or larger than CONTENT_LIMIT.
+    Raises:
+        BagFormatError: if one is damaged, or larger than ``CONTENT_LIMIT``.
     """
+    for message in messages:
+        try:
+            data = _uncompressed(message.data)
+        except BagFormatError as error:
+            raise BagFormatError(f"{path}: {message.topic}: {error}") from error
+        yield replace(message, data=data)
+
+
+def _uncompressed(data: bytes) -> bytes:
     try:
         size = zstandard.frame_content_size(data)
         if not 0 <= size <= CONTENT_LIMIT:

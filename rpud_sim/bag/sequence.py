@@ -1,4 +1,4 @@
-"""Gaps in numbered messages: numbers of the middleware, or those that messages carry themselves."""
+"""Gaps in numbered messages: numbers of the middleware, or those in the messages."""
 
 from __future__ import annotations
 
@@ -6,26 +6,29 @@ import re
 import struct
 from collections.abc import Callable
 
-_BEGINNING = re.compile(
-    r"\s*std_msgs/(?:msg/)?Header\s+header\s+uint64\s+sequence\b",
-)
+_BEGINNING = re.compile(r"\s*std_msgs/(?:msg/)?Header\s+header\s+uint64\s+sequence\b")
 _COMMENT = re.compile(r"#.*")
-_SEQUENCES = 64  # of one topic; those of publishers that left are forgotten at last
+_SEQUENCES = 64  # of one topic at most; the oldest, of publishers that left, are discarded
 
 
 class SequenceGaps:
-    """Counts messages that never arrived, by the numbers that publishers give their messages.
+    """Count of messages that never arrived, from the numbers that publishers give to messages.
 
-    Messages do not say who sent them. With one publisher the count is exact. With several, a
-    number that continues none of the sequences heard so far is a gap in the one just below it,
-    unless there are more publishers than sequences: then it begins a new one.
+    Messages do not name their publisher. With one publisher the count is exact. With several, a
+    number that continues no known sequence is a gap in the sequence just below it. If there are
+    more publishers than known sequences, it begins a new sequence instead.
+
+    Args:
+        publisher_count: returns the present number of publishers; called at gaps only.
+
+    Attributes:
+        missing: messages that never arrived.
     """
 
     def __init__(self, publisher_count: Callable[[], int]) -> None:
-        """`publisher_count` gives the number of publishers now; it is asked at gaps only."""
         self.missing = 0
         self._publisher_count = publisher_count
-        self._last: list[int] = []  # of each sequence; the one heard last is at the end
+        self._last: list[int] = []  # number of each sequence, the most recent at the end
 
     def note(self, number: int) -> None:
         """Note the number of a message that arrived."""
@@ -43,31 +46,34 @@ class SequenceGaps:
 
 
 class SequenceCounter:
-    """Counts what is missing between messages by the numbers in them, without decoding them all.
+    """Count of missing messages from the numbers in them, without decoding whole messages.
 
-    It understands types that begin with a `std_msgs/Header header` and a `uint64 sequence`. Blocks
-    number their first entry, and not themselves: what they skip is known, and not how many blocks.
+    It reads types that begin with ``std_msgs/Header header`` and ``uint64 sequence``. Blocks number
+    their first entry, not themselves: the number of missing blocks cannot be known.
+
+    Args:
+        definition: ``ros2msg`` text of the type.
+        publishers: number of publishers.
     """
 
     def __init__(self, definition: str, publishers: int) -> None:
-        """`definition` is the `ros2msg` text of the type that so many publishers sent."""
         text = _COMMENT.sub("", definition[: 64 * 1024]).split("=" * 80)[0]
         counts = _BEGINNING.match(text) is not None and "[]" not in text
         self._gaps = SequenceGaps(lambda: publishers) if counts else None
 
     @property
     def gaps(self) -> int | None:
-        """Messages that are missing in between; None where they have no numbers."""
+        """Number of missing messages; None if messages have no numbers."""
         return None if self._gaps is None else self._gaps.missing
 
     def note(self, data: bytes) -> None:
-        """Note a message as it was serialized (CDR)."""
+        """Note a serialized message (CDR)."""
         if self._gaps is not None and (number := _sequence(data)) is not None:
             self._gaps.note(number)
 
 
 def _sequence(data: bytes) -> int | None:
-    """Read the field `sequence` behind the header: seconds, nanoseconds, and the frame's name."""
+    """Return the field ``sequence``, which follows seconds, nanoseconds and name of the frame."""
     order = "<" if data[1:2] == b"\x01" else ">"
     try:
         (length,) = struct.unpack_from(f"{order}I", data, 12)

@@ -1,4 +1,4 @@
-"""One SQLite file of rosbag2: its topics and its messages. Times are integer nanoseconds."""
+"""One SQLite file of rosbag2: its topics and messages. Times are integer nanoseconds."""
 
 from __future__ import annotations
 
@@ -15,35 +15,43 @@ from rosbags.rosbag2.metadata import dump_qos_v9
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.errors import BagError, BagFormatError, DefinitionNotFoundError
+from rpud_sim.bag.errors import BagError, BagFormatError, DefinitionNotFoundError, reading
 from rpud_sim.bag.messages import Message, Source
-from rpud_sim.bag.metadata import Topic
+from rpud_sim.bag.metadata import LATEST, Topic
 from rpud_sim.bag.qos import profiles_from_yaml
 from rpud_sim.bag.records import CONTENT_LIMIT
-from rpud_sim.bag.storage_file import TopicSummary, clear_errors
-
-_LATEST = 2**63 - 1
+from rpud_sim.bag.topic_summary import TopicSummary
 
 
 class SqliteFile:
-    """One open SQLite file, with the members of StorageFile that reading needs.
+    """Open SQLite file of rosbag2, with the members of ``McapFile`` that a reader needs.
 
-    It has no records, and one time for each message. `shown` names it in errors. Raises
-    BagNotFoundError, or BagFormatError where it is damaged.
+    It has no metadata records. The log time of a message is also its publish time.
+
+    Args:
+        path: of the file.
+        shown: name of the file in errors.
+
+    Attributes:
+        topic_channels: connections of each topic.
+
+    Raises:
+        BagNotFoundError: if the file does not exist.
+        BagFormatError: if it is damaged.
     """
 
     compressions = frozenset[str]()
 
     def __init__(self, path: Path, shown: Path) -> None:
         self._shown = shown
-        with clear_errors(shown):
+        with reading(shown):
             self.size = path.stat().st_size
             # The library makes a URI of the path.
             self._reader = Sqlite3Reader(Path(quote(os.path.abspath(path))))
-        with self._clear_errors():
+        with self._reading():
             self._reader.open()
         try:
-            with self._clear_errors():
+            with self._reading():
                 self._read_topics()
         except BaseException:
             self._reader.close()
@@ -62,26 +70,21 @@ class SqliteFile:
 
     @property
     def start_time(self) -> int:
-        """Time of the first message; 0 where there is none."""
+        """Time of the first message [ns]; 0 without messages."""
         return min((first for count, first, _ in self._spans.values() if count), default=0)
 
     @property
     def end_time(self) -> int:
-        """Time of the last message; 0 where there is none."""
+        """Time of the last message [ns]; 0 without messages."""
         return max((last for count, _, last in self._spans.values() if count), default=0)
 
-    @property
-    def topic_channels(self) -> dict[str, list[Connection]]:
-        """The connections of each topic."""
-        return self._topics
-
     def records(self, name: str) -> Iterator[dict[str, str]]:
-        """Yield nothing: it has no records of that kind."""
+        """Yield nothing: SQLite files have no metadata records."""
         return iter(())
 
     def topic(self, name: str) -> TopicSummary:
-        """Summarize one topic of this file."""
-        connections = self._topics[name]
+        """Return the summary of one topic."""
+        connections = self.topic_channels[name]
         spans = [self._spans[each.id] for each in connections if each.id in self._spans]
         first = connections[0]
         assert isinstance(first.ext, ConnectionExtRosbag2)
@@ -98,7 +101,6 @@ class SqliteFile:
             first_time=min((each for _, each, _ in spans), default=None),
             last_time=max((each for _, _, each in spans), default=None),
             definition=definition,
-            losses=None,
             kinds=frozenset(
                 (each.ext.serialization_format, each.msgtype, "")
                 for each in connections
@@ -107,10 +109,10 @@ class SqliteFile:
         )
 
     def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
-        """Yield the one source of messages of `topics` from `start_time` [ns] on."""
+        """Yield the only source of messages of ``topics`` from ``start_time`` [ns] on."""
         wanted = [
             connection
-            for name, connections in self._topics.items()
+            for name, connections in self.topic_channels.items()
             for connection in connections
             if topics is None or name in topics
         ]
@@ -120,7 +122,7 @@ class SqliteFile:
     def _messages(self, wanted: list[Connection], start_time: int) -> Iterator[Message]:
         if self._reader.dbconn is None:
             raise BagError(f"{self._shown} was closed; open the bag again")
-        with self._clear_errors():
+        with self._reading():
             for connection, time, data in self._reader.messages(wanted, start_time):
                 if not isinstance(data, bytes):
                     raise BagFormatError(f"a message of {connection.topic:.200} has no data")
@@ -130,13 +132,13 @@ class SqliteFile:
         database = self._reader.dbconn
         assert database is not None
         database.limit(apsw.SQLITE_LIMIT_LENGTH, CONTENT_LIMIT)
-        self._topics: dict[str, list[Connection]] = {}
+        self.topic_channels: dict[str, list[Connection]] = {}
         for each in self._reader.connections:
             assert isinstance(each.ext, ConnectionExtRosbag2)
             texts = (each.topic, each.msgtype, each.ext.serialization_format)
             if not all(isinstance(text, str) for text in texts):
                 raise BagFormatError("a topic has no name, type or format")
-            self._topics.setdefault(each.topic, []).append(each)
+            self.topic_channels.setdefault(each.topic, []).append(each)
         known = {each.id for each in self._reader.connections}
         self._spans: dict[int, tuple[int, int, int]] = {}
         for topic, *span in database.execute(
@@ -144,13 +146,13 @@ class SqliteFile:
             " GROUP BY topic_id"
         ):
             count, first, last = span
-            if not all(isinstance(time, int) and 0 <= time <= _LATEST for time in (first, last)):
-                raise BagFormatError(f"times are from 0 to {_LATEST}, not {first!r} to {last!r}")
+            if not all(isinstance(time, int) and 0 <= time <= LATEST for time in (first, last)):
+                raise BagFormatError(f"times are from 0 to {LATEST}, not {first!r} to {last!r}")
             if topic in known:
                 self._spans[topic] = (count, first, last)
 
     def _definition(self, connection: Connection) -> str | None:
-        """Give what the file has, or the installation: versions before Iron kept none."""
+        """Return the definition in the file, or the installed one: before Iron files had none."""
         if connection.msgdef.format == MessageDefinitionFormat.MSG:
             return str(connection.msgdef.data)
         if connection.msgdef.format == MessageDefinitionFormat.NONE:
@@ -161,8 +163,8 @@ class SqliteFile:
         return None
 
     @contextmanager
-    def _clear_errors(self) -> Iterator[None]:
-        with clear_errors(self._shown):
+    def _reading(self) -> Iterator[None]:
+        with reading(self._shown):
             try:
                 yield
             except (apsw.Error, AttributeError, ReaderError) as error:

@@ -1,4 +1,4 @@
-"""The messages of a topic as tables of NumPy arrays: in pieces of bounded size, or as a whole."""
+"""Tables of NumPy arrays from the messages of a topic, in pieces of bounded size or whole."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ from rpud_sim.bag.cdr import Codec, definition_size
 from rpud_sim.bag.columns import RECEIVED, Column, Kind, columns_of, objects
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.messages import Message
-from rpud_sim.bag.storage_file import TopicSummary
+from rpud_sim.bag.topic_summary import TopicSummary
+from rpud_sim.foundation.quantities import suggestion
 
 if TYPE_CHECKING:
     import pandas
 
 BATCH_SIZE = 8 * 2**20
-"""Bytes of a topic's messages that become one batch."""
+"""Size of a topic's messages that become one batch [bytes]."""
 
 TOTAL_SIZE = 64 * 2**20
-"""Bytes of all topics' messages that wait to become batches."""
+"""Greatest size of all topics' messages that wait to become batches [bytes]."""
 
 DECODED_SIZE = 64 * 2**20
-"""Bytes that the messages of one batch take at most when they are decoded, but for a single one."""
+"""Greatest size of a batch's decoded messages, unless there is a single one [bytes]."""
 
 DEFINITIONS_LIMIT = 256 * 2**10
 """Greatest definitions of all types of a bag together, without comments [characters]."""
 
-_DEFINITION_OVERHEAD = 64  # characters that take as long to compile as any type does
-_OVERHEAD = 256  # bytes that a message takes in memory beside its data
+_DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
+_OVERHEAD = 256  # bytes that a message takes in memory in addition to its data
 _NAMES_SHOWN = 30
 
 _RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
@@ -41,9 +42,12 @@ _RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIV
 
 @dataclass(frozen=True)
 class Batch:
-    """Consecutive rows of one topic: the values of each column, by its name, as Kind tells.
+    """Consecutive rows of one topic.
 
-    `message_count` is of the messages that they were made of.
+    Attributes:
+        topic: its name.
+        columns: values of each column, by its name; ``Kind`` describes their form.
+        message_count: number of messages that the rows come from.
     """
 
     topic: str
@@ -51,22 +55,24 @@ class Batch:
     message_count: int
 
     def __len__(self) -> int:
-        """Give the number of rows."""
+        """Return the number of rows."""
         return len(self.columns["log_time"])
 
 
 class Table:
-    """How the messages of one topic become rows.
+    """Conversion of one topic's messages to rows.
 
-    There is one row for each message, but for blocks one for each sample or segment, and then the
-    first column is its exact `time`.
+    Each message becomes a row. In blocks each sample or segment becomes a row, and the first column
+    is its exact ``time``.
+
+    Args:
+        summary: of the topic.
+
+    Raises:
+        BagFormatError: if messages of its type cannot be rows.
     """
 
     def __init__(self, summary: TopicSummary) -> None:
-        """Compile the type.
-
-        Raises BagFormatError where it cannot be understood.
-        """
         self._name = summary.topic.name
         if len(summary.kinds) > 1:
             raise BagFormatError("its messages are of several types or definitions")
@@ -81,18 +87,19 @@ class Table:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """The columns in their order."""
+        """Columns in their order."""
         columns = (*_RECEIVED, *self._fields)
         return row_columns(columns) if self._blocks else columns
 
     def decoded_size(self, message: Message) -> int:
-        """Give the memory that a message takes at most when it is decoded [bytes]."""
+        """Return the greatest memory of a decoded message [bytes]."""
         return self._codec.decoded_size(len(message.data))
 
     def batch(self, messages: Sequence[Message]) -> Batch:
-        """Make rows of messages.
+        """Return the rows of messages.
 
-        Raises BagFormatError where they are not of the type.
+        Raises:
+            BagFormatError: if a message is not of the type.
         """
         decoded = [self._codec.decode(message.data) for message in messages]
         try:
@@ -115,20 +122,33 @@ def _compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...
 
 
 def open_tables(
-    path: Path, known: Mapping[str, TopicSummary], topics: Collection[str] | None
+    path: Path,
+    summaries: Iterable[TopicSummary],
+    errors: Mapping[str, BagFormatError],
+    topics: Collection[str] | None,
 ) -> tuple[dict[str, Table], dict[str, str]]:
-    """Give the tables of topics by their names, and why others have none.
+    """Return the tables of topics by their names, and the reasons why others have none.
 
-    `known` are the bag's topics by their names; `topics` are those that must have one; None is all
-    that can. Raises BagError where one of them is not in the bag, BagFormatError where it cannot be
-    a table.
+    Args:
+        path: of the bag.
+        summaries: of the bag's readable topics.
+        errors: of damaged topics, by their names.
+        topics: those that must have a table; None for all that can.
+
+    Raises:
+        BagError: if one of ``topics`` is not in the bag.
+        BagFormatError: if one of ``topics`` is damaged or cannot be a table.
     """
+    known = {summary.topic.name: summary for summary in summaries}
     tables, left_out = {}, {}
     compiled: set[tuple[str, str | None]] = set()
     size = 0
     for name in dict.fromkeys(known if topics is None else topics):
+        if name in errors:
+            raise errors[name]
         if name not in known:
-            raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}")
+            hint = suggestion(name, known)
+            raise BagError(f"{path} holds no topic {name!r:.80}; it holds {_listed(known)}{hint}")
         kind = (known[name].topic.type, known[name].definition)
         if kind not in compiled:
             compiled.add(kind)
@@ -154,10 +174,18 @@ def batches(
     end: int | None = None,
     leave_out: Callable[[str, str], object] | None = None,
 ) -> Iterator[Batch]:
-    """Yield the rows of messages before `end` [ns], in their order within each topic.
+    """Yield the rows of messages, in their order within each topic.
 
-    A message that is not of its topic's type is left out where `leave_out` is given, which gets
-    the topic and the reason. Raises BagFormatError otherwise.
+    Args:
+        path: of the bag.
+        messages: of the topics in ``tables``.
+        tables: by the names of topics.
+        end: log time of the first message that does not count [ns]; None for no end.
+        leave_out: called with the topic and the reason for each message that is not of its topic's
+            type, which is then skipped; None for an error.
+
+    Raises:
+        BagFormatError: if a message is not of its topic's type.
     """
     waiting: dict[str, list[Message]] = {name: [] for name in tables}
     sizes = dict.fromkeys(tables, 0)
@@ -166,15 +194,15 @@ def batches(
 
     def batch(name: str) -> Batch:
         nonlocal total
-        taken, waiting[name] = waiting[name], []
+        rows, waiting[name] = waiting[name], []
         total -= sizes[name]
         sizes[name] = decoded[name] = 0
         try:
-            return tables[name].batch(taken)
+            return tables[name].batch(rows)
         except BagFormatError as error:
             if leave_out is None:
                 raise BagFormatError(f"{path}: {name}: {error}") from error
-        return tables[name].batch([*_readable(tables[name], taken, partial(leave_out, name))])
+        return tables[name].batch([*_readable(tables[name], rows, partial(leave_out, name))])
 
     for message in messages:
         if end is not None and message.log_time >= end:
@@ -207,7 +235,7 @@ def _readable(
 
 
 def joined(table: Table, pieces: Iterable[Batch]) -> dict[str, np.ndarray]:
-    """Give the columns of all batches of one table as a whole."""
+    """Return the columns of all batches of one table together."""
     parts = [table.batch([]), *pieces]
     return {
         column.name: np.concatenate([part.columns[column.name] for part in parts])
@@ -216,9 +244,10 @@ def joined(table: Table, pieces: Iterable[Batch]) -> dict[str, np.ndarray]:
 
 
 def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFrame:
-    """Give a pandas frame with the first column as index.
+    """Return a pandas frame with the first column as index.
 
-    Raises BagError where there is no pandas.
+    Raises:
+        BagError: if pandas is not installed.
     """
     try:
         import pandas

@@ -1,36 +1,39 @@
-"""`rpud export`: the topics of a bag as files for other programs."""
+"""``rpud export``: topics of a bag as files for other programs."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from rpud_sim.cli.options import (
+    LONGEST,
+    add_bag_argument,
+    add_json_argument,
+    add_range_arguments,
+)
+from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, table
+from rpud_sim.cli.tables import print_json, table
+from rpud_sim.foundation.terminal import complain
 
 if TYPE_CHECKING:
-    from rpud_sim.analysis.export.export import Exported
+    from rpud_sim.inspection.export.export import Exported
 
 HELP = "write the topics of a bag as Parquet, CSV or NumPy files"
+DETAILS = (
+    "It writes one table for each topic, and export.json with types, units, losses and the "
+    "configuration of the run. Exit codes: 0 done, 3 done but for damaged parts, 1 failed, "
+    "2 wrong call."
+)
 EXAMPLE = "rpud export bags/first --out tables"
 
 _FORMATS = ("parquet", "csv", "numpy")
-_LONGEST = 1e9  # s
-
-DAMAGED = 3
-"""Exit code where something of the bag is damaged and left out."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `rpud export`."""
-    parser.description = (
-        f"{HELP[0].upper()}{HELP[1:]}: one table for each topic, and export.json, which tells "
-        "types, units, losses and how the run came about. Exit codes: 0 done, "
-        f"{DAMAGED} done but for what is damaged, 1 failed, 2 wrong call."
-    )
-    parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
+    """Declare the arguments of ``rpud export``."""
+    add_bag_argument(parser)
     parser.add_argument("--out", required=True, metavar="DIR", help="new folder for the files")
     parser.add_argument(
         "--format",
@@ -42,67 +45,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--topics", nargs="+", metavar="TOPIC", help="export only these topics (absolute names)"
     )
-    parser.add_argument(
-        "--start", type=float, default=0.0, metavar="S", help="leave out so much at the beginning"
-    )
-    parser.add_argument("--duration", type=float, metavar="S", help="export at most so much")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_range_arguments(parser, "export", LONGEST)
+    add_json_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Export and print the account; give the exit code."""
-    from rpud_sim.analysis.export.export import ExportError, export
+    """Export and print the account; return the exit code."""
     from rpud_sim.bag import BagError
-    from rpud_sim.simulation import ParameterError
+    from rpud_sim.inspection.export.export import ExportError, export
 
-    try:
-        _check(arguments)
-    except ParameterError as error:
-        complain("rpud export", error)
-        return 2
-    try:
-        with progress_bar(" messages", scaled=True) as bar:
-            exported = export(
-                arguments.bag,
-                arguments.out,
-                arguments.file_format,
-                arguments.topics,
-                arguments.start,
-                arguments.duration,
-                bar.update,
-            )
-    except ModuleNotFoundError as error:
-        if error.name != "pyarrow":
-            raise
-        complain("rpud export", "needs the Python module pyarrow: pip install pyarrow")
-        return 1
-    except (BagError, ExportError) as error:
-        complain("rpud export", error)
-        return 1
+    with failing(BagError, ExportError), progress_bar(" messages", scaled=True) as bar:
+        exported = export(
+            arguments.bag,
+            arguments.out,
+            arguments.file_format,
+            arguments.topics,
+            arguments.start,
+            arguments.duration,
+            bar.update,
+        )
     for name, reason in (*exported.left_out.items(), *exported.damaged.items()):
         complain("rpud export", f"left out {name}: {reason}")
-    print(json.dumps(asdict(exported), indent=2) if arguments.json else _account(exported))
-    return DAMAGED if exported.damaged else 0
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    from rpud_sim.simulation import Quantity
-
-    Quantity("s", "", 0.0, _LONGEST).check("--start", arguments.start)
-    if arguments.duration is not None:
-        Quantity("s", "", 0.0, _LONGEST, exclusive=True).check("--duration", arguments.duration)
+    print_json(asdict(exported)) if arguments.json else print(_account(exported))
+    return ExitCode.INCOMPLETE if exported.damaged else ExitCode.DONE
 
 
 def _account(exported: Exported) -> str:
     head = ("topic", "messages", "rows", "size [MB]", "file")
-    rows = [head] + [
-        (
-            topic.name,
-            str(topic.messages),
-            str(topic.rows),
-            f"{topic.size / 1e6:.3f}",
-            topic.path,
-        )
+    rows = [
+        (topic.name, topic.messages, topic.rows, f"{topic.size / 1e6:.3f}", topic.path)
         for topic in exported.topics
     ]
-    return "\n".join(table(rows, left=1))
+    return "\n".join(table(head, rows, left=1))

@@ -1,4 +1,4 @@
-"""`rpud`: one program, one file per command, each loaded when it is called."""
+"""``rpud``: one program, one file per command, each loaded when it is called."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import argparse
 import importlib
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
 
-from rpud_sim.terminal import end_with, printable
+from rpud_sim.cli.options import Parser
+from rpud_sim.cli.program import report_errors, run_program
+from rpud_sim.foundation.quantities import did_you_mean
 
 COMMANDS = (
     "run",
@@ -26,16 +27,8 @@ COMMANDS = (
 )
 
 
-class Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with a call."""
-
-    def error(self, message: str) -> NoReturn:
-        """Exit with 2."""
-        self.exit(2, f"{self.prog}: {printable(message)}; see {self.prog} --help\n")
-
-
-class Help(argparse.HelpFormatter):
-    """Leaves room for the longest command: argparse forgets that commands are indented."""
+class _HelpFormatter(argparse.HelpFormatter):
+    """Formatter with room for the longest command: argparse forgets that commands are indented."""
 
     def __init__(self, prog: str) -> None:
         super().__init__(prog)
@@ -43,19 +36,20 @@ class Help(argparse.HelpFormatter):
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of `rpud` with all its commands."""
+    """Return the parser of ``rpud`` with all its commands."""
     parser = Parser(
         prog="rpud",
         description="Impact dynamics of a rotary-percussive ultrasonic drill.",
-        formatter_class=Help,
+        formatter_class=_HelpFormatter,
     )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in COMMANDS:
         module = importlib.import_module(f"rpud_sim.cli.{name}")
+        details = getattr(module, "DETAILS", "")
         command = commands.add_parser(
             name,
             help=module.HELP,
-            description=f"{module.HELP[0].upper()}{module.HELP[1:]}.",
+            description=f"{module.HELP[0].upper()}{module.HELP[1:]}. {details}",
             epilog=f"example: {module.EXAMPLE}",
         )
         module.add_arguments(command)
@@ -63,17 +57,29 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def main(words: Sequence[str] | None = None) -> None:
-    """Run the command and exit: 0 when it did its work, 1 when it failed, 2 for a wrong call."""
-    words = sys.argv[1:] if words is None else words
-    program = f"rpud {words[0]}" if words and words[0] in COMMANDS else "rpud"
-    end_with(program, lambda: _run(words))
+def execute(words: Sequence[str]) -> int:
+    """Run a command and return its exit code; an expected error is printed as one line."""
+    parser = build_parser()
+    name = words[0] if words else ""
+    if name in COMMANDS:
+        return report_errors(f"rpud {name}", lambda: _run(parser, words))
+    if name and not name.startswith("-"):
+        hint = did_you_mean(name, COMMANDS)
+        parser.error(f"argument COMMAND: invalid choice: {name!r}; {hint}")
+    return _run(parser, words)
 
 
-def _run(words: Sequence[str]) -> int:
-    arguments = build_parser().parse_args(words)
+def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
+    arguments = parser.parse_args(words)
     code: int = arguments.run(arguments)
     return code
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Run the command and exit with its code."""
+    words = sys.argv[1:] if words is None else words
+    program = f"rpud {words[0]}" if words and words[0] in COMMANDS else "rpud"
+    run_program(program, lambda: execute(words))
 
 
 if __name__ == "__main__":

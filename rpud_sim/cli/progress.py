@@ -1,33 +1,83 @@
-"""The progress bar of commands that may take long."""
+"""Progress of commands that may take long, on standard error.
+
+A terminal shows one line that is rewritten. Where standard error is no terminal, such as a log,
+one line is written every ten seconds.
+"""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
+
+_DELAY = 2.0  # s, until a terminal shows a bar
+_LINE_PERIOD = 10.0  # s between two lines where there is no terminal
+
+
+class _Lines:
+    """Stream that writes what would be rewritten as lines of its own."""
+
+    def write(self, text: str) -> None:
+        line = text.strip("\r\n ")
+        if line:
+            print(line, file=sys.stderr, flush=True)
+
+    def flush(self) -> None:
+        """Do nothing: each line is flushed."""
 
 
 def progress_bar(
-    unit: str, total: float | None = None, *, scaled: bool = False, title: str = ""
+    unit: str,
+    total: float | None = None,
+    *,
+    scaled: bool = False,
+    title: str = "",
+    delay: float = _DELAY,
+    layout: str | None = None,
 ) -> Any:
-    """Return a ``tqdm`` bar on standard error, to be entered.
-
-    It appears only on a terminal, and only for what takes longer than two seconds.
+    """Return a ``tqdm`` bar, to be entered and updated.
 
     Args:
         unit: of what is counted.
         total: at which all is done, where it is known.
         scaled: whether to write large counts with k, M and so on.
         title: of what is done.
+        delay: before a terminal shows it [s].
+        layout: ``bar_format`` of tqdm; None for its own.
     """
     from tqdm import tqdm  # only when it is needed, for it slows every start
 
+    terminal = sys.stderr.isatty()
     return tqdm(
         desc=title or None,
         unit=unit,
         total=total,
         unit_scale=scaled,
-        delay=2.0,
-        disable=None,
+        delay=delay if terminal else _LINE_PERIOD,
+        mininterval=0.1 if terminal else _LINE_PERIOD,
+        miniters=0,  # time alone decides: a bar that stands still may have a new text
         leave=False,
-        file=sys.stderr,
+        file=sys.stderr if terminal else _Lines(),
+        ncols=None if terminal else 0,
+        bar_format=layout,
     )
+
+
+@contextmanager
+def status_line(title: str) -> Iterator[Callable[[str], None]]:
+    """Show the latest text of a task without an end, after its title.
+
+    Args:
+        title: of the task.
+
+    Yields:
+        A function that takes the next text; how often it is shown is decided here.
+    """
+    with progress_bar("", delay=0.0, layout="{desc}") as bar:
+
+        def show(text: str) -> None:
+            bar.set_description_str(f"{title}: {text}", refresh=False)
+            bar.update(0)
+
+        yield show

@@ -1,72 +1,64 @@
-"""`rpud recover`: make a whole bag of one that was cut off or damaged."""
+"""``rpud recover``: make a whole bag of one that was cut off or damaged."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from typing import TYPE_CHECKING
 
+from rpud_sim.cli.options import add_json_argument
+from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable, table
+from rpud_sim.cli.tables import print_json, table
+from rpud_sim.foundation.terminal import printable
 
 if TYPE_CHECKING:
-    from rpud_sim.bag.recovery_account import Recovery
+    from rpud_sim.bag import Recovery
 
 HELP = "make a whole bag of one that was cut off or damaged"
+DETAILS = (
+    "Exit codes: 0 nothing is lost, 3 recovered, and something is lost, 1 failed, 2 wrong call."
+)
 EXAMPLE = "rpud recover bags/torn --out bags/whole"
-
-LOST = 3
-"""Exit code where the new bag is whole, but not all that the old one held or should hold."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `rpud recover`."""
-    parser.description = (
-        f"{HELP[0].upper()}{HELP[1:]}. Exit codes: 0 nothing is lost, "
-        f"{LOST} recovered, and something is lost, 1 failed, 2 wrong call."
-    )
+    """Declare the arguments of ``rpud recover``."""
     parser.add_argument(
         "torn", metavar="TORN", help="a bag's folder or one MCAP file; it is not changed"
     )
     parser.add_argument(
         "--out", required=True, metavar="DIR", help="the bag's new folder; nothing is overwritten"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Recover and print the account; give the exit code."""
+    """Recover and print the account; return the exit code."""
     from rpud_sim.bag import BagError
     from rpud_sim.bag.recovery import files_to_recover, recover
 
-    try:
+    with failing(BagError):
         size = sum(file.stat().st_size for file in files_to_recover(arguments.torn))
         with progress_bar("B", size, scaled=True) as bar:
             recovery = recover(arguments.torn, arguments.out, bar.update)
-    except BagError as error:
-        complain("rpud recover", error)
-        return 1
-    if arguments.json:
-        print(json.dumps(recovery.to_mapping(), indent=2))
-    else:
-        print(_account(recovery))
-    return 0 if recovery.complete else LOST
+    print_json(recovery.to_mapping()) if arguments.json else print(_account(recovery))
+    return ExitCode.DONE if recovery.complete else ExitCode.INCOMPLETE
 
 
 def _account(recovery: Recovery) -> str:
     lines = [f"recovered {recovery.message_count} messages to {printable(recovery.path)}", ""]
     head = ("topic", "type", "recovered", "lost", "gaps")
-    rows = [head] + [
+    rows = [
         (
             topic.name,
             topic.type,
-            str(topic.recovered),
-            str(topic.lost),
-            "-" if topic.gaps is None else str(topic.gaps),
+            topic.recovered,
+            topic.lost,
+            "-" if topic.gaps is None else topic.gaps,
         )
         for _, topic in sorted(recovery.topics.items())
     ]
-    lines += table(rows, left=2)
+    lines += table(head, rows, left=2)
     lines.append("")
     for topic in recovery.topics.values():
         if topic.unchecked:

@@ -1,4 +1,4 @@
-"""`rpud reproduce`: the paper's figures and numbers beside the model's, with intervals."""
+"""``rpud reproduce``: figures and numbers of the paper and of the model, with intervals."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from rpud_sim.cli.program import ExitCode
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable
+from rpud_sim.foundation.terminal import printable
 
 HELP = "reproduce the paper's figures and numbers as a report"
 EXAMPLE = "rpud reproduce --out reproduction"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `rpud reproduce`."""
+    """Declare the arguments of ``rpud reproduce``."""
     parser.add_argument(
         "--out",
         default="reproduction",
@@ -31,28 +32,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reproduce the paper and write the report; give the exit code."""
-    from rpud_sim.analysis.reproduction.findings import summary
-    from rpud_sim.analysis.reproduction.report import REPORT, write_report
-    from rpud_sim.analysis.reproduction.reproduction import QUICK, Effort, reproduce
+    """Reproduce the paper and write the report; return the exit code."""
+    from rpud_sim.studies.reproduction.findings import summary
+    from rpud_sim.studies.reproduction.reproduction import QUICK, Effort, reproduce
+    from rpud_sim.studies.reproduction.reproduction_report import REPORT, write_report
 
     folder = Path(arguments.out)
     started = time.perf_counter()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        result = reproduce(QUICK if arguments.quick else Effort(), _track)
-        quick = " --quick" if arguments.quick else ""
-        write_report(result, folder, f"rpud reproduce{quick} --out DIR")
-    except OSError as error:
-        complain("rpud reproduce", f"{error.filename}: {error.strerror}")
-        return 1
+    folder.mkdir(parents=True, exist_ok=True)
+    result = reproduce(QUICK if arguments.quick else Effort(), _track)
+    quick = " --quick" if arguments.quick else ""
+    write_report(result, folder, f"rpud reproduce{quick} --out DIR")
     if arguments.json:
         print(json.dumps(result.numbers(), default=float))
-        return 0
+        return ExitCode.DONE
     for line in summary(result):
         print(f"- {line}")
     print(f"{printable(folder / REPORT)} written in {time.perf_counter() - started:.0f} s")
-    return 0
+    return ExitCode.DONE
 
 
 def _track(items: Iterable[Any], total: int, title: str) -> Iterator[Any]:

@@ -1,42 +1,57 @@
-"""`rpud run`: drill in real time, and record if asked."""
+"""``rpud run``: drill in real time, and record if requested."""
 
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
-from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
-from rpud_sim.ros.arguments import DEFAULT_NAMESPACE, LONGEST, MAX_LOSS, number
-from rpud_sim.terminal import complain
+from rpud_sim.cli.live_line import LiveLine, summary_text
+from rpud_sim.cli.options import (
+    POSITIVE_SECONDS,
+    Number,
+    add_parameter_arguments,
+    chosen_parameters,
+)
+from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.cli.recorder_process import RecorderProcess
+from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.ros.record.record_options import RecordOptions
+
+if TYPE_CHECKING:
+    from rpud_sim.ros.drill.drill_node import DrillNode
+    from rpud_sim.ros.stopping import StopRequest
 
 HELP = "drill in real time on ROS topics"
 EXAMPLE = "rpud run --duration 10 --record bags/first --set weight_on_bit=20"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `rpud run`."""
+    """Declare the arguments of ``rpud run``."""
     add_parameter_arguments(parser)
     parser.add_argument(
         "--duration",
-        type=number("s", above=0, most=LONGEST),
+        action=Number,
+        quantity=POSITIVE_SECONDS,
         metavar="S",
         help="stop after that many seconds (default: at SIGINT or SIGTERM)",
     )
     parser.add_argument(
         "--record",
         metavar="DIR",
-        help="record the namespace into a new bag, by a recorder beside it",
+        help="record the namespace into a new bag, by a recorder process",
     )
     parser.add_argument(
         "--max-loss",
-        type=number("s", above=0, most=LONGEST),
-        default=MAX_LOSS,
+        action=Number,
+        quantity=POSITIVE_SECONDS,
+        default=RecordOptions.max_loss,
         metavar="S",
         help="with --record: seconds of messages that a crash may cost at most "
         "(default: %(default)g)",
     )
     parser.add_argument(
         "--namespace",
-        default=DEFAULT_NAMESPACE,
+        default=RecordOptions.namespace,
         help="namespace of the node (default: %(default)s)",
     )
     parser.add_argument(
@@ -48,22 +63,68 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Drill until the duration is over or a signal asks to stop; give the exit code."""
-    from rpud_sim.simulation import ParameterError
+    """Drill until the duration is over or a signal stops it; return the exit code."""
+    values = chosen_parameters(arguments)
+    from rpud_sim.ros.drill.session import NamesakeError, open_drill
+    from rpud_sim.ros.starting import StartError
+    from rpud_sim.ros.stopping import StopRequest
 
+    with (
+        failing(NamesakeError),
+        failing(StartError, code=ExitCode.USAGE),
+        StopRequest() as stop,
+        open_drill(
+            values,
+            arguments.namespace,
+            arguments.duration,
+            allow_duplicate=arguments.allow_duplicate,
+        ) as node,
+    ):
+        if not arguments.record:
+            drilled = _drill(node, stop, live=not arguments.quiet)
+            print(summary_text(node.totals.figures(), node.report), flush=True)
+            return ExitCode.DONE if drilled else ExitCode.FAILED
+        return _drill_and_record(node, stop, arguments)
+
+
+def _drill_and_record(
+    node: DrillNode, stop: StopRequest, arguments: argparse.Namespace
+) -> ExitCode:
+    from rpud_sim.ros.drill.session import await_recorder
+
+    with failing(RuntimeError):
+        node.prepare()  # so that the recorder finds its topics, and has the first message
+    recorder = RecorderProcess(arguments.record, arguments.namespace, arguments.max_loss)
+    if not recorder.wait_until_ready(stop):
+        closed = recorder.close()
+        return ExitCode.DONE if stop.requested and closed else ExitCode.FAILED
+    await_recorder(node, stop)
+    node.count_sent()
     try:
-        values = chosen_values(arguments)
-    except ParameterError as error:
-        complain("rpud run", error)
-        return 2
-    from rpud_sim.ros.drill.session import drill
+        drilled = _drill(node, stop, live=not arguments.quiet)
+    finally:
+        recorded = recorder.close()
+    for line in recorder.missing(node.sent) if recorded else ():
+        recorded = False
+        complain("rpud run", line)
+    print(summary_text(node.totals.figures(), node.report), flush=True)
+    if recorded:
+        print(f"bag: {printable(arguments.record)}", flush=True)
+    return ExitCode.DONE if drilled and recorded else ExitCode.FAILED
 
-    return drill(
-        values,
-        arguments.namespace,
-        duration=arguments.duration,
-        bag=arguments.record,
-        live=not arguments.quiet,
-        max_loss=arguments.max_loss,
-        allow_duplicate=arguments.allow_duplicate,
-    )
+
+def _drill(node: DrillNode, stop: StopRequest, *, live: bool) -> bool:
+    """Drill to the end; print why it failed, and return whether it did not."""
+    from rpud_sim.ros.drill.drill_node import spin
+
+    line = LiveLine(live)
+    reason = None
+    try:
+        spin(node, stop, line.show)
+    except RuntimeError as error:
+        reason = error
+    finally:
+        line.end()
+    if reason is not None:
+        complain("rpud run", reason)
+    return reason is None

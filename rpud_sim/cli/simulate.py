@@ -1,19 +1,26 @@
-"""`rpud simulate`: run the drill as fast as possible, without ROS, and print its figures."""
+"""``rpud simulate``: run the drill as fast as possible, without ROS, and print its figures."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
 import importlib
-import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.cli.parameters import add_parameter_arguments, chosen_values
+from rpud_sim.cli.options import (
+    Number,
+    add_json_argument,
+    add_parameter_arguments,
+    chosen_parameters,
+)
+from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain
+from rpud_sim.cli.tables import print_json
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.terminal import complain
 
 if TYPE_CHECKING:
     from rpud_sim.simulation.configuration import Configuration
@@ -22,79 +29,66 @@ if TYPE_CHECKING:
 HELP = "run the drill offline, faster than real time, and print its figures"
 EXAMPLE = "rpud simulate --regime drilling --duration 20 --set weight_on_bit=20 --json"
 
-_SHORTEST, _LONGEST = 1e-9, 1e6  # s; time is whole nanoseconds
-# Parameters of the node that act here as well.
-_NODE_NAMES = ("drive_enabled", "scenario")
-
-
-def _number_or_text(kind: type) -> Callable[[str], Any]:
-    """Return a converter that leaves what is no number to the check of its range."""
-
-    def convert(text: str) -> Any:
-        try:
-            return kind(text)
-        except ValueError:
-            return text
-
-    return convert
+_DURATION = Quantity("s", "simulated time", 1e-9, 1e6)  # time is whole nanoseconds
+_REPEAT = Quantity("", "number of runs", 1, 1e6, whole=True)
+_SEED = Quantity("", "seed", 0, 2**63, whole=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `rpud simulate`."""
+    """Declare the arguments of ``rpud simulate``."""
     add_parameter_arguments(parser)
     parser.add_argument(
         "--duration",
-        type=_number_or_text(float),
+        action=Number,
+        quantity=_DURATION,
         default=10.0,
         metavar="S",
         help="simulated time (default: %(default)s)",
     )
     parser.add_argument(
         "--repeat",
-        type=_number_or_text(int),
+        action=Number,
+        quantity=_REPEAT,
         default=1,
         metavar="N",
         help="an ensemble of N runs over initial vibration phases; adds standard errors",
     )
     parser.add_argument(
         "--seed",
-        type=_number_or_text(int),
+        action=Number,
+        quantity=_SEED,
         metavar="S",
         help="seed of the initial phases, and of the scenario in place of its own",
     )
     parser.add_argument(
         "--bag", metavar="DIR", help="write the run as a bag with the topics of the node"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate and print the figures; give the exit code."""
+    """Simulate and print the figures; return the exit code."""
     _load_numba()
     from rpud_sim.model.engine import EngineError
-    from rpud_sim.simulation import ParameterError
 
-    failures: tuple[type[Exception], ...] = (EngineError,)
+    errors: list[type[Exception]] = [EngineError]
     if arguments.bag:  # only then, for it takes long to load
         from rpud_sim.bag import BagError
 
-        failures = (BagError, EngineError)
-    try:
-        _check(arguments)
-        _refuse_assignments_to_the_node(arguments)
+        errors.append(BagError)
+    if arguments.bag and arguments.repeat > 1:
+        raise ParameterError("--bag goes with a single run, not with --repeat")
+    _refuse_assignments_to_the_node(arguments)
+    with failing(*errors):
         figures = _simulate(arguments)
-    except ParameterError as error:
-        return _fail(error, 2)
-    except failures as error:
-        return _fail(error, 1)
-    print(json.dumps(figures, indent=2) if arguments.json else _table(figures))
-    return 0
+    print_json(figures) if arguments.json else print(_text(figures))
+    return ExitCode.DONE
 
 
 def _load_numba() -> None:
-    """Load what Numba needs, but for SciPy.
+    """Load Numba without SciPy.
 
-    It would look there for linear algebra, which no kernel of ours uses: a fifth of the start.
+    Numba would load SciPy's linear algebra, which no kernel uses: a fifth of the start.
     """
     if "scipy" not in sys.modules:
         sys.modules["scipy"] = None  # type: ignore[assignment]
@@ -104,58 +98,42 @@ def _load_numba() -> None:
             del sys.modules["scipy"]
 
 
-def _check(arguments: argparse.Namespace) -> None:
-    from rpud_sim.simulation import ParameterError, Quantity
-
-    Quantity("s", "", _SHORTEST, _LONGEST).check("--duration", arguments.duration)
-    Quantity("", "", 1, 1e6).check("--repeat", arguments.repeat)
-    if arguments.seed is not None:
-        Quantity("", "", 0, 2**63).check("--seed", arguments.seed)
-    if arguments.bag and arguments.repeat > 1:
-        raise ParameterError("--bag goes with a single run, not with --repeat")
-
-
 def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
-    """Refuse what would do nothing here; a file may hold it, for it is the node's as well."""
-    from rpud_sim.simulation import ParameterError
-    from rpud_sim.simulation.configuration import NODE_NAMES, parse_assignment
+    """Refuse parameters without effect here; a file may hold them, for the node reads it too."""
+    from rpud_sim.simulation.configuration import NODE_NAMES
+    from rpud_sim.simulation.parameter_files import parse_assignment
 
     for text in arguments.assignments:
         name, _ = parse_assignment(text)
-        if name in NODE_NAMES and name not in _NODE_NAMES:
+        if name in NODE_NAMES and name != "scenario":
             raise ParameterError(f"{name} is a parameter of the drill node alone: see rpud run")
 
 
 def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Write the bag, if one is asked for, and return the figures."""
-    from rpud_sim.simulation.configuration import to_configuration
+    """Write the bag, if one is requested, and return the figures."""
+    from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, initial_phases
 
-    values = chosen_values(arguments)
-    configuration = to_configuration(values)
+    values = chosen_parameters(arguments)
+    configuration = to_settings(values).configuration
     file = values.get("scenario", "")
     scenario = _scenario(file, arguments.seed)
-    compile_kernels(configuration, _tell)
+    compile_kernels(configuration, _show)
     phases = initial_phases(arguments.repeat, arguments.seed)
     if arguments.bag:
-        from rpud_sim.cli.offline_bag import write_offline_bag
+        from rpud_sim.inspection.offline_bag import write_offline_bag
+        from rpud_sim.simulation.run import Beginning
 
-        write_offline_bag(
-            arguments.bag,
-            configuration,
-            arguments.duration,
-            phases[0],
-            scenario,
-            arguments.seed or 0,
-            Path(file).read_text(encoding="utf-8") if scenario else None,
-        )
+        beginning = Beginning(to_settings(values), phases[0], arguments.seed or 0, scenario)
+        text = Path(file).read_text(encoding="utf-8") if scenario else ""
+        with progress_bar(" s", arguments.duration) as bar:
+            write_offline_bag(arguments.bag, beginning, arguments.duration, text, bar.update)
     figures = _figures(arguments, configuration, phases, scenario)
     figures["scenario"] = values.get("scenario") or None
     return figures
 
 
 def _scenario(path: Any, seed: int | None) -> Scenario | None:
-    from rpud_sim.simulation import ParameterError, shown
     from rpud_sim.simulation.scenario import read_scenario
 
     if not isinstance(path, str):
@@ -188,7 +166,7 @@ def _figures(
     return figures
 
 
-def _table(figures: dict[str, Any]) -> str:
+def _text(figures: dict[str, Any]) -> str:
     from rpud_sim.simulation.statistics import FIGURES
 
     units = {
@@ -211,12 +189,7 @@ def _table(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _tell(line: str) -> None:
-    """Show what is going on, where somebody looks."""
+def _show(line: str) -> None:
+    """Show what takes long, on a terminal."""
     if sys.stderr.isatty():
         complain("rpud simulate", line)
-
-
-def _fail(error: Exception, code: int) -> int:
-    complain("rpud simulate", error)
-    return code

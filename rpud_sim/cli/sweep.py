@@ -1,33 +1,39 @@
-"""`rpud sweep`: a design of experiments over any parameters, on all cores or a cluster."""
+"""``rpud sweep``: design of experiments over any parameters, on all cores or a cluster."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import time
 from pathlib import Path
 
+from rpud_sim.cli.options import Number, add_json_argument
+from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable
+from rpud_sim.cli.tables import print_json
+from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.terminal import printable
 
 HELP = "run a design of experiments over any parameters"
 EXAMPLE = "rpud sweep config/sweep.yaml --out sweeps/first"
 
+_WORKERS = Quantity("", "processes", 1, 1024, whole=True)
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `rpud sweep`."""
+    """Declare the arguments of ``rpud sweep``."""
     parser.add_argument("spec", metavar="SPEC", help="the sweep, such as config/sweep.yaml")
     parser.add_argument(
         "--out",
         required=True,
         metavar="DIR",
-        help="folder for tables and pictures; what an earlier call has finished there is kept",
+        help="folder for tables and pictures; finished parts of an earlier call are kept",
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         "--workers",
-        type=_count,
+        action=Number,
+        quantity=_WORKERS,
         metavar="N",
         help="processes on this machine (default: one for each of its cores)",
     )
@@ -36,18 +42,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="tcp://HOST:PORT",
         help="run on the Dask cluster of this scheduler",
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the sweep and print what was made; give the exit code."""
-    from rpud_sim.analysis.sweep.errors import SweepError, WorkerError
-    from rpud_sim.analysis.sweep.specification import read_specification
+    """Run the sweep and print the account; return the exit code."""
+    from rpud_sim.studies.sweep.chunks import WorkerError
+    from rpud_sim.studies.sweep.specification import SweepError, read_specification
 
     started = time.perf_counter()
-    try:
+    with failing(SweepError, code=ExitCode.USAGE), failing(WorkerError):
         specification = read_specification(arguments.spec)
-        from rpud_sim.analysis.sweep.sweep import run_sweep
+        from rpud_sim.studies.sweep.sweep import run_sweep
 
         with progress_bar(" simulations", specification.simulations) as bar:
             result = run_sweep(
@@ -57,33 +63,20 @@ def run(arguments: argparse.Namespace) -> int:
                 arguments.scheduler,
                 bar.update,
             )
-    except ModuleNotFoundError as error:
-        if error.name != "pyarrow":
-            raise
-        return _fail("needs the Python module pyarrow: pip install pyarrow", 1)
-    except SweepError as error:
-        return _fail(str(error), 2)
-    except WorkerError as error:
-        return _fail(str(error), 1)
-    except OSError as error:  # Parquet's own name no file
-        return _fail(f"{error.filename}: {error.strerror}" if error.filename else str(error), 1)
     wall = time.perf_counter() - started
     if arguments.json:
-        print(
-            json.dumps(
-                {
-                    "out": str(result.folder),
-                    **result.manifest,
-                    "run": result.simulations,
-                    "kept": result.kept,
-                    "failures": result.failures,
-                    "pictures": [str(path) for path in result.pictures],
-                    "wall_time": wall,
-                },
-                indent=2,
-            )
+        print_json(
+            {
+                "out": str(result.folder),
+                **result.manifest,
+                "run": result.simulations,
+                "kept": result.kept,
+                "failures": result.failures,
+                "pictures": [str(path) for path in result.pictures],
+                "wall_time": wall,
+            }
         )
-        return 0
+        return ExitCode.DONE
     print(
         f"{specification.point_count} points of {specification.repeat} simulations of "
         f"{specification.duration:g} s: {result.simulations} run, {result.kept} kept, "
@@ -95,19 +88,4 @@ def run(arguments: argparse.Namespace) -> int:
         *result.pictures,
     ):
         print(printable(path))
-    return 0
-
-
-def _count(text: str) -> int:
-    try:
-        count = int(text)
-    except ValueError:
-        count = 0
-    if not 1 <= count <= 1024:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number from 1 to 1024")
-    return count
-
-
-def _fail(message: str, code: int) -> int:
-    complain("rpud sweep", message)
-    return code
+    return ExitCode.DONE

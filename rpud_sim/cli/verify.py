@@ -1,57 +1,53 @@
-"""`rpud verify`: prove that a bag is what the simulation gives, bit for bit."""
+"""``rpud verify``: proof that a bag is what the simulation gives, bit for bit."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from typing import TYPE_CHECKING, Any
 
+from rpud_sim.cli.options import add_bag_argument, add_json_argument
+from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.terminal import complain, printable, table
+from rpud_sim.cli.tables import print_json, table
+from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.foundation.time import SECOND
 
 if TYPE_CHECKING:
-    from rpud_sim.analysis.proof.verification import Verification
+    from rpud_sim.inspection.verify.verification import Verification
 
 HELP = "run a bag's simulation again and compare every message, bit for bit"
+DETAILS = (
+    "Exit codes: 0 proved, 3 a message differs, 1 it cannot be decided or messages are missing "
+    "at the end, 2 wrong call."
+)
 EXAMPLE = "rpud verify bags/first"
 
 _COUNTS = ("equal", "different", "unexpected", "missing", "tail")
 
-DIFFERS = 3
-"""Exit code where a message is not what the simulation gives."""
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of `rpud verify`."""
-    parser.description = (
-        f"{HELP[0].upper()}{HELP[1:]}. Exit codes: 0 proved, {DIFFERS} a message differs, "
-        "1 it cannot be decided or messages are missing at the end, 2 wrong call."
-    )
-    parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    """Declare the arguments of ``rpud verify``."""
+    add_bag_argument(parser)
+    add_json_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Verify and print the account; give the exit code."""
-    from rpud_sim.analysis.proof.entries import UnverifiableError
-    from rpud_sim.analysis.proof.verification import verify
+    """Verify and print the account; return the exit code."""
     from rpud_sim.bag import BagError
+    from rpud_sim.inspection.verify.recorded_journal import UnverifiableError
+    from rpud_sim.inspection.verify.verification import verify
 
-    try:
-        with progress_bar(" s") as bar:
-            verification = verify(arguments.bag, bar.update)
-    except (BagError, UnverifiableError) as error:
-        complain("rpud verify", error)
-        return 1
+    with failing(BagError, UnverifiableError), progress_bar(" s") as bar:
+        verification = verify(arguments.bag, bar.update)
     for warning in verification.warnings:
         complain("rpud verify", warning)
-    print(json.dumps(_content(verification)) if arguments.json else _account(verification))
+    print_json(_content(verification)) if arguments.json else print(_account(verification))
     if verification.proved:
-        return 0
-    # What another version gives is no proof to the contrary.
+        return ExitCode.DONE
+    # A difference from a bag of another version is no proof that the bag was changed.
     differs = verification.first_difference and not verification.other_versions
-    return DIFFERS if differs else 1
+    return ExitCode.INCOMPLETE if differs else ExitCode.FAILED
 
 
 def _content(verification: Verification) -> dict[str, Any]:
@@ -71,18 +67,18 @@ def _content(verification: Verification) -> dict[str, Any]:
 
 def _account(verification: Verification) -> str:
     head = ("topic", *_COUNTS, "lost")
-    rows = [head] + [
+    rows = [
         (
             name,
-            *(str(getattr(counts, count)) for count in _COUNTS),
-            "unknown" if verification.lost[name] is None else str(verification.lost[name]),
+            *(getattr(counts, count) for count in _COUNTS),
+            "unknown" if verification.lost[name] is None else verification.lost[name],
         )
         for name, counts in sorted(verification.topics.items())
     ]
-    lines = [*table(rows, left=1), ""]
+    lines = [*table(head, rows, left=1), ""]
     difference = verification.first_difference
     if difference is not None:
-        at = f"{printable(difference.topic)} at {difference.stamp / 1e9:.9f} s"
+        at = f"{printable(difference.topic)} at {difference.stamp / SECOND:.9f} s"
         if difference.computed is None:
             lines.append(f"first difference: {at} is a message that the simulation does not give")
         else:
@@ -95,7 +91,9 @@ def _account(verification: Verification) -> str:
         for name, counts in sorted(verification.topics.items())
         if counts.tail
     )
-    lines.append(f"{_verdict(verification)}, {verification.simulated / 1e9:.3f} s simulated again")
+    lines.append(
+        f"{_verdict(verification)}, {verification.simulated / SECOND:.3f} s simulated again"
+    )
     return "\n".join(lines)
 
 

@@ -1,1 +1,1 @@
-"""The paper's impact dynamics: bodies, collisions, and the engine that finds the next impact."""
+"""Impact dynamics of the paper: bodies, collisions, and the engine that finds the next impact."""

@@ -1,4 +1,4 @@
-"""How the model's kernels are compiled: cached, without the GIL, in strict IEEE arithmetic."""
+"""Compilation of the kernels: cached, without the GIL, in strict IEEE arithmetic."""
 
 import contextlib
 from pathlib import Path
@@ -7,14 +7,15 @@ import numba
 
 
 def _drop_stale_cache() -> None:
-    """Remove cached kernels that are older than any source of the model.
+    """Remove cached kernels of the package that are older than any source of the model.
 
-    Numba compares a cached kernel with the file it is written in, but not with those of the
-    kernels that it calls.
+    Numba compares a cached kernel with the file it is written in, but not with the files of the
+    kernels that it calls. A kernel of the simulation calls those of the model: kept, it would go on
+    with the former equations.
     """
-    folder = Path(__file__).parent
-    newest = max(source.stat().st_mtime_ns for source in folder.glob("*.py"))
-    for index in folder.glob("__pycache__/*.nbi"):
+    model = Path(__file__).parent
+    newest = max(source.stat().st_mtime_ns for source in model.glob("*.py"))
+    for index in model.parent.glob("*/__pycache__/*.nbi"):
         with contextlib.suppress(OSError):
             if index.stat().st_mtime_ns < newest:
                 index.unlink()

@@ -1,4 +1,4 @@
-"""The drill as the engine sees it: constants derived from the parameters, and the moving state."""
+"""Drill of the engine: constants derived from the parameters, and the moving state."""
 
 from typing import NamedTuple
 
@@ -8,8 +8,8 @@ from rpud_sim.model.contact import EffectiveTool, printed_tool, rayleigh_tool, s
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.suspension import damping_coefficient
 
-# Of a tool that rock or cuttings grip, before it drills (seating.py) and with a jammed free mass:
-# assumed, the tables' value for the drill tool before drilling.
+# Damping ratio of a tool that rock or cuttings hold: while it is seated (seating.py) and with a
+# jammed free mass. Assumed: the tables' value for the drill tool before drilling.
 ROCK_DAMPING_RATIO = 0.5
 
 

@@ -1,4 +1,4 @@
-"""The engine: advances the drill event by event, takes changes, hands out what has happened."""
+"""Engine: the motion of the drill from event to event, under changing commands and constants."""
 
 from __future__ import annotations
 
@@ -9,22 +9,21 @@ import numpy as np
 from rpud_sim.model.drill import STATE, Drill, derive
 from rpud_sim.model.events import FULL, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import Parameters
-from rpud_sim.model.records import join
 from rpud_sim.model.seating import seating
-from rpud_sim.model.segment import IMPACT, SEGMENT
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.model.tolerances import LONGEST_STANDSTILL
 
-# Room for the results of one call of the kernel; it is called again when they are full. For more,
-# memory would come fresh from the system every time, and short blocks take a fifth longer.
+# Records that one call of the kernel can return; it is called again when they are full. With larger
+# arrays, every call gets fresh memory from the system, and short blocks take a fifth longer.
 _CAPACITY = 256
 
 
 class EngineError(RuntimeError):
-    """The engine cannot go on; its text says when and in which state."""
+    """Failure of the engine; the text contains the state and its time."""
 
 
 class Engine:
-    """The drill's motion from time zero on, event by event.
+    """Motion of the drill from time zero on, event by event.
 
     Args:
         parameters: of the drill.
@@ -37,7 +36,7 @@ class Engine:
     ) -> None:
         self._drill = derive(parameters)
         self._target = self._drill
-        # Constants that the drill will have, and from when on.
+        # Times and constants of the steps to come.
         self._seating: deque[tuple[tuple[int, float], Drill]] = deque()
         self._state = np.zeros(1, STATE)
         self._open_segment = np.zeros(1, SEGMENT)
@@ -83,8 +82,8 @@ class Engine:
         """Advance to a time and go on from there with other commands, and with another drill.
 
         Positions and velocities and the phase of the vibration stay continuous; the amplitude
-        changes when the vibration next passes through zero. A free drill tool takes a while to be
-        held by the rock (see seating.py).
+        changes when the vibration next passes through zero. The rock takes hold of a free drill
+        tool step by step (see seating.py).
 
         Args:
             seconds: whole seconds of the time, not before the last one.
@@ -147,15 +146,15 @@ class Engine:
         self._segments.append(segments)
         self._impacts.append(impacts[:count])
 
-    def take(self) -> tuple[np.ndarray, np.ndarray]:
+    def drain(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the segments and the impacts finished since the last call, in order."""
-        covering, impacts = self.take_covering()
+        covering, impacts = self.drain_covering()
         return covering[:-1], impacts
 
-    def take_covering(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return what ``take`` does, the open segment after the finished ones."""
-        covering = join([*self._segments, self._open_segment], SEGMENT)
-        impacts = join(self._impacts, IMPACT)
+    def drain_covering(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same as ``drain``, with the open segment after the finished ones."""
+        covering = join_records([*self._segments, self._open_segment], SEGMENT)
+        impacts = join_records(self._impacts, IMPACT)
         self._segments.clear()
         self._impacts.clear()
         return covering, impacts

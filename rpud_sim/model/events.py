@@ -1,4 +1,4 @@
-"""Events: from one to the next, exactly.
+"""Events of the drill, and the exact advance from one to the next.
 
     until the requested time:
         the open segment ends at its event (search.py)
@@ -6,8 +6,8 @@
         let the bodies collide and decide which contacts last (resets.py)
         write the closed form that follows (motion.py), find its event
 
-What is found does not depend on where a caller stops: a segment's event is computed once, from its
-start, however many calls it takes to get there.
+The result does not depend on where a caller stops: a segment's event is computed once, from its
+start, however many calls it takes to reach it.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 A guard is the gap between two bodies, the force of a contact, or the deformation of the drill tool
 in the rock. Each comes with its derivatives at a time, and with bounds on them for the whole
-segment, so that ``search`` can tell for how long it is certain to stay positive. Where the
+segment, so that ``search`` knows for how long it certainly stays positive. Where the
 actuator's tip takes part, the guard is also at least its *envelope*: the guard without the steady
 vibration, less the most that the vibration takes from it.
 """
@@ -36,12 +36,12 @@ END_DRILL_TOOL_REST = 4
 END_AMPLITUDE = 5
 END_LIMIT = 6
 
-# Stands for a slow part that says nothing.
+# Stands for a slow part that is not known.
 NO_SLOW_PART = -math.inf
 
 
 class Guard(NamedTuple):
-    """A guard at one time; a gap in m or a force in N."""
+    """Value and derivatives of a guard at one time; a gap in m or a force in N."""
 
     value: float
     slope: float
@@ -60,7 +60,7 @@ class Bounds(NamedTuple):
 
 
 class Load(NamedTuple):
-    """What the tip moves through a contact, and the constant force on it."""
+    """Load that the tip moves through a contact, and the constant force on it."""
 
     mass: float
     damping: float
@@ -195,14 +195,6 @@ def force_from_tip(load, segment, time):
         slow,
         slow_slope,
     )
-
-
-@compiled
-def force_on_actuator(segment, time):
-    """Force of the contact of actuator and free mass: value [N] and slope [N/s]."""
-    load = load_of(segment, END_ACTUATOR_RELEASE)
-    force = force_from_tip(load, segment, time)
-    return force.value, force.slope
 
 
 @compiled

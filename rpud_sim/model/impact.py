@@ -1,7 +1,7 @@
-"""The impact in progress: from the blow on the drill tool to the end of that contact.
+"""Impact in progress: from the blow on the drill tool to the end of that contact.
 
-An impact ends when the contact opens, when the free mass strikes the drill tool anew (the actuator
-drove it while it was still there), or when the contact has come to rest. It also ends when the
+An impact ends when the contact opens, when the free mass strikes the drill tool again (the actuator
+drove it during the contact), or when the contact has come to rest. It also ends when the
 actuator strikes a free mass that is jammed on the drill tool, and when the rock is left.
 """
 

@@ -1,4 +1,4 @@
-"""From a state to the closed form that follows it: which equations hold for which contact."""
+"""Closed forms of the motion that follows a state, for each combination of contacts."""
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.segment import (
@@ -15,7 +15,7 @@ CONTACT_BOTH = CONTACT_ACTUATOR | CONTACT_DRILL_TOOL
 
 @compiled
 def nodal_plane_closed_form(drill, state, contact):
-    """The nodal plane's ``Oscillation`` under the given contact.
+    """Return the ``Oscillation`` of the nodal plane under the given contact.
 
     Alone, or with the free mass in flight or on the drill tool, it obeys eq. (2) with the preload
     W. With the free mass (and the drill tool behind it) held against the vibrating tip, their
@@ -54,7 +54,7 @@ def nodal_plane_closed_form(drill, state, contact):
 
 @compiled
 def drill_tool_closed_form(drill, state, contact):
-    """The drill tool's ``Oscillation``: alone by eq. (14), with the free mass by eq. (31)."""
+    """Return that of the drill tool: alone by eq. (14), with the free mass by eq. (31)."""
     if contact == CONTACT_DRILL_TOOL:
         return free_vibration(
             drill.free_mass + drill.tool_mass,
@@ -92,7 +92,7 @@ def set_constants(drill, segment):
 def begin_segment(drill, state, segment):
     """Write the closed form that follows from the state into the segment, all but its duration.
 
-    Its constants are there already.
+    The segment already has its constants.
     """
     segment.start_seconds = state.seconds
     segment.start_fraction = state.fraction

@@ -1,4 +1,4 @@
-"""Resets: what the collisions at one instant do, and which contacts remain closed after it.
+"""Resets: the collisions at one instant, and the contacts that remain closed after it.
 
     find the pairs that touch
     repeat until no touching pair approaches:
@@ -38,7 +38,7 @@ from rpud_sim.model.vibration import TWO_PI, harmonic_vibration
 
 
 class Collisions(NamedTuple):
-    """Who was struck at one instant, and what the drill tool received."""
+    """Result of the collisions at one instant."""
 
     actuator_struck: bool
     drill_tool_struck: bool
@@ -243,10 +243,10 @@ def hold_on_actuator(drill, state, v_ut, v_hv, ahead):
 
 @compiled
 def lasting_contact(drill, state, closed, opened, drill_tool_struck):
-    """Which contacts last after the collisions; bodies that stay together get one velocity.
+    """Contacts that last after the collisions; bodies that stay together get one velocity.
 
-    At most one combination of contacts has only pushing forces and no gap that closes again. It is
-    sought among the pairs that separate slowly enough.
+    At most one combination of contacts has only pushing forces and no gap that closes again. Only
+    pairs that separate slowly enough can be in it.
 
     Args:
         drill: the constants.

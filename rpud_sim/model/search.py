@@ -1,4 +1,4 @@
-"""Search: when the open segment ends. The only place where an equation is solved numerically.
+"""Search for the end of the open segment: the only place that solves an equation numerically.
 
 A guard whose second derivative is bounded by B cannot fall from a value g with a slope g' to zero
 within
@@ -68,7 +68,7 @@ def convex_step(value, slope, curvature, bound):
 
 @compiled
 def allowance_of(end):
-    """How far below zero a guard may go that has not been above zero by as much."""
+    """Return how far below zero a guard may be that was not yet as far above zero."""
     if end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT):
         return TOUCHING
     if end == END_DRILL_TOOL_REST:
@@ -78,7 +78,7 @@ def allowance_of(end):
 
 @compiled
 def first_root(segment, end, limit):
-    """How long a guard stays positive, up to a limit [s].
+    """Time for which a guard stays positive, up to a limit [s].
 
     Returns:
         The time until which it is certain to be positive, and whether it is zero there.
@@ -128,7 +128,7 @@ def fall_time(gap, velocity, gravity):
 
 @compiled
 def sooner(segment, end, duration, event):
-    """The given duration and event, or those of a guard if they are sooner."""
+    """Return the given duration and event, or those of a guard if they are sooner."""
     time, is_root = first_root(segment, end, duration)
     if time < duration:
         return time, end if is_root else END_LIMIT
@@ -137,9 +137,10 @@ def sooner(segment, end, duration, event):
 
 @compiled
 def sooner_release(segment, duration, event):
-    """The given duration and event, or those of the contact of all three bodies if it ends sooner.
+    """Return the given duration and event, or those of the three bodies' contact if sooner.
 
-    Either force may vanish long before the other: they are followed by turns, further and further.
+    Either force may vanish long before the other: the search follows both by turns, in growing
+    spans.
     """
     span = FIRST_SPAN
     while True:
@@ -153,7 +154,7 @@ def sooner_release(segment, duration, event):
 
 @compiled
 def next_event(drill, state, segment):
-    """What ends the segment, and after what time [s].
+    """Find the end of the segment, and its duration [s].
 
     Returns:
         One of END_*, and the duration.

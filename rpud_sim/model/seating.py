@@ -1,10 +1,10 @@
-"""Seating: how the rock takes hold of a drill tool that has been free.
+"""Seating: the transition of a free drill tool into the rock.
 
 Before drilling the tool may be millimetres from zero and moving; in the rock it is at zero between
-contacts. Stiff rock that took hold at once would throw it back with joules that nobody has put in.
-So the drill is fed into the rock: the spring that holds the tool stiffens step by step from the
-restoring spring to the tool's own elasticity. Positions and velocities are continuous all the
-while, the bodies follow, and what the feed puts in is little and soon damped.
+contacts. Stiff rock that took hold at once would throw it back with energy that has no source. So
+the spring that holds the tool stiffens step by step, from the restoring spring to the tool's own
+elasticity. Positions and velocities stay continuous and the bodies follow. The energy that this
+adds is small and soon damped.
 """
 
 from __future__ import annotations
@@ -12,22 +12,22 @@ from __future__ import annotations
 from rpud_sim.model.drill import ROCK_DAMPING_RATIO, Drill
 from rpud_sim.model.suspension import damping_coefficient
 
-# Assumed, as the paper has no such transition: long beside the periods of tool and drill, so that
-# both follow, and short beside what a user calls drilling.
+# Assumed, as the paper has no such transition: many periods of tool and drill, so that both follow,
+# and a small part of the time for which a user drills.
 SEATING_TIME = 0.1  # [s]
 SEATING_STEPS = 20
 
 
 def seating(before: Drill, after: Drill) -> list[tuple[float, Drill]]:
-    """Return through which constants the drill goes, and when after the change [s].
+    """Return the constants of each step, with the time of the step after the change [s].
 
-    The last ones are those asked for. The steps before them are as before drilling: the impacts of
-    eqs. (11)-(13) and the suspension of eq. (14). Any change but that of a free drill tool to one
-    in the rock is done at once.
+    The last step has the requested constants. The steps before it are as before drilling: the
+    impacts of eqs. (11)-(13) and the suspension of eq. (14). Only the change of a free drill tool
+    to one in the rock takes steps; every other change takes effect at once.
 
     Args:
         before: the present constants.
-        after: the constants asked for.
+        after: the requested constants.
     """
     if before.in_rock or not after.in_rock:
         return [(0.0, after)]

@@ -1,21 +1,20 @@
-"""The trajectory's records: segments of closed-form motion, and impacts on the drill tool.
+"""Records of a trajectory: segments of closed-form motion, and impacts on the drill tool.
 
 A segment holds everything that is needed to evaluate every motion and force from its start to its
-end, also the constants of the drill, which may be others in the next one. Two
-dtypes are the whole vocabulary: NumPy arrays of them leave the engine, are sampled, published and
-recorded.
+end. It also holds the constants of the drill, which may differ in the next segment. NumPy arrays of
+these two dtypes leave the engine, are sampled, published and recorded.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.flight import fall
 from rpud_sim.model.suspension import Oscillation, decaying_integral, decaying_part
 from rpud_sim.model.vibration import TWO_PI
 
-# Who touches the free mass during a segment: bits, both may be set.
+# Bodies in contact with the free mass during a segment: bits, both may be set.
 CONTACT_ACTUATOR = 1
 CONTACT_DRILL_TOOL = 2
 
@@ -80,9 +79,24 @@ IMPACT = np.dtype(
 )
 
 
+def join_records(records: Sequence[np.ndarray], dtype: np.dtype) -> np.ndarray:
+    """Return arrays of records as one immutable array.
+
+    It joins bytes, because NumPy joins structures slowly.
+
+    Args:
+        records: arrays of the dtype; none gives an empty array.
+        dtype: ``SEGMENT`` or ``IMPACT``.
+    """
+    joined = np.concatenate([np.empty(0, np.uint8), *(part.view(np.uint8) for part in records)])
+    # Always read-only, also when it is fresh: kernels are compiled again for another type of array.
+    joined.flags.writeable = False
+    return joined.view(dtype)
+
+
 @compiled
 def nodal_plane_motion(segment):
-    """The nodal plane's ``Oscillation`` of a segment."""
+    """Return the ``Oscillation`` of the nodal plane in a segment."""
     return Oscillation(
         segment.nodal_plane_offset,
         segment.nodal_plane_decay_rate,
@@ -96,7 +110,7 @@ def nodal_plane_motion(segment):
 
 @compiled
 def drill_tool_motion(segment):
-    """The drill tool's ``Oscillation`` of a segment."""
+    """Return the ``Oscillation`` of the drill tool in a segment."""
     return Oscillation(
         segment.drill_tool_offset,
         segment.drill_tool_decay_rate,
@@ -110,7 +124,7 @@ def drill_tool_motion(segment):
 
 @compiled
 def set_nodal_plane_motion(segment, motion):
-    """Write the nodal plane's ``Oscillation`` into a segment."""
+    """Write the ``Oscillation`` of the nodal plane into a segment."""
     segment.nodal_plane_offset = motion.offset
     segment.nodal_plane_decay_rate = motion.decay_rate
     segment.nodal_plane_angular_frequency = motion.angular_frequency
@@ -122,7 +136,7 @@ def set_nodal_plane_motion(segment, motion):
 
 @compiled
 def set_drill_tool_motion(segment, motion):
-    """Write the drill tool's ``Oscillation`` into a segment."""
+    """Write the ``Oscillation`` of the drill tool into a segment."""
     segment.drill_tool_offset = motion.offset
     segment.drill_tool_decay_rate = motion.decay_rate
     segment.drill_tool_angular_frequency = motion.angular_frequency
@@ -131,8 +145,23 @@ def set_drill_tool_motion(segment, motion):
 
 
 @compiled
+def fall(position, velocity, gravity, time):
+    """Position [m] and velocity [m/s] of the free mass in flight, eqs. (10), (17) and (19).
+
+    Args:
+        position: at the start [m].
+        velocity: at the start [m/s].
+        gravity: g [m/s^2].
+        time: of flight [s].
+    """
+    u_fm = position + velocity * time + 0.5 * gravity * time * time
+    v_fm = velocity + gravity * time
+    return u_fm, v_fm
+
+
+@compiled
 def motion_at(segment, time):
-    """Every body's motion at a time after a segment's start.
+    """Motion of every body at a time after a segment's start.
 
     Args:
         segment: a ``SEGMENT`` record.

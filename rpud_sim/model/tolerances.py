@@ -1,4 +1,4 @@
-"""How finely the engine resolves contacts: every tolerance of the model, in one place.
+"""Tolerances of the engine: how finely it resolves contacts.
 
 Bodies nearer than ``TOUCHING`` touch. They may overlap by that until they have been further apart,
 and no bounce lower than ``LOWEST_BOUNCE`` is resolved, so that bodies that neither press nor part
@@ -7,12 +7,12 @@ cost nothing. In the same way a contact that begins without force opens when it 
 within ``TIME_RESOLUTION``.
 """
 
-# Two bodies that are nearer touch, and may overlap by as much before they collide [m].
+# Bodies that are nearer than this touch; they may overlap by as much before they collide [m].
 TOUCHING = 1e-12
 
 # A bounce that is lower is a contact that lasts, and so is a cage between actuator and drill tool
 # that the free mass cannot force wider against what presses them together [m]. The energy that
-# this takes away is less than the contact force times this length.
+# this removes is less than the contact force times this length.
 LOWEST_BOUNCE = 1e-9
 
 # Touching bodies do not collide if their velocities differ by less [m/s].
@@ -46,7 +46,7 @@ LONGEST_SEARCH = 2000
 # Collisions at one instant after which the bodies go on together.
 MOST_COLLISIONS = 1000
 
-# Events in a row within SHORTEST_SEGMENT [s] of each other after which the engine gives up rather
-# than stall.
+# Events in a row within SHORTEST_SEGMENT [s] of each other after which the engine fails. Without
+# this limit it would never return.
 LONGEST_STANDSTILL = 10_000
 SHORTEST_SEGMENT = 1e-13

@@ -1,4 +1,4 @@
-"""How late things were, in bounded memory."""
+"""Histogram of delays, in bounded memory."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _STEPS_PER_OCTAVE = 16  # bounds are 4.4 % apart
 
 
 class Lateness:
-    """A histogram of delays; what is on time or early counts as zero."""
+    """Histogram of delays; an early or punctual event counts as zero."""
 
     def __init__(self) -> None:
         self._counts: Counter[int] = Counter()
@@ -17,18 +17,18 @@ class Lateness:
 
     @property
     def count(self) -> int:
-        """The number of delays."""
+        """Number of delays."""
         return self._counts.total()
 
     def add(self, nanoseconds: float) -> None:
         """Add a delay [ns]."""
-        # Below a microsecond nothing is told apart.
+        # Delays below a microsecond are one step.
         step = ceil(log2(max(nanoseconds, 1e3) / 1e3) * _STEPS_PER_OCTAVE)
         self._counts[step] += 1
         self._greatest = max(self._greatest, nanoseconds)
 
     def quantile(self, share: float) -> float:
-        """Give a delay [s] that `share` of all do not exceed, at most 4.4 % or 1 us too large."""
+        """Return the delay [s] that a share of all do not exceed, up to 4.4 % or 1 us too large."""
         wanted = share * self.count
         for step in sorted(self._counts):
             wanted -= self._counts[step]
@@ -38,11 +38,11 @@ class Lateness:
 
     @property
     def greatest(self) -> float:
-        """The greatest delay [s]; 0 where there is none."""
+        """Greatest delay [s]; 0 without any."""
         return self._greatest / 1e9
 
     def __str__(self) -> str:
-        """Say it in milliseconds."""
+        """Return median, 99 % quantile and maximum in milliseconds."""
         return (
             f"late {1e3 * self.quantile(0.5):.3g} ms (median), "
             f"{1e3 * self.quantile(0.99):.3g} ms (99 %), {1e3 * self.greatest:.3g} ms (most)"

@@ -16,14 +16,14 @@ REPLAY_DEPTH = 5_000
 """Messages of a replayed topic that may wait for acknowledgement; Fast DDS keeps no more."""
 
 DEPTH_LIMIT = 2**31 - 1
-"""Greatest depth that the middleware takes."""
+"""Greatest depth that the middleware accepts."""
 
 LATCHED_DEPTH = 10
-"""Messages that a replayed latched topic keeps; discovery does not tell how many it was."""
+"""Messages that a replayed latched topic keeps; discovery does not show how many it was."""
 
 
 def request_for(offers: Sequence[QoSProfile]) -> QoSProfile:
-    """Request as much as every one of `offers` gives, so that all of them connect."""
+    """Return the strongest request that every offer satisfies, so that all of them connect."""
     return QoSProfile(
         depth=RECORDING_DEPTH,
         reliability=(
@@ -40,7 +40,7 @@ def request_for(offers: Sequence[QoSProfile]) -> QoSProfile:
 
 
 def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
-    """Tell whether every one of `offers` connects to `request`, one of `request_for`."""
+    """Return whether every offer connects to a request that ``request_for`` made."""
     weakest = request_for(offers)
     return (
         request.reliability == ReliabilityPolicy.BEST_EFFORT
@@ -52,7 +52,7 @@ def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
 
 
 def recorded_profile(profile: QoSProfile) -> RecordedProfile:
-    """Convert a profile to what a bag keeps of it."""
+    """Convert a profile to that of a bag."""
     return RecordedProfile(
         history=profile.history.name.lower(),
         depth=profile.depth,
@@ -67,10 +67,10 @@ def recorded_profile(profile: QoSProfile) -> RecordedProfile:
 
 
 def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
-    """Offer what was offered; where publishers differed, the strongest of each policy.
+    """Return the QoS of a replayed topic: the strongest of each policy that was offered.
 
-    So every subscriber that heard one of them hears the replay. A bag without offers is
-    replayed reliable and volatile.
+    So every subscriber that connected to one of the publishers connects to the replay. Without a
+    recorded offer the topic is reliable and volatile.
     """
     latched = any(profile.durability == "transient_local" for profile in recorded)
     depths = [
@@ -82,7 +82,7 @@ def replay_offer(recorded: Sequence[RecordedProfile]) -> QoSProfile:
     reliable = not recorded or any(profile.reliability != "best_effort" for profile in recorded)
     manual = any(profile.liveliness == "manual_by_topic" for profile in recorded)
     offer = QoSProfile(
-        # Outside of latched topics depth is only room, and a replay may be in a hurry.
+        # Except for latched topics a depth is only room, which a fast replay needs.
         depth=max(depths, default=default_depth) if latched else max([*depths, default_depth]),
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,

@@ -1,4 +1,4 @@
-"""Executors whose nodes survive what strangers send."""
+"""Executors whose nodes survive invalid messages from the network."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ from collections.abc import Callable
 
 from rclpy.executors import Executor
 
-_LONGEST_WAIT = 0.1  # for something to do [s]
+_LONGEST_WAIT = 0.1  # for a callback that is ready [s]
 
 
 def serve(executor: Executor, failed: Callable[[str], None]) -> None:
-    """Do the next work of an executor's nodes, or return after 0.1 s without any.
+    """Execute the next callback of an executor's nodes, or return after 0.1 s without any.
 
-    rclpy itself raises for some messages, such as a ``/clock`` before time zero: such an error is
-    reported, and ends nothing.
+    rclpy itself raises errors at some messages, such as a ``/clock`` before time zero: without
+    this, a stranger's message would end the program.
 
     Args:
         executor: of the nodes.
-        failed: called with one line where the work raised an error.
+        failed: called with one line if the callback raised an error.
     """
     try:
         executor.spin_once(timeout_sec=_LONGEST_WAIT)
@@ -26,5 +26,5 @@ def serve(executor: Executor, failed: Callable[[str], None]) -> None:
 
 
 def raised(error: Exception) -> str:
-    """Describe an error that something from the network has raised, in one line."""
+    """Return one line about an error that a message from the network has caused."""
     return f"it raised {type(error).__name__}: {' '.join(str(error).split())}"

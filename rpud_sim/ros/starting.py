@@ -1,4 +1,4 @@
-"""The start of ROS in a process, or one line that says why it cannot start."""
+"""Start of ROS in a process."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from importlib import metadata
 
 import rclpy
+from rclpy.exceptions import NameValidationException
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 _WHEEL = "ros-fastrtps"
 
 
 class StartError(RuntimeError):
-    """ROS cannot start as it is requested; the message is one line."""
+    """Start of ROS that is not possible as requested; the message is one line."""
 
 
 def start_ros(arguments: Sequence[str] = ()) -> None:
@@ -23,7 +25,8 @@ def start_ros(arguments: Sequence[str] = ()) -> None:
         arguments: command line with ROS arguments.
 
     Raises:
-        StartError: if rcl refuses to start, or if DDS-Security is requested and Fast DDS lacks it.
+        StartError: if rcl cannot start with the arguments, or if DDS-Security is requested and
+            Fast DDS lacks it.
     """
     # Without a keystore, rcl would start all the same, and everything would be sent in the clear.
     if os.environ.get("ROS_SECURITY_ENABLE") == "true" and not _has_security():
@@ -32,9 +35,20 @@ def start_ros(arguments: Sequence[str] = ()) -> None:
             "use an installed ROS, or unset ROS_SECURITY_ENABLE"
         )
     try:
+        remove_ros_args(list(arguments))  # rclpy.init would print a second line
+    except RuntimeError as error:  # RCLError
+        reason = str(error).partition(", at ")[0]
+        raise StartError(f"ROS arguments that cannot be used: {reason}") from error
+    try:
         rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # RCLError
         raise StartError(f"ROS cannot start: {' '.join(str(error).split())}") from error
+
+
+def name_error(error: NameValidationException) -> StartError:
+    """Return the error of a name that ROS does not allow, as one line."""
+    what, name, *_ = str(error).splitlines()  # below them it points at the character
+    return StartError(f"{what} {name.strip()}")
 
 
 def _has_security() -> bool:

@@ -1,4 +1,4 @@
-"""An orderly stop at SIGINT and SIGTERM, and sleeping that it interrupts."""
+"""Orderly stop at SIGINT and SIGTERM, and a sleep that it interrupts."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from types import FrameType, TracebackType
 
 
 class StopRequest:
-    """Remembers that the program shall stop; while it is entered, SIGINT and SIGTERM ask for it.
+    """Request to stop the program; while it is entered, SIGINT and SIGTERM make it.
 
-    rclpy's own handlers would end the context at once, and with it every chance to take the
-    messages that have arrived. A pipe carries the request, because a lock that the interrupted
-    main thread may hold cannot be taken in a signal handler.
+    rclpy's own handlers would end the context at once, and messages that have arrived would be
+    lost. A pipe carries the request: a signal handler cannot acquire a lock that the interrupted
+    main thread may hold.
     """
 
     def __init__(self) -> None:
@@ -41,17 +41,17 @@ class StopRequest:
 
     @property
     def requested(self) -> bool:
-        """Whether the program shall stop."""
+        """Whether the stop has been requested."""
         return self._requested
 
     def request(self) -> None:
-        """Ask for the stop, from any thread."""
+        """Request the stop, from any thread."""
         if not self._requested:
             self._requested = True
             os.write(self._writing, b"\0")
 
     def wait(self, seconds: float) -> bool:
-        """Sleep for `seconds`, or until the stop is requested; tell whether it is."""
+        """Sleep for some seconds or until the stop is requested; return whether it is."""
         if not self._requested:
             select.select([self._reading], [], [], max(0.0, seconds))
         return self._requested

@@ -1,4 +1,4 @@
-"""Message classes: by the names of their types, and what members they have."""
+"""Message classes by the names of their types, and their members."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ _SEQUENCE = re.compile(r"sequence<([^,]+)>")
 
 
 class UnknownTypeError(Exception):
-    """A message type is not installed."""
+    """Message type that is not installed."""
 
 
 def message_class(type_name: str) -> Any:
-    """Import the class of a message type such as `std_msgs/msg/String`.
+    """Import the class of a message type such as ``std_msgs/msg/String``.
 
-    Raises UnknownTypeError where it is not installed.
+    Raises:
+        UnknownTypeError: if it is not installed.
     """
     match = _TYPE_NAME.fullmatch(type_name)
     if match is None:
@@ -31,7 +32,7 @@ def message_class(type_name: str) -> Any:
         message = getattr(importlib.import_module(f"{package}.{kind}"), name)
         check_for_type_support(message)
     except Exception as error:
-        # Whatever a foreign package raises while it is loaded, the type cannot be had.
+        # A foreign package may raise anything while it is loaded.
         raise UnknownTypeError(
             f"type {type_name} is not installed here ({type(error).__name__}: {error})"
         ) from error
@@ -39,9 +40,10 @@ def message_class(type_name: str) -> Any:
 
 
 def members_of(message: Any) -> Members:
-    """Give the members of a message class, as an encoder needs them.
+    """Return the members of a message class, as an encoder needs them.
 
-    Raises UnknownTypeError where it has other than numbers, texts, messages and their sequences.
+    Raises:
+        UnknownTypeError: if it has other than numbers, texts, messages and their sequences.
     """
     members = message.get_fields_and_field_types().items()
     return Members(tuple((name, _member(described)) for name, described in members))

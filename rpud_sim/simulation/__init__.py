@@ -1,33 +1,91 @@
-"""The model under commands: configuration, trajectory sampling, statistics and ensembles."""
+"""Simulation of the drill without ROS, for scripts.
 
+A ``Simulation`` is the drill alone: it advances to a time and returns a ``Block``. A ``Run`` adds
+the messages that the drill node publishes. ``run_ensemble`` computes the figures of whole runs.
+Times are integer nanoseconds of simulation time, other values are in SI units::
+
+    from rpud_sim.simulation import Simulation, Times, WeightOnBit, preset
+
+    simulation = Simulation(preset("drilling"))
+    simulation.apply(WeightOnBit(20.0))
+    block = simulation.advance_to(1_000_000_000)
+    forces = block.sample(Times.from_grid(0, 50_000, 50_000)).contact_force
+
+Errors are a ``ParameterError``, or its subclass ``FaultError``, for unusable values, and an
+``EngineError`` for a simulation that cannot go on. Other modules of this package are private: they
+change without notice.
+"""
+
+# The public face only: modules of this package import from each other, never from here.
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
-from rpud_sim.model.parameters import (
-    CONTACT_MODELS,
-    NAMES,
-    QUANTITIES,
-    REGIMES,
-    ParameterError,
-    Parameters,
-    Quantity,
-    check_choice,
-    preset,
-    shown,
+from rpud_sim.model.parameters import Parameters, preset
+from rpud_sim.simulation.actuator import Actuator, ActuatorParameters
+from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
+from rpud_sim.simulation.configuration import (
+    PARAMETERS,
+    Configuration,
+    Settings,
+    to_configuration,
+    to_settings,
 )
-from rpud_sim.model.segment import CONSTANTS, EVENT_ACTUATOR_IMPACT, SEGMENT
+from rpud_sim.simulation.control import Control
+from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, initial_phases, run_ensemble
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.journal import Journal, JournalEntry
+from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
+from rpud_sim.simulation.parameter_files import read_parameter_file
+from rpud_sim.simulation.rock import RockParameters
+from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.sampling import Samples, Times
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault, read_scenario
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import FIGURES, Statistics
+from rpud_sim.simulation.topics import TOPICS, Topic
 
 __all__ = [
-    "CONSTANTS",
-    "CONTACT_MODELS",
-    "EVENT_ACTUATOR_IMPACT",
-    "NAMES",
-    "QUANTITIES",
-    "REGIMES",
-    "SEGMENT",
+    "FIGURES",
+    "KINDS",
+    "PARAMETERS",
+    "TOPICS",
+    "Actuator",
+    "ActuatorParameters",
+    "Applied",
+    "Beginning",
+    "Block",
+    "Bookkeeping",
+    "Configuration",
+    "Control",
+    "Drive",
     "EngineError",
+    "Ensemble",
+    "Fault",
+    "FaultError",
+    "FaultLedger",
+    "FaultRecord",
+    "Journal",
+    "JournalEntry",
     "ParameterError",
     "Parameters",
-    "Quantity",
-    "check_choice",
+    "RockParameters",
+    "Run",
+    "Samples",
+    "Scenario",
+    "ScheduledFault",
+    "Settings",
+    "Simulation",
+    "Statistics",
+    "Times",
+    "Topic",
+    "WeightOnBit",
+    "compile_kernels",
+    "initial_phases",
     "preset",
-    "shown",
+    "read_parameter_file",
+    "read_scenario",
+    "run_ensemble",
+    "to_configuration",
+    "to_settings",
 ]

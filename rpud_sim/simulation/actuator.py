@@ -1,116 +1,89 @@
-"""The actuator: from the voltage on the piezoelectric stack to the amplitude of the vibration."""
+"""Actuator: from the voltage on the piezoelectric stack to the amplitude of the vibration."""
 
 from __future__ import annotations
 
 import cmath
 import dataclasses
 import math
-import sys
-from collections.abc import Mapping
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, check_choice, shown
-from rpud_sim.simulation.commands import NOMINAL_VOLTAGE, Drive
-from rpud_sim.simulation.sampling import NANOSECONDS
+from rpud_sim.foundation.parameters import ParameterGroup, choice, flag, number, quantities
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.simulation.commands import Drive
 
-ACTUATOR_MODELS = ("gain", "resonance")
-
-# Time of a step that never comes [ns].
-NEVER = sys.maxsize
-
-# The temperature is followed at whole multiples of this [ns], so that it does not depend on how
-# the simulation is stepped.
+# The temperature is computed at whole multiples of this [ns]. Otherwise it would depend on how the
+# simulation is stepped.
 HEATING_INTERVAL = 10_000_000
 
-# A step changes the amplitude by at most this share of its greatest, unless it is as short as one
-# cycle or this share of the time constant, so that far from resonance the steps stay countable.
+# A step changes the amplitude by at most STEP of its greatest. It lasts at least one cycle and
+# SHORTEST_STEP of the time constant; otherwise steps far from resonance would be too many.
 STEP = 0.01
 SHORTEST_STEP = 0.002
 
-# The amplitude is steady when it is this near to its end, as a share of its greatest, or when the
-# envelope is within this voltage [V] of its own, where rounding would end its approach.
+# The amplitude is steady when its distance from its end is below STEADY of its greatest, or the
+# envelope is within SMALLEST_VOLTAGE [V] of its end, where rounding ends the approach.
 STEADY = 0.001
 SMALLEST_VOLTAGE = 1e-9
 
-ACTUATOR_QUANTITIES: Mapping[str, Quantity] = {
-    "nominal_voltage": NOMINAL_VOLTAGE,
-    "resonance_frequency": dataclasses.replace(
-        QUANTITIES["vibration_frequency"],
-        description="resonance frequency of the actuator at ambient temperature",
-    ),
-    "quality_factor": Quantity("", "quality factor of the actuator's resonance", 10.0, 1e5),
-    "motional_resistance": Quantity(
-        "ohm", "electrical resistance of the actuator on resonance", 1e-3, 1e6
-    ),
-    "thermal_resistance": Quantity(
-        "K/W", "thermal resistance from the actuator to its surroundings", 1e-3, 1e3
-    ),
-    "heat_capacity": Quantity("J/K", "heat capacity of the actuator", 1e-3, 1e6),
-    "ambient_temperature": Quantity(
-        "K", "temperature of the surroundings", 0.0, 1e3, exclusive=True
-    ),
-    "resonance_temperature_coefficient": Quantity(
-        "1/K", "relative change of the resonance frequency with temperature", -1e-2, 1e-2
-    ),
-}
-
 
 @dataclasses.dataclass(frozen=True)
-class ActuatorParameters:
-    """All parameters of the actuator, in SI units.
+class ActuatorParameters(ParameterGroup):
+    """Parameters of the actuator, in SI units.
 
     The paper gives none of them: the resonance frequency is that of its drive, the others are
-    assumed; docs/actuator.md says why.
+    assumed; docs/explanation/actuator.md says why.
 
     Raises:
-        ParameterError: if a value is outside the range in ``ACTUATOR_QUANTITIES``, or if the
-            actuator is to heat without the power that its resonance model gives.
+        ParameterError: if a value is outside its range, or if the actuator is to heat without the
+            power that its resonance model gives.
     """
 
-    actuator_model: str = "gain"
-    nominal_voltage: float = 100.0
-    resonance_frequency: float = 16000.0
-    quality_factor: float = 500.0
-    motional_resistance: float = 100.0
-    heating: bool = False
-    thermal_resistance: float = 1.0
-    heat_capacity: float = 200.0
-    ambient_temperature: float = 293.15
-    resonance_temperature_coefficient: float = -2e-4
+    actuator_model: str = choice(
+        "gain",
+        ("gain", "resonance"),
+        "gain: the amplitude is proportional to the voltage at once; "
+        "resonance: by resonance, with ring-up and power",
+    )
+    nominal_voltage: float = number(
+        100.0,
+        "V",
+        "voltage at which the vibration has its nominal amplitude",
+        0.0,
+        1e3,
+        exclusive=True,
+    )
+    resonance_frequency: float = number(
+        16000.0, "Hz", "resonance frequency of the actuator at ambient temperature", 100.0, 2e5
+    )
+    quality_factor: float = number(
+        500.0, "", "quality factor of the actuator's resonance", 10.0, 1e5
+    )
+    motional_resistance: float = number(
+        100.0, "ohm", "electrical resistance of the actuator on resonance", 1e-3, 1e6
+    )
+    heating: bool = flag(False, "whether the actuator warms up and its resonance drifts")
+    thermal_resistance: float = number(
+        1.0, "K/W", "thermal resistance from the actuator to its surroundings", 1e-3, 1e3
+    )
+    heat_capacity: float = number(200.0, "J/K", "heat capacity of the actuator", 1e-3, 1e6)
+    ambient_temperature: float = number(
+        293.15, "K", "temperature of the surroundings", 0.0, 1e3, exclusive=True
+    )
+    resonance_temperature_coefficient: float = number(
+        -2e-4, "1/K", "relative change of the resonance frequency with temperature", -1e-2, 1e-2
+    )
 
     def __post_init__(self) -> None:
-        for name, quantity in ACTUATOR_QUANTITIES.items():
-            object.__setattr__(self, name, quantity.check(name, getattr(self, name)))
-        check_choice("actuator_model", self.actuator_model, ACTUATOR_MODELS)
-        if not isinstance(self.heating, bool):
-            raise ParameterError(f"heating = {shown(self.heating)} is not true or false")
+        super().__post_init__()
         if self.heating and self.actuator_model != "resonance":
             raise ParameterError("heating = True needs actuator_model = resonance")
 
 
-def check_drive(drive: Drive, vibration_amplitude: float, nominal_voltage: float) -> float:
-    """Return the greatest amplitude that a drive can give [m]: that on resonance.
-
-    It is proportional to the voltage. The resonance model stays below it at every frequency and
-    temperature, while ringing up as well.
-
-    Args:
-        drive: to be checked.
-        vibration_amplitude: at nominal voltage on resonance [m].
-        nominal_voltage: [V].
-
-    Raises:
-        ParameterError: if the amplitude is outside its range.
-    """
-    if not drive.enabled:
-        return 0.0
-    return QUANTITIES["vibration_amplitude"].check(
-        f"vibration_amplitude at drive voltage {drive.voltage:g} V",
-        vibration_amplitude * drive.voltage / nominal_voltage,
-    )
+RESONANCE_FREQUENCY = quantities(ActuatorParameters)["resonance_frequency"]
 
 
 class Actuator:
-    """The amplitude of the vibration under drives, and the power that they take.
+    """Amplitude of the vibration under drives, and the power that they take.
 
     The gain model follows the voltage at once, at every frequency. The resonance model is the
     motional branch of the Butterworth-Van Dyke circuit seen through its envelope z(t), the complex
@@ -119,23 +92,21 @@ class Actuator:
         dz/dt = (V - (1 + j delta) z) / tau,  tau = Q / (pi f_r),  delta = 2 Q (f - f_r) / f_r
 
     The amplitude is proportional to abs(z), the power drawn is V Re(z) / 2 R and the heat abs(z)^2
-    / 2 R. Impacts do not load the branch. The amplitude is handed out in steps; they depend on
-    the drives and their times alone, not on when the actuator is asked. Times are integer
+    / 2 R. Impacts do not load the branch. The amplitude changes in steps, which depend on the
+    drives and their times alone, not on the calls of ``advance_to``. Times are integer
     nanoseconds of simulation time.
+
+    Every drive must have passed ``Configuration.check_drive``.
 
     Args:
         parameters: of the actuator.
         vibration_amplitude: at nominal voltage on resonance [m].
         drive: in force from time zero on; a frequency of zero is the resonance frequency.
-
-    Raises:
-        ParameterError: if the drive would give an amplitude outside its range.
     """
 
     def __init__(
         self, parameters: ActuatorParameters, vibration_amplitude: float, drive: Drive
     ) -> None:
-        check_drive(drive, vibration_amplitude, parameters.nominal_voltage)
         self._parameters = parameters
         self._vibration_amplitude = vibration_amplitude
         self._resonant = parameters.actuator_model == "resonance"
@@ -144,10 +115,9 @@ class Actuator:
         self._frequency = drive.frequency or parameters.resonance_frequency
         self._temperature = parameters.ambient_temperature
         self._offset = 0.0
-        # The envelope at its last change of course, and what had been drawn and lost until then.
+        # Time and value of the envelope at its last change of course, and heat of this interval.
         self._since = 0
         self._envelope = 0j
-        self._drawn = 0.0
         self._heat = 0.0
         self._heating = HEATING_INTERVAL if parameters.heating else NEVER
         self._amplitude = 0.0
@@ -176,7 +146,7 @@ class Actuator:
         rise = self._temperature - self._parameters.ambient_temperature
         frequency = self._parameters.resonance_frequency * (1.0 + coefficient * rise)
         # The linear law holds for small changes; far beyond them the frequency stays positive.
-        allowed = ACTUATOR_QUANTITIES["resonance_frequency"]
+        allowed = RESONANCE_FREQUENCY
         return min(max(frequency + self._offset, allowed.minimum), allowed.maximum)
 
     @property
@@ -192,22 +162,11 @@ class Actuator:
         """
         if not self._resonant:
             return math.nan
-        envelope, _, _ = self._at(self._time)
+        envelope, _ = self._at(self._time)
         return self._voltage * envelope.real / (2.0 * self._parameters.motional_resistance)
 
-    @property
-    def energy(self) -> float:
-        """Energy drawn so far [J]; NaN with the gain model."""
-        return self._drawn + self._at(self._time)[1] if self._resonant else math.nan
-
     def advance_to(self, time: int) -> None:
-        """Advance to a time [ns], over all steps until then.
-
-        Raises:
-            ValueError: if the time is before the present one.
-        """
-        if time < self._time:
-            raise ValueError(f"time {time} ns is before the present {self._time} ns")
+        """Advance to a time [ns], not before the present one, over all steps until then."""
         while (event := min(self._step, self._heating)) <= time:
             self._rebase(event)
             if event == self._heating:
@@ -220,13 +179,7 @@ class Actuator:
         """Advance to a time [ns] and put a drive into force; the amplitude goes on from its own.
 
         A frequency of zero keeps the present one. A drive that changes nothing has no effect.
-
-        Raises:
-            ParameterError: if the drive would give an amplitude outside its range; nothing changes
-                then.
-            ValueError: if the time is before the present one.
         """
-        check_drive(drive, self._vibration_amplitude, self._parameters.nominal_voltage)
         self.advance_to(time)
         voltage = drive.voltage if drive.enabled else 0.0
         frequency = drive.frequency or self._frequency
@@ -236,19 +189,7 @@ class Actuator:
             self._begin()
 
     def drift(self, time: int, offset: float) -> None:
-        """Advance to a time [ns] and shift the resonance frequency from its own by an offset [Hz].
-
-        Raises:
-            ParameterError: if the frequency would be outside its range, or if the model has no
-                resonance; nothing changes then.
-            ValueError: if the time is before the present one.
-        """
-        if not self._resonant:
-            raise ParameterError("resonance drift needs actuator_model = resonance")
-        ACTUATOR_QUANTITIES["resonance_frequency"].check(
-            f"resonance_frequency with a drift of {offset:g} Hz",
-            self._parameters.resonance_frequency + offset,
-        )
+        """Advance to a time [ns] and shift the resonance frequency by an offset [Hz]."""
         self.advance_to(time)
         if offset != self._offset:
             self._rebase(time)
@@ -261,12 +202,12 @@ class Actuator:
         if not self._resonant:
             self._envelope = self._end
         self._scale = max(abs(self._envelope), abs(self._end))
-        # So that the amplitude is taken anew even if the envelope is there already.
+        # A step that is due now: the amplitude follows even if the envelope is at its end already.
         self._step = self._since
         self._follow()
 
     def _tune(self) -> None:
-        """Take course for the end that drive and resonance give."""
+        """Set the course of the envelope, to the end that drive and resonance give."""
         resonance = self.resonance_frequency
         quality = self._parameters.quality_factor
         detuning = 2.0 * quality * (self._frequency - resonance) / resonance
@@ -276,29 +217,26 @@ class Actuator:
         if self._resonant:
             self._end /= complex(1.0, detuning)
 
-    def _at(self, time: int) -> tuple[complex, float, float]:
-        """Envelope [V] at a time on this course, and energy drawn and heat from its beginning."""
-        elapsed = (time - self._since) / NANOSECONDS
+    def _at(self, time: int) -> tuple[complex, float]:
+        """Return the envelope [V] at a time on this course, and the heat [J] since its start."""
+        elapsed = (time - self._since) / SECOND
         end, away = self._end, self._envelope - self._end
         decayed = cmath.exp(-self._rate * elapsed)
         area = away * (1.0 - decayed) / self._rate
         square = abs(away) ** 2 * -math.expm1(-2.0 * self._decay * elapsed) / (2.0 * self._decay)
-        drawn = self._voltage * (end.real * elapsed + area.real)
         heat = abs(end) ** 2 * elapsed + 2.0 * (end.conjugate() * area).real + square
-        resistance = 2.0 * self._parameters.motional_resistance
-        return end + away * decayed, drawn / resistance, heat / resistance
+        return end + away * decayed, heat / (2.0 * self._parameters.motional_resistance)
 
     def _rebase(self, time: int) -> None:
-        """Begin the course anew at a time."""
-        self._envelope, drawn, heat = self._at(time)
-        self._drawn += drawn
+        """Let the course start at a time."""
+        self._envelope, heat = self._at(time)
         self._heat += heat
         self._since = time
 
     def _warm(self) -> None:
-        """Take the temperature that the heat of one interval leaves."""
+        """Set the temperature after the heat of one interval."""
         parameters = self._parameters
-        interval = HEATING_INTERVAL / NANOSECONDS
+        interval = HEATING_INTERVAL / SECOND
         end = parameters.ambient_temperature + parameters.thermal_resistance * self._heat / interval
         time_constant = parameters.thermal_resistance * parameters.heat_capacity
         self._temperature -= (end - self._temperature) * math.expm1(-interval / time_constant)
@@ -306,23 +244,23 @@ class Actuator:
         self._tune()
 
     def _follow(self) -> None:
-        """Take the amplitude of the present envelope where it is due, and plan the next step."""
+        """Set the amplitude of the present envelope if a step is due, and plan the next one."""
         away = abs(self._envelope - self._end)
         if away <= max(STEADY * self._scale, SMALLEST_VOLTAGE):
             self._envelope = self._end
             self._scale = abs(self._end)
             taken = self._amplitude_of(self._end)
-            # A slow drift of the end is followed in steps as well.
+            # A slow drift of the end makes steps as well.
             if self._step != NEVER or abs(taken - self._amplitude) > STEADY * taken:
                 self._amplitude = taken
             self._step = NEVER
         elif self._step in (NEVER, self._since):
             self._amplitude = self._amplitude_of(self._envelope)
-            # An envelope that rings down turns without beating.
+            # An envelope that rings down does not beat.
             rate = abs(self._rate) if self._end else self._decay
             shortest = max(SHORTEST_STEP / self._decay, 1.0 / self._frequency)
             duration = max(STEP * self._scale / (rate * away), shortest)
-            self._step = self._since + math.ceil(duration * NANOSECONDS)
+            self._step = self._since + math.ceil(duration * SECOND)
 
     def _amplitude_of(self, envelope: complex) -> float:
         return self._vibration_amplitude * abs(envelope) / self._parameters.nominal_voltage

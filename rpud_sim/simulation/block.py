@@ -1,4 +1,4 @@
-"""What happened between two times, as every consumer takes it."""
+"""Blocks: what happened between two times, and their boundaries."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rpud_sim.model.records import join
-from rpud_sim.model.segment import IMPACT, SEGMENT
-from rpud_sim.simulation.sampling import NANOSECONDS, Samples, Times, sample
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+from rpud_sim.simulation.sampling import Samples, Times, sample
 
 
 def boundary(number: int, rate: int) -> int:
-    """Simulation time at which a block of 1 / rate ends [ns], exact for any whole rate [Hz]."""
-    return number * NANOSECONDS // rate
+    """Return the simulation time at which a block ends [ns], exact for any whole rate [Hz]."""
+    return number * SECOND // rate
 
 
 def boundaries_until(time: int, rate: int) -> int:
-    """Number of the last block boundary at or before a simulation time [ns]."""
-    return ((time + 1) * rate - 1) // NANOSECONDS
+    """Return the number of the last block boundary at or before a simulation time [ns]."""
+    return ((time + 1) * rate - 1) // SECOND
 
 
 @dataclasses.dataclass(frozen=True)
 class Block:
-    """What happened between two times, immutable.
+    """Segments and impacts between two times, immutable.
 
     Times are integer nanoseconds of simulation time.
 
@@ -32,7 +32,7 @@ class Block:
         start: beginning of the block.
         end: its end.
         covering: the ``SEGMENT`` records that cover the block, in order, without a gap. The last
-            one is open: its duration is what it will be unless a command comes.
+            one is open: it has its full duration, which a command may shorten.
         impacts: the ``IMPACT`` records of the impacts on the drill tool that ended in it, in order.
     """
 
@@ -52,13 +52,13 @@ class Block:
         return self.covering[-1:]
 
     def grid(self, rate: int) -> range:
-        """Numbers of the samples at a whole rate [Hz] from the block's start on and before its end.
+        """Return the numbers of the samples at a whole rate [Hz], from start on and before end.
 
-        Blocks that follow each other have every sample once.
+        Consecutive blocks have every sample once.
         """
         return range(
-            -(-self.start * rate // NANOSECONDS),
-            -(-self.end * rate // NANOSECONDS),
+            -(-self.start * rate // SECOND),
+            -(-self.end * rate // SECOND),
         )
 
     def sample(self, times: Times) -> Samples:
@@ -67,11 +67,11 @@ class Block:
 
 
 def join_blocks(blocks: Sequence[Block]) -> Block:
-    """Return one block for at least one that follow each other."""
+    """Return consecutive blocks, at least one, as one block."""
     last = blocks[-1]
     return Block(
         blocks[0].start,
         last.end,
-        join([*(block.segments for block in blocks), last.open_segment], SEGMENT),
-        join([block.impacts for block in blocks], IMPACT),
+        join_records([*(block.segments for block in blocks), last.open_segment], SEGMENT),
+        join_records([block.impacts for block in blocks], IMPACT),
     )

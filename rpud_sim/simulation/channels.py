@@ -1,4 +1,4 @@
-"""The channels on which a signal fault may act: the topics that a sensor of a real drill gives."""
+"""Channels on which a signal fault may act: topics that a real drill would measure."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Mapping
 
 Path = tuple[str, ...]
 
-# These are the ground truth that a test compares with: no fault may touch them.
+# Tests compare with these, the ground truth: no signal fault may change them.
 GROUND_TRUTH = ("waveform", "trajectory")
 
 
 @dataclasses.dataclass(frozen=True)
 class Channel:
-    """What a topic measures, by the names of its message's fields.
+    """Measured fields of a topic, by their paths in the message.
 
     Stamps, frames and sequence numbers are no measurements: no fault changes them.
 

@@ -1,20 +1,18 @@
-"""Commands to the drill: checked once, when they are made, and immutable from then on."""
+"""Commands to the drill, checked when they are made, and immutable."""
 
 from __future__ import annotations
 
 import dataclasses
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.model.parameters import QUANTITIES
 
 VOLTAGE = Quantity("V", "amplitude of the voltage on the piezoelectric stack", 0.0, 1e3)
-NOMINAL_VOLTAGE = Quantity(
-    "V", "voltage at which the vibration has its nominal amplitude", 0.0, 1e3, exclusive=True
-)
 
 
 @dataclasses.dataclass(frozen=True)
 class WeightOnBit:
-    """The constant force with which the preloaded load spring pushes the drill toward the rock.
+    """Constant force with which the preloaded load spring pushes the drill toward the rock.
 
     Args:
         force: W [N].
@@ -32,7 +30,7 @@ class WeightOnBit:
 
 @dataclasses.dataclass(frozen=True)
 class Drive:
-    """The sinusoidal voltage on the piezoelectric stack.
+    """Sinusoidal voltage on the piezoelectric stack.
 
     A drive that is not enabled may leave voltage and frequency at zero, which keeps the present
     ones.
@@ -60,10 +58,15 @@ class Drive:
         frequency = QUANTITIES["vibration_frequency"].check("drive frequency", self.frequency)
         object.__setattr__(self, "frequency", frequency)
 
+    def after(self, before: Drive) -> Drive:
+        """Return this drive, with the voltage and frequency of the one before where it has none."""
+        voltage = self.voltage if self.enabled or self.voltage else before.voltage
+        return Drive(self.enabled, voltage, self.frequency or before.frequency)
+
 
 @dataclasses.dataclass(frozen=True)
 class Applied:
-    """The commands in force, and since when.
+    """Commands in force, and since when.
 
     Times are integer nanoseconds of simulation time.
     """

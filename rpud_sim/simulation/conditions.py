@@ -1,4 +1,4 @@
-"""Conditions: what the drill and its rock are while faults last."""
+"""Conditions of the drill and its rock under faults, and the faults that it can honour."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import dataclasses
 from collections.abc import Iterable
 
 from rpud_sim.model.parameters import QUANTITIES, Parameters
-from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.channels import CHANNELS
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 
-# A binding damps up to this; at one, critical damping, the closed forms of the paper end.
+# A binding raises the damping ratio up to this. The closed forms of the paper need less than
+# critical damping, which is 1.
 MOST_DAMPING_RATIO = 0.99
 
 
 @dataclasses.dataclass(frozen=True)
 class Conditions:
-    """What the drill and its rock are under faults.
+    """Drill and rock under faults.
 
     Args:
         parameters: in force, always inside their ranges.
@@ -23,8 +26,6 @@ class Conditions:
         progress_factor: on the progress into the rock, 0 to 1.
         resonance_offset: of the actuator [Hz].
         preload_factor: on the commanded weight on bit, 0 to 1.
-        limited: names of the parameters that a fault would have taken out of their range, and that
-            stand at its end instead.
     """
 
     parameters: Parameters
@@ -33,15 +34,15 @@ class Conditions:
     progress_factor: float = 1.0
     resonance_offset: float = 0.0
     preload_factor: float = 1.0
-    limited: tuple[str, ...] = ()
 
 
 def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
-    """Return the conditions under any faults; signal faults leave the drill as it is.
+    """Return the conditions under any faults; signal faults do not change the drill.
 
     Factors of several faults multiply and offsets add, so that their order does not matter. A
     binding by a factor f means that the same force moves a body 1/f as far, and takes the damping
-    ratio xi to 1 - (1 - xi)/f, up to ``MOST_DAMPING_RATIO`` (assumed).
+    ratio xi to 1 - (1 - xi)/f, up to ``MOST_DAMPING_RATIO`` (assumed). A parameter that would leave
+    its range takes the end of the range.
     """
     jammed = False
     load_spring = restoring_spring = restitution = drill_tool_restitution = 1.0
@@ -77,15 +78,14 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
         * restitution
         * drill_tool_restitution,
     }
-    allowed = {name: min(value, _greatest(parameters, name)) for name, value in wanted.items()}
+    limited = {name: min(value, _greatest(parameters, name)) for name, value in wanted.items()}
     return Conditions(
-        parameters=parameters.replace(**allowed),
+        parameters=parameters.replace(**limited),
         jammed=jammed,
         specific_energy_factor=specific_energy,
         progress_factor=progress,
         resonance_offset=offset,
         preload_factor=preload,
-        limited=tuple(name for name in wanted if allowed[name] != wanted[name]),
     )
 
 
@@ -97,3 +97,41 @@ def _greatest(parameters: Parameters, name: str) -> float:
     if name.endswith("damping_ratio"):
         return max(MOST_DAMPING_RATIO, getattr(parameters, name))
     return QUANTITIES[name].maximum
+
+
+def check_honoured(fault: Fault, configuration: Configuration) -> None:
+    """Refuse a fault that would have no effect, or no meaning, in a configuration.
+
+    Raises:
+        FaultError: with the reason.
+    """
+    actuator = configuration.actuator
+    no_rock = configuration.rock.rock_model == "none"
+    drilling = configuration.parameters.regime == "drilling"
+    reason = ""
+    if fault.kind == "resonance_drift":
+        drifted = actuator.resonance_frequency + fault.magnitude
+        allowed = QUANTITIES["vibration_frequency"]
+        if actuator.actuator_model != "resonance":
+            reason = f"needs actuator_model = resonance, which is {actuator.actuator_model}"
+        elif not allowed.minimum <= drifted <= allowed.maximum:
+            reason = f"takes the resonance to {drifted:g} Hz, outside its range {allowed.range}"
+    elif no_rock and fault.kind in ("hard_rock", "choking"):
+        reason = "needs a rock_model, which is none"
+    elif no_rock and drilling and fault.kind == "drill_tool_binding":
+        reason = "acts on the progress while drilling and needs a rock_model, which is none"
+    if reason:
+        raise FaultError(f"{fault} cannot be honoured: it {reason}")
+
+
+def honoured_kinds(configuration: Configuration) -> tuple[str, ...]:
+    """Return the kinds of faults that a configuration honours with their default magnitudes."""
+    honoured = []
+    for name, kind in KINDS.items():
+        fault = Fault(name, "" if kind.physical else next(iter(CHANNELS)))
+        try:
+            check_honoured(fault, configuration)
+        except FaultError:
+            continue
+        honoured.append(name)
+    return tuple(honoured)

@@ -1,43 +1,32 @@
-"""Configuration files: ROS parameter files in YAML, read without ROS."""
+"""Configuration of the drill, its actuator and its rock, and settings of a run."""
 
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
-from rpud_sim.model.parameters import NAMES, ParameterError, Parameters, preset, shown
-from rpud_sim.simulation.actuator import ActuatorParameters, check_drive
+from rpud_sim.foundation.parameters import (
+    Declaration,
+    ParameterGroup,
+    declarations,
+    flag,
+    number,
+    text,
+)
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
+from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
+from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.rock import RockParameters
-from rpud_sim.simulation.yaml_files import parse_yaml, read_yaml
+from rpud_sim.simulation.scenario import Scenario, read_scenario
 
-ACTUATOR_NAMES = tuple(field.name for field in dataclasses.fields(ActuatorParameters))
-ROCK_NAMES = tuple(field.name for field in dataclasses.fields(RockParameters))
-
-# Parameters of the drill node that are not the drill's; they may stand in the same file.
-NODE_NAMES = (
-    "drive_enabled",
-    "autostart",
-    "start_paused",
-    "publish_clock",
-    "real_time_factor",
-    "thread_priority",
-    "command_timeout",
-    "command_loss_ramp",
-    "telemetry_rate",
-    "sample_rate",
-    "block_duration",
-    "scenario",
-    "seed",
-)
+_LEAST_REAL_TIME_FACTOR = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
-class Configuration:
-    """A drill with its actuator and its rock.
+class Configuration(ParameterGroup):
+    """Drill with its actuator and its rock.
 
     Args:
         parameters: of the impact dynamics.
@@ -46,99 +35,193 @@ class Configuration:
         drive_enabled: whether the actuator is driven from the start.
 
     Raises:
-        ParameterError: if the nominal drive would give an amplitude outside its range.
+        ParameterError: if ``drive_enabled`` is neither true nor false.
     """
 
     parameters: Parameters = dataclasses.field(default_factory=Parameters)
     actuator: ActuatorParameters = dataclasses.field(default_factory=ActuatorParameters)
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
-    drive_enabled: bool = True
+    drive_enabled: bool = flag(True, "whether the actuator is driven from the start")
+
+    def check_drive(self, drive: Drive) -> None:
+        """Check that the greatest amplitude of a drive, that on resonance, is allowed.
+
+        It is proportional to the voltage. The resonance model stays below it at every frequency and
+        temperature, also while ringing up.
+
+        Raises:
+            ParameterError: if the amplitude is outside its range.
+        """
+        if drive.enabled:
+            # The ratio first: for the nominal drive it is exactly one.
+            ratio = drive.voltage / self.actuator.nominal_voltage
+            QUANTITIES["vibration_amplitude"].check(
+                f"vibration_amplitude at drive voltage {drive.voltage:g} V",
+                self.parameters.vibration_amplitude * ratio,
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings(ParameterGroup):
+    """Settings of a run: all parameters.
+
+    Raises:
+        ParameterError: if a value is outside its range, or two do not fit together.
+    """
+
+    configuration: Configuration = dataclasses.field(default_factory=Configuration)
+    autostart: bool = flag(True, "whether the node configures and activates itself")
+    start_paused: bool = flag(False, "whether the simulation waits for a step, or to be played")
+    publish_clock: bool = flag(
+        False, "whether the node is the source of /clock, simulation time starting at zero"
+    )
+    real_time_factor: float = number(
+        1.0,
+        "",
+        "simulated over elapsed time; 0 is as fast as possible, otherwise at least 0.01",
+        0.0,
+        1e3,
+        changeable=True,
+    )
+    thread_priority: int = number(
+        10,
+        "",
+        "real-time priority in real time or slower, where permitted; 0 for none; whole",
+        0.0,
+        99.0,
+        whole=True,
+    )
+    command_timeout: float = number(
+        0.0,
+        "s",
+        "time without a command after which the drill is made safe, 0 for never",
+        0.0,
+        3600.0,
+        changeable=True,
+    )
+    command_loss_ramp: float = number(
+        0.5,
+        "s",
+        "time in which drive and weight on bit go to zero when commands are lost",
+        0.0,
+        60.0,
+        changeable=True,
+    )
+    telemetry_rate: int = number(
+        100, "Hz", "rate of the telemetry topics, a whole number", 1.0, 1000.0, whole=True
+    )
+    sample_rate: int = number(
+        50_000, "Hz", "rate of the waveform's samples, a whole number", 1.0, 1e6, whole=True
+    )
+    block_duration: float = number(
+        0.05, "s", "length of a block of waveform and trajectory", 1e-3, 1.0
+    )
+    scenario: str = text("", "a path", "file of the faults that begin by themselves; none if empty")
+    seed: int = number(
+        0,
+        "",
+        "seed of initial vibration phase, scenario and noise; whole",
+        0.0,
+        2.0**32 - 1,
+        whole=True,
+    )
 
     def __post_init__(self) -> None:
-        check_flag("drive_enabled", self.drive_enabled)
-        voltage = self.actuator.nominal_voltage
-        check_drive(
-            Drive(True, voltage, self.parameters.vibration_frequency),
-            self.parameters.vibration_amplitude,
-            voltage,
-        )
+        super().__post_init__()
+        if 0.0 < self.real_time_factor < _LEAST_REAL_TIME_FACTOR:
+            raise ParameterError(
+                f"real_time_factor = {self.real_time_factor:g} is neither 0, as fast as possible, "
+                f"nor at least {_LEAST_REAL_TIME_FACTOR:g}"
+            )
+        if self.block_duration * self.telemetry_rate < 1.0:
+            raise ParameterError(
+                f"block_duration = {self.block_duration:g} s is shorter than one period of "
+                f"telemetry_rate = {self.telemetry_rate} Hz"
+            )
+
+    def value(self, name: str) -> Any:
+        """Return the value of a parameter.
+
+        Raises:
+            KeyError: if there is none of this name.
+        """
+        return self.values()[name]
+
+    def values(self) -> dict[str, Any]:
+        """Return the values of all parameters by name."""
+        own = {name: getattr(self, name) for name in declarations(Settings)}
+        return {**to_values(self.configuration), **own}
+
+    def replace(self, changes: Mapping[str, Any]) -> Settings:
+        """Return settings with some values changed.
+
+        Raises:
+            ParameterError: if a value cannot be used.
+        """
+        return to_settings({**self.values(), **changes})
+
+    def read_scenario(self, seed: int | None = None) -> Scenario | None:
+        """Read the scenario, if there is one.
+
+        Args:
+            seed: in place of that of the settings. If both are zero, the scenario has its own.
+
+        Raises:
+            ParameterError: if its file cannot be used.
+        """
+        if not self.scenario:
+            return None
+        return read_scenario(self.scenario, seed or self.seed or None)
 
 
-def check_flag(name: str, value: Any) -> bool:
-    """Return the value if it is a truth value.
-
-    Raises:
-        ParameterError: if it is not.
-    """
-    if not isinstance(value, bool):
-        raise ParameterError(f"{name} = {shown(value)} is not true or false")
-    return value
-
-
-def read_parameter_file(path: str | Path) -> dict[str, Any]:
-    """Return the parameters of a ROS parameter file: those below ``/**``, then those of its nodes.
-
-    Raises:
-        ParameterError: if the file cannot be read or is no parameter file.
-    """
-    content = read_yaml(path)
-    if not isinstance(content, Mapping):
-        raise ParameterError(f"{path} is not a ROS parameter file: it holds no mapping")
-    found: dict[str, Any] = {}
-    for node, section in sorted(content.items(), key=lambda item: str(item[0]) != "/**"):
-        values = section.get("ros__parameters") if isinstance(section, Mapping) else None
-        if not isinstance(values, Mapping):
-            raise ParameterError(f"{path}: {_named(node)} has no mapping named ros__parameters")
-        found.update({str(name): value for name, value in values.items()})
-    return found
-
-
-def parse_assignment(text: str) -> tuple[str, Any]:
-    """Return name and value of ``name=value``; the value is read as YAML does.
-
-    Raises:
-        ParameterError: if the text has another form.
-    """
-    name, equals, value = text.partition("=")
-    if not (name and equals):
-        raise ParameterError(f"{shown(text)} is not of the form name=value")
-    try:
-        return name, parse_yaml(value)
-    except ParameterError:
-        return name, value
+# Every parameter by its name, in the order in which the documentation lists them.
+PARAMETERS: Mapping[str, Declaration] = {
+    **declarations(Parameters),
+    **declarations(ActuatorParameters),
+    **declarations(RockParameters),
+    **declarations(Configuration),
+    **declarations(Settings),
+}
+CHANGEABLE = tuple(name for name, declaration in PARAMETERS.items() if declaration.changeable)
+# Parameters of the run, not of the drill.
+NODE_NAMES = tuple(declarations(Settings))
 
 
 def to_configuration(values: Mapping[str, Any]) -> Configuration:
     """Return the configuration: the regime's preset with the given values.
 
     Args:
-        values: by name; ``regime`` chooses the preset, drilling if it is not given. Those of the
-            node that are not the drill's are passed over.
+        values: by name; ``regime`` chooses the preset, drilling if it is not given. Parameters
+            of the run are ignored.
 
     Raises:
-        ParameterError: if a name is unknown or a value is outside its range.
+        ParameterError: if a name is unknown or a value cannot be used.
     """
-    known = (*NAMES, *ACTUATOR_NAMES, *ROCK_NAMES, *NODE_NAMES)
     for name in values:
-        if name not in known:
-            nearest = difflib.get_close_matches(str(name), known, 1)
-            hint = f"did you mean {nearest[0]}?" if nearest else f"known are {', '.join(known)}"
-            raise ParameterError(f"{_named(name)} is not a parameter; {hint}")
-
-    def chosen(names: tuple[str, ...]) -> dict[str, Any]:
-        return {name: values[name] for name in names if name in values}
-
-    drill = chosen(NAMES)
+        if name not in PARAMETERS:
+            raise ParameterError(
+                f"{shown_name(name)} is not a parameter; {did_you_mean(name, PARAMETERS)}"
+            )
+    drill = _those_of(Parameters, values)
     return Configuration(
         preset(drill.pop("regime", "drilling")).replace(**drill),
-        ActuatorParameters(**chosen(ACTUATOR_NAMES)),
-        RockParameters(**chosen(ROCK_NAMES)),
-        **chosen(("drive_enabled",)),
+        ActuatorParameters(**_those_of(ActuatorParameters, values)),
+        RockParameters(**_those_of(RockParameters, values)),
+        **_those_of(Configuration, values),
     )
 
 
+def to_settings(values: Mapping[str, Any]) -> Settings:
+    """Return the settings for parameter values by name; missing ones have their defaults.
+
+    Raises:
+        ParameterError: if a name is unknown or a value cannot be used.
+    """
+    return Settings(to_configuration(values), **_those_of(Settings, values))
+
+
 def to_values(configuration: Configuration) -> dict[str, Any]:
-    """Return the values of all parameters by name, of which ``to_configuration`` makes it again."""
+    """Return the values of all parameters by name, the inverse of ``to_configuration``."""
     return {
         **dataclasses.asdict(configuration.parameters),
         **dataclasses.asdict(configuration.actuator),
@@ -147,12 +230,5 @@ def to_values(configuration: Configuration) -> dict[str, Any]:
     }
 
 
-def to_parameters(values: Mapping[str, Any]) -> Parameters:
-    """Return the parameters of the impact dynamics, as ``to_configuration`` does."""
-    return to_configuration(values).parameters
-
-
-def _named(name: Any) -> str:
-    """A name that somebody gave, as text that is short and one line."""
-    plain = isinstance(name, str) and name.isprintable() and len(name) <= 60
-    return name if plain else shown(name)
+def _those_of(group: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: values[name] for name in declarations(group) if name in values}

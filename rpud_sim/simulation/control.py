@@ -1,30 +1,30 @@
-"""What is commanded, and how much of it acts: nothing while inactive or when commands are lost."""
+"""Control: the share of the commands that acts, less when they are lost, none while inactive."""
 
 from __future__ import annotations
 
-from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.watchdog import CommandWatchdog
 
 
 class Control:
-    """The commands between whoever gives them and the drill.
+    """Commands of a drill, put into force in full, in part when they are lost, or not at all.
 
     Args:
-        initial: commands that act until the first one.
+        simulation: at its start; the commands in force there are the initial ones.
         timeout: of the watchdog [s].
         ramp: of the watchdog [s].
         active: whether commands act.
-        time: simulation time from which the watchdog waits [ns].
     """
 
     def __init__(
-        self, initial: Applied, timeout: float, ramp: float, active: bool = True, time: int = 0
+        self, simulation: Simulation, timeout: float, ramp: float, active: bool = True
     ) -> None:
-        self._initial = initial
-        self._weight_on_bit = initial.weight_on_bit
-        self._drive = initial.drive
-        self._watchdog = CommandWatchdog(timeout, ramp, time)
+        self._simulation = simulation
+        self._initial = simulation.applied
+        self._weight_on_bit = self._initial.weight_on_bit
+        self._drive = self._initial.drive
+        self._watchdog = CommandWatchdog(timeout, ramp, simulation.time)
         self._active = active
         self._lost = False
 
@@ -35,39 +35,36 @@ class Control:
 
     @property
     def commands_lost(self) -> bool:
-        """Whether commands stayed out, and the drill is made safe."""
+        """Whether commands stopped arriving, so that the watchdog makes the drill safe."""
         return self._lost
 
     def set(self, timeout: float, ramp: float) -> None:
-        """Take another timeout and ramp [s]."""
+        """Set another timeout and ramp [s]."""
         self._watchdog.set(timeout, ramp)
 
-    def activate(self, active: bool, time: int) -> None:
-        """Let commands act from a simulation time [ns] on, from the initial ones, or let none."""
+    def activate(self, active: bool) -> None:
+        """Let commands act from now on, starting with the initial ones, or let none act."""
         if active and not self._active:
             self._weight_on_bit = self._initial.weight_on_bit
             self._drive = self._initial.drive
-            self._watchdog.heard(time)
+            self._watchdog.reset(self._simulation.time)
         self._active = active
+        self.act()
 
-    def take(self, command: WeightOnBit | Drive, simulation: Simulation) -> None:
-        """Take a command: it acts now, if commands do."""
+    def apply(self, command: WeightOnBit | Drive) -> None:
+        """Put a command into force now, if commands act."""
         if not self._active:
             return
-        self._watchdog.heard(simulation.time)
+        self._watchdog.reset(self._simulation.time)
         if isinstance(command, WeightOnBit):
             self._weight_on_bit = command
         else:
-            before = self._drive
-            self._drive = Drive(
-                command.enabled,
-                command.voltage if command.enabled or command.voltage else before.voltage,
-                command.frequency or before.frequency,
-            )
-        simulation.apply(command)
+            command = self._drive = command.after(self._drive)
+        self._simulation.apply(command)
 
-    def act(self, simulation: Simulation) -> bool:
-        """Let act what shall act now; tell whether commands were lost or came back."""
+    def act(self) -> bool:
+        """Put the present share into force; return whether commands were lost or came back."""
+        simulation = self._simulation
         time = simulation.time
         share = self._watchdog.share(time) if self._active else 0.0
         weight_on_bit = WeightOnBit(self._weight_on_bit.force * share)

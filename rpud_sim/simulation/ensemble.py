@@ -1,4 +1,4 @@
-"""One run, or an ensemble of runs over initial vibration phases, as fast as the machine allows."""
+"""Ensembles of runs over initial vibration phases, as fast as the machine allows."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from contextlib import contextmanager
 import numpy as np
 from numba.core import event
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
 # Simulated time between two reports of progress [ns].
-_STRIDE = 10 * NANOSECONDS
+_STRIDE = 10 * SECOND
 
 COMPILING = "a model that has changed or never ran here is compiled, which takes up to a minute"
-_LONG = 3.0  # that this takes before it is told [s]
+_LONG = 3.0  # time of compiling after which it is reported [s]
 
 Figures = dict[str, float | int | None]
 
@@ -76,25 +77,25 @@ def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
 
 
 def compile_kernels(
-    configuration: Configuration | Parameters, tell: Callable[[str], object] = lambda text: None
+    configuration: Configuration | Parameters, report: Callable[[str], object] = lambda text: None
 ) -> None:
-    """Have every kernel compiled, or loaded from the cache, before anything is timed.
+    """Compile every kernel, or load it from the cache, before anything is timed.
 
     Args:
         configuration: of the drill, or its parameters alone.
-        tell: called in another thread with a line that says so, if compiling takes long.
+        report: called in another thread with a line that says so, if compiling takes long.
     """
-    with _notice(tell):
+    with _notice(report):
         simulation = Simulation(configuration)
         block = simulation.advance_to(1000)
         Statistics().add(block)
         block.sample(Times.from_nanoseconds(0))
         simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
-        simulation.advance_to(2000)  # changes are told to the engine when time goes on
+        simulation.advance_to(2000)  # the engine gets changes when time goes on
 
 
 class _CompilationListener(event.Listener):
-    """Starts a timer at the first kernel that is compiled; loading one from the cache does not."""
+    """Listener of Numba that starts a timer when the first kernel is compiled, not loaded."""
 
     def __init__(self, notice: threading.Timer) -> None:
         self._notice = notice
@@ -109,8 +110,8 @@ class _CompilationListener(event.Listener):
 
 
 @contextmanager
-def _notice(tell: Callable[[str], object]) -> Iterator[None]:
-    notice = threading.Timer(_LONG, tell, [COMPILING])
+def _notice(report: Callable[[str], object]) -> Iterator[None]:
+    notice = threading.Timer(_LONG, report, [COMPILING])
     try:
         with event.install_listener("numba:compile", _CompilationListener(notice)):
             yield
@@ -132,7 +133,7 @@ def run_ensemble(
         duration: of each run [s].
         phases: initial phase of each run [cycles].
         report: called now and then with the simulated seconds since the last call.
-        scenario: faults that come by themselves, in each run at the same times.
+        scenario: faults that begin by themselves, in each run at the same times.
 
     Returns:
         The ``Ensemble``. With a rock model its members have the depth at the end [m] and the mean
@@ -142,7 +143,7 @@ def run_ensemble(
         FaultError: if a fault of the scenario cannot be honoured.
     """
     compile_kernels(configuration)
-    end = round(duration * NANOSECONDS)
+    end = round(duration * SECOND)
     members: list[Figures] = []
     wall = 0.0
     for phase in phases:
@@ -154,11 +155,11 @@ def run_ensemble(
             block = simulation.advance_to(min(before + _STRIDE, end))
             wall += time.perf_counter() - started
             statistics.add(block)
-            report((block.end - before) / NANOSECONDS)
+            report((block.end - before) / SECOND)
         figures = statistics.figures()
         if simulation.configuration.rock.rock_model != "none":
             figures["depth"] = simulation.depth
             figures["penetration_rate"] = simulation.depth / statistics.duration
         members.append(figures)
-    simulated = end / NANOSECONDS * len(members)
+    simulated = end / SECOND * len(members)
     return Ensemble(tuple(phases), tuple(members), simulated / wall if wall > 0.0 else math.inf)

@@ -1,8 +1,8 @@
-"""Faults: what can fail, checked when it is made, and by what the drill can honour.
+"""Faults of the drill and of its signals, checked when they are made.
 
 A physical fault changes the drill, so that every channel shows its effect through the physics. A
-signal fault changes what one channel says of a drill that is well. ``docs/faults.md`` explains the
-kinds; how their magnitudes act is assumed wherever it says so.
+signal fault changes the messages of one channel of a healthy drill. ``docs/reference/faults.md``
+explains the kinds and says where the effect of a magnitude is assumed.
 """
 
 from __future__ import annotations
@@ -12,26 +12,26 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from rpud_sim.model.parameters import QUANTITIES, ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown, suggestion
 from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
 
 
 class FaultError(ParameterError):
-    """A fault that cannot be used; its text says why, in one line."""
+    """Unusable fault; the text says why, in one line."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Kind:
-    """What a kind of fault is.
+    """Kind of fault.
 
     Args:
-        physical: whether it changes the drill; otherwise what one channel says.
+        physical: whether it changes the drill; otherwise it changes the messages of a channel.
         description: one phrase.
-        magnitude: what its magnitude means, None if it has none; without unit for those that have
-            the channel's.
-        default: magnitude that NaN stands for; for those in the channel's unit in terms of the
-            channel's scale.
-        unchanging: a magnitude inside the range that would change nothing, and is refused.
+        magnitude: meaning of its magnitude, None if it has none; without unit if the unit is the
+            channel's.
+        default: magnitude that NaN stands for; a factor on the channel's scale if the unit is the
+            channel's.
+        unchanging: magnitude inside the range that would change nothing and is rejected.
         in_channel_unit: whether the magnitude has the unit of the channel's main quantity.
     """
 
@@ -43,20 +43,20 @@ class Kind:
     in_channel_unit: bool = False
 
     def quantity_on(self, channel: str) -> Quantity | None:
-        """What the magnitude means on a channel."""
+        """Return the meaning of the magnitude on a channel; None if the kind has none."""
         if self.magnitude is None or not self.in_channel_unit:
             return self.magnitude
         return dataclasses.replace(self.magnitude, unit=CHANNELS[channel].unit)
 
     @property
     def takes_zero(self) -> bool:
-        """Whether zero is a magnitude of its own: inside the range, and not without effect."""
+        """Whether zero is a magnitude with an effect, not only a way to leave it open."""
         if self.magnitude is None or self.unchanging == 0.0:
             return False
         return not self.magnitude.exclusive and self.magnitude.minimum <= 0.0
 
     def default_on(self, channel: str) -> float:
-        """The magnitude that NaN stands for on a channel."""
+        """Return the magnitude that NaN stands for on a channel."""
         return self.default * CHANNELS[channel].scale if self.in_channel_unit else self.default
 
 
@@ -162,7 +162,7 @@ KINDS: Mapping[str, Kind] = {
 
 
 def number_of(value: Any) -> float | None:
-    """The value as a float, infinite if it is too large for one; None if it is no number."""
+    """Return a value as a float, infinite if it is too large; None if it is no number."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
     try:
@@ -173,7 +173,7 @@ def number_of(value: Any) -> float | None:
 
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    """One fault, immutable.
+    """Fault, immutable.
 
     Args:
         kind: one of ``KINDS``.
@@ -191,7 +191,10 @@ class Fault:
 
     def __post_init__(self) -> None:
         if not (isinstance(self.kind, str) and self.kind in KINDS):
-            raise FaultError(f"fault kind = {shown(self.kind)} is not one of {', '.join(KINDS)}")
+            raise FaultError(
+                f"fault kind = {shown(self.kind)} is not one of {', '.join(KINDS)}"
+                f"{suggestion(self.kind, KINDS)}"
+            )
         self._check_channel()
         object.__setattr__(self, "magnitude", self._checked_magnitude())
 
@@ -201,7 +204,7 @@ class Fault:
 
     @property
     def physical(self) -> bool:
-        """Whether it changes the drill; otherwise what its channel says."""
+        """Whether it changes the drill; otherwise it changes the messages of its channel."""
         return KINDS[self.kind].physical
 
     def _check_channel(self) -> None:
@@ -219,7 +222,7 @@ class Fault:
         elif not (isinstance(self.channel, str) and self.channel in CHANNELS):
             raise FaultError(
                 f"channel of {self.kind} = {shown(self.channel)} is not one of "
-                f"{', '.join(CHANNELS)}"
+                f"{', '.join(CHANNELS)}{suggestion(self.channel, CHANNELS)}"
             )
 
     def _checked_magnitude(self) -> float:
@@ -243,61 +246,3 @@ class Fault:
         if number == kind.unchanging:
             raise FaultError(f"magnitude of {self} = {number:g} would change nothing; {hint}")
         return number
-
-
-def check_honoured(
-    fault: Fault,
-    *,
-    regime: str,
-    actuator_model: str,
-    resonance_frequency: float,
-    rock_model: str,
-) -> None:
-    """Refuse a fault that would have no effect, or no sense, in a configuration.
-
-    Args:
-        fault: that is to be injected.
-        regime: ``free`` or ``drilling``.
-        actuator_model: ``resonance`` where the actuator has a resonance.
-        resonance_frequency: of the actuator without drift [Hz].
-        rock_model: ``none`` where there is no progress into the rock.
-
-    Raises:
-        FaultError: with the reason.
-    """
-    reason = ""
-    if fault.kind == "resonance_drift":
-        drifted = resonance_frequency + fault.magnitude
-        allowed = QUANTITIES["vibration_frequency"]
-        if actuator_model != "resonance":
-            reason = f"needs actuator_model = resonance, which is {actuator_model}"
-        elif not allowed.minimum <= drifted <= allowed.maximum:
-            reason = f"takes the resonance to {drifted:g} Hz, outside its range {allowed.range}"
-    elif rock_model == "none":
-        if fault.kind in ("hard_rock", "choking"):
-            reason = "needs a rock_model, which is none"
-        elif fault.kind == "drill_tool_binding" and regime == "drilling":
-            reason = "acts on the progress while drilling and needs a rock_model, which is none"
-    if reason:
-        raise FaultError(f"{fault} cannot be honoured: it {reason}")
-
-
-def honoured_kinds(
-    *, regime: str, actuator_model: str, resonance_frequency: float, rock_model: str
-) -> tuple[str, ...]:
-    """Kinds that a configuration, as for ``check_honoured``, honours by default."""
-    honoured = []
-    for name, kind in KINDS.items():
-        fault = Fault(name, "" if kind.physical else next(iter(CHANNELS)))
-        try:
-            check_honoured(
-                fault,
-                regime=regime,
-                actuator_model=actuator_model,
-                resonance_frequency=resonance_frequency,
-                rock_model=rock_model,
-            )
-        except FaultError:
-            continue
-        honoured.append(name)
-    return tuple(honoured)

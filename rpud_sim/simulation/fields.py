@@ -1,12 +1,13 @@
-"""What each published message says, as plain values by field name.
+"""Fields of every published message, as plain values by name.
 
 This is the one table from the simulation's records to the messages of ``msg_defs``: the node fills
-ROS messages from it, and a bag is written from it without ROS. Messages are dictionaries, sequences
+ROS messages from it, and offline bags are encoded from it. Messages are dictionaries, sequences
 ``array.array``, stamps integer nanoseconds; an origin is the stamp of simulation time zero.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from array import array
 from collections.abc import Iterator
 from itertools import pairwise
@@ -14,23 +15,21 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.commands import Applied
 from rpud_sim.simulation.journal import JournalEntry
-from rpud_sim.simulation.ledger import FaultRecord, Faults
-from rpud_sim.simulation.sampling import NANOSECONDS, Samples
+from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
+from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.topics import MOUNT_FRAME, NODAL_PLANE_FRAME, TOOL_TIP_FRAME
 
 Fields = dict[str, Any]
 
-MOUNT_FRAME = "rpud_mount"
-NODAL_PLANE_FRAME = "rpud_nodal_plane"
-TOOL_TIP_FRAME = "rpud_tool_tip"
-# Of urdf/rpud.urdf: each moves one body along the drill axis.
+# Joints of urdf/rpud.urdf; each moves one body along the drill axis.
 JOINTS = ("rpud_nodal_plane_joint", "rpud_free_mass_joint", "rpud_tool_tip_joint")
 
-# What a trajectory says of each segment; the constants it says once.
+# Fields of a trajectory with a value for each segment; it holds the constants once.
 SEGMENT_ARRAYS = tuple(name for name in SEGMENT.names or () if name not in CONSTANTS)
 
 _TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.uint8): "B"}
@@ -38,7 +37,7 @@ _TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.u
 
 def time_fields(nanoseconds: int) -> Fields:
     """Fields of ``builtin_interfaces/Time``."""
-    seconds, rest = divmod(nanoseconds, NANOSECONDS)
+    seconds, rest = divmod(nanoseconds, SECOND)
     return {"sec": seconds, "nanosec": rest}
 
 
@@ -50,11 +49,11 @@ def header_fields(stamp: int, frame: str) -> Fields:
 def stamp_of(fields: Fields) -> int:
     """Stamp in the header of a message [ns]."""
     stamp = fields["header"]["stamp"]
-    return int(stamp["sec"]) * NANOSECONDS + int(stamp["nanosec"])
+    return int(stamp["sec"]) * SECOND + int(stamp["nanosec"])
 
 
 def to_array(values: np.ndarray) -> array:
-    """Copy a NumPy array into the array type that message fields take as a whole."""
+    """Return a copy of a NumPy array as the array type that message fields accept."""
     return array(_TYPE_CODES[values.dtype], np.ascontiguousarray(values).tobytes())
 
 
@@ -104,9 +103,9 @@ def wrench_fields(samples: Samples, index: int, stamp: int) -> Fields:
 def joint_state_fields(samples: Samples, index: int, stamp: int) -> Fields:
     """Fields of ``sensor_msgs/JointState`` for one sample of the ``JOINTS`` of ``urdf/rpud.urdf``.
 
-    The effort is what passes between mount and body, positive toward the rock: the reacting force
-    on the nodal plane, and nothing on free mass and drill tool, as the model passes none of their
-    forces on to the mount. The efforts add up to the negative force of the wrench.
+    The effort is the force between mount and body, positive toward the rock: the reacting force on
+    the nodal plane, and zero on free mass and drill tool, whose forces do not reach the mount in
+    the model. The sum of the efforts is the negative force of the wrench.
     """
     position = (
         samples.nodal_plane_position[index],
@@ -131,16 +130,8 @@ def contact_force_fields(impact: np.void, origin: int) -> Fields:
     """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``."""
     # All at once: one by one they would take longer than the rest of the message.
     values = dict(zip(IMPACT.names or (), impact.item(), strict=True))
-    start = values["seconds"] * NANOSECONDS + round(values["fraction"] * NANOSECONDS)
-    return {
-        "header": header_fields(origin + start, TOOL_TIP_FRAME),
-        "sequence": values["sequence"],
-        "peak_force": values["peak_force"],
-        "contact_duration": values["contact_duration"],
-        "impact_velocity": values["impact_velocity"],
-        "impulse": values["impulse"],
-        "energy": values["energy"],
-    }
+    start = values.pop("seconds") * SECOND + round(values.pop("fraction") * SECOND)
+    return {"header": header_fields(origin + start, TOOL_TIP_FRAME), **values}
 
 
 def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Fields:
@@ -173,8 +164,8 @@ def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fiel
     cuts = np.flatnonzero((constants[1:] != constants[:-1]).any(axis=1)) + 1
     for first, end in pairwise([0, *cuts.tolist(), len(segments)]):
         part = segments[first:end]
-        start = int(part["start_seconds"][0]) * NANOSECONDS
-        start += round(float(part["start_fraction"][0]) * NANOSECONDS)
+        start = int(part["start_seconds"][0]) * SECOND
+        start += round(float(part["start_fraction"][0]) * SECOND)
         yield {
             "header": header_fields(origin + start, MOUNT_FRAME),
             "sequence": sequence + first,
@@ -184,37 +175,47 @@ def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fiel
         }
 
 
+@dataclasses.dataclass(frozen=True)
+class Bookkeeping:
+    """Counts and timing of a run, as fields of ``rpud_msgs/Status``.
+
+    The defaults are those of a run without ROS: nothing is late, and there are no commands.
+    """
+
+    commands_accepted: int = 0
+    commands_rejected: int = 0
+    commands_lost: bool = False
+    commanders: int = 0
+    deadlines_missed: int = 0
+    messages_dropped: int = 0
+    real_time_factor: float = 1.0
+    lateness_max: float = 0.0
+    lag: float = 0.0
+
+
 def status_fields(
-    stamp: int, state: str, regime: str, applied: Applied, origin: int, **counts: float
+    simulation: Simulation, origin: int, state: str, bookkeeping: Bookkeeping
 ) -> Fields:
-    """Fields of ``rpud_msgs/Status``.
+    """Fields of ``rpud_msgs/Status`` at the present time of a simulation.
 
     Args:
-        stamp: simulation time of the report.
-        state: one of the STATE constants of ``rpud_msgs/Status``.
-        regime: ``free`` or ``drilling``.
-        applied: the commands in force.
+        simulation: to report of.
         origin: stamp of simulation time zero.
-        counts: every other field, by its name.
+        state: one of the STATE constants of ``rpud_msgs/Status``.
+        bookkeeping: every other field, by its name.
     """
+    applied = simulation.applied
+    actuator = simulation.actuator
     return {
-        "header": header_fields(stamp, MOUNT_FRAME),
+        "header": header_fields(origin + simulation.time, MOUNT_FRAME),
         "state": state,
-        "regime": regime,
+        "regime": simulation.parameters.regime,
         "weight_on_bit": applied.weight_on_bit.force,
         "weight_on_bit_applied": time_fields(origin + applied.weight_on_bit_time),
         "drive_enabled": applied.drive.enabled,
         "drive_voltage": applied.drive.voltage,
         "drive_frequency": applied.drive.frequency,
         "drive_applied": time_fields(origin + applied.drive_time),
-        **counts,
-    }
-
-
-def drill_fields(simulation: Simulation) -> Fields:
-    """Those fields of ``rpud_msgs/Status`` that tell how the drill itself is."""
-    actuator = simulation.actuator
-    return {
         "impacts": simulation.impact_count,
         "vibration_amplitude": actuator.amplitude,
         "resonance_frequency": actuator.resonance_frequency,
@@ -223,6 +224,7 @@ def drill_fields(simulation: Simulation) -> Fields:
         "depth": simulation.depth,
         "penetration_rate": simulation.penetration_rate,
         "active_faults": len(simulation.faults.active),
+        **dataclasses.asdict(bookkeeping),
     }
 
 
@@ -250,7 +252,7 @@ def journal_fields(entry: JournalEntry, origin: int) -> Fields:
     }
 
 
-def faults_fields(ledger: Faults, time: int, origin: int) -> Fields:
+def faults_fields(ledger: FaultLedger, time: int, origin: int) -> Fields:
     """Fields of ``rpud_msgs/Faults`` at a simulation time."""
     return {
         "header": header_fields(origin + time, MOUNT_FRAME),

@@ -1,7 +1,7 @@
-"""The journal: everything that changes a simulation from outside, so that it can be run again.
+"""Journal of a run: every change from outside, from which the run can be repeated.
 
-An entry's content is one JSON object. Python writes a float with as many digits as it takes to read
-the same bits again.
+The content of an entry is one JSON object. Python writes floats with enough digits to read the same
+bits back.
 """
 
 from __future__ import annotations
@@ -11,19 +11,16 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from rpud_sim.simulation.scenario import Scenario
-from rpud_sim.simulation.versions import engine_and_processor
-
 
 @dataclasses.dataclass(frozen=True)
 class JournalEntry:
-    """One thing that happened to the simulation.
+    """Entry of a journal: one change from outside.
 
     Args:
         sequence: counts the entries from zero.
-        time: simulation time at which it happened [ns].
+        time: simulation time of the change [ns].
         kind: one of the KIND constants of ``rpud_msgs/JournalEntry``.
-        content: what goes with the kind, by name.
+        content: details of the kind, by name.
     """
 
     sequence: int
@@ -38,47 +35,18 @@ class JournalEntry:
 
 
 class Journal:
-    """Keeps the entries, in order, until somebody takes them."""
+    """Journal: a queue of entries, in order."""
 
     def __init__(self) -> None:
         self._sequence = 0
         self._entries: list[JournalEntry] = []
 
     def note(self, time: int, kind: str, **content: Any) -> None:
-        """Note what happened at a simulation time [ns]."""
+        """Append an entry for a change at a simulation time [ns]."""
         self._entries.append(JournalEntry(self._sequence, time, kind, content))
         self._sequence += 1
 
-    def begin(
-        self,
-        parameters: Mapping[str, Any],
-        initial_phase: float,
-        seed: int,
-        scenario: Scenario | None,
-    ) -> None:
-        """Note that a simulation begins.
-
-        Args:
-            parameters: all that it runs with, by name.
-            initial_phase: of the vibration [cycles].
-            seed: of faulty signals.
-            scenario: of the faults that come by themselves, as they were drawn.
-        """
-        faults = [
-            {**dataclasses.asdict(planned.fault), "onset": planned.onset, "clear": planned.clear}
-            for planned in (scenario.faults if scenario else ())
-        ]
-        self.note(
-            0,
-            "begin",
-            parameters=dict(parameters),
-            initial_phase=initial_phase,
-            seed=seed,
-            faults=faults,
-            made_by=engine_and_processor(),
-        )
-
-    def take(self) -> list[JournalEntry]:
+    def drain(self) -> list[JournalEntry]:
         """Return the entries since the last call."""
         entries, self._entries = self._entries, []
         return entries

@@ -1,24 +1,24 @@
-"""The ledger of faults: which last, which are over, and since when to the nanosecond."""
+"""Ledger of faults: onset and end of each, to the nanosecond."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections import deque
 
-from rpud_sim.model.parameters import shown
+from rpud_sim.foundation.quantities import shown
 from rpud_sim.simulation.faults import Fault, FaultError
 
-# Cleared faults that are remembered; the older ones are only counted.
+# Cleared faults that are kept; older ones are only counted.
 MOST_CLEARED = 1000
 
 
 @dataclasses.dataclass(frozen=True)
 class FaultRecord:
-    """When a fault was there: the ground truth.
+    """Time during which a fault lasted: the ground truth.
 
     Args:
         number: counts the injected faults from 1.
-        fault: what failed.
+        fault: that was injected.
         onset: simulation time at which it began [ns].
         clear: simulation time at which it ended, None while it lasts [ns].
     """
@@ -29,12 +29,12 @@ class FaultRecord:
     clear: int | None = None
 
     def lasts_at(self, time: int) -> bool:
-        """Whether it is there at a simulation time [ns]; at its onset it is, at its end not."""
+        """Whether it lasts at a simulation time [ns]: from its onset on, before its end."""
         return self.onset <= time and (self.clear is None or time < self.clear)
 
 
-class Faults:
-    """The faults of a run: which are there, and which have been.
+class FaultLedger:
+    """Faults of a run: those that last, and those that ended.
 
     Times are integer nanoseconds of simulation time.
     """
@@ -47,21 +47,21 @@ class Faults:
 
     @property
     def active(self) -> tuple[FaultRecord, ...]:
-        """Those that last, in order of injection; the same object until one begins or ends."""
+        """Faults that last, in order of injection; the same object until one begins or ends."""
         return self._active
 
     @property
     def records(self) -> tuple[FaultRecord, ...]:
-        """All in order of injection, but for the oldest of more than a thousand cleared ones."""
+        """Faults in order of injection; of cleared ones, the latest ``MOST_CLEARED``."""
         return tuple(sorted((*self._cleared, *self._active), key=lambda record: record.number))
 
     @property
     def forgotten(self) -> int:
-        """Number of cleared faults that ``records`` has no longer."""
+        """Number of cleared faults that ``records`` no longer contains."""
         return self._forgotten
 
     def since(self, time: int) -> tuple[FaultRecord, ...]:
-        """Those that last or have ended after a time, in order of injection."""
+        """Return faults that last or ended after a time, in order of injection."""
         ended = tuple(record for record in self._cleared if (record.clear or 0) > time)
         if not ended:
             return self._active
@@ -84,33 +84,20 @@ class Faults:
         """Let a fault end and return its record.
 
         Raises:
-            FaultError: if there is no such fault, or it would end before it began.
+            FaultError: if there is no such fault.
         """
         for record in self._active:
             if record.number == number:
                 break
         else:
             raise FaultError(f"there is no fault {shown(number)} to clear")
-        _check_end(record, time)
         ended = dataclasses.replace(record, clear=time)
         self._active = tuple(other for other in self._active if other is not record)
         self._forgotten += len(self._cleared) == MOST_CLEARED
         self._cleared.append(ended)
         return ended
 
-    def clear_all(self, time: int) -> tuple[FaultRecord, ...]:
-        """Let every fault end and return their records.
-
-        Raises:
-            FaultError: if one would end before it began; none has ended then.
-        """
+    def clear_all(self, time: int) -> None:
+        """Let every fault end."""
         for record in self._active:
-            _check_end(record, time)
-        return tuple(self.clear(time, record.number) for record in self._active)
-
-
-def _check_end(record: FaultRecord, time: int) -> None:
-    if time < record.onset:
-        raise FaultError(
-            f"fault {record.number} began at {record.onset} ns and cannot end at {time} ns"
-        )
+            self.clear(time, record.number)

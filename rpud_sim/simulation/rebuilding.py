@@ -1,4 +1,4 @@
-"""Samples at any rate of a trajectory that comes in pieces, as messages tell it."""
+"""Samples at any rate from the trajectory in a bag's messages."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.simulation.fields import SEGMENT_ARRAYS
 from rpud_sim.simulation.sampling import Samples, Times, sample
 
-# Samples that are made at once.
+# Samples that are computed at once.
 _MOST = 100_000
 
 
@@ -49,10 +49,9 @@ def end_sample(segment: np.void, rate: int) -> int:
 
 
 class Rebuilder:
-    """Samples pieces of a trajectory that follow each other without a gap.
+    """Sampler of consecutive pieces of a trajectory.
 
-    A piece is sampled up to the start of its last segment: where that ends, the next piece knows
-    best.
+    A piece is sampled up to the start of its last segment. The next piece shows where that ends.
 
     Args:
         rate: a whole rate [Hz]; sample number n is n / rate after simulation time zero.
@@ -64,18 +63,18 @@ class Rebuilder:
         self._next: int | None = None
 
     def add(self, segments: np.ndarray) -> Iterator[tuple[int, Samples]]:
-        """Yield the samples that the next piece completes, with the number of the first of them."""
+        """Yield samples up to the last segment of the next piece, with the first one's number."""
         if not len(segments):
             return
         covering = np.concatenate([self._held, segments])
         if self._next is None:
             self._next = first_sample(covering[0], self._rate)
         yield from self._sample(covering, first_sample(covering[-1], self._rate))
-        # One more than needed, as a number that is rounded up may lie a little before a start.
+        # One segment more than needed, because a number that is rounded up may be before a start.
         self._held = covering[-2:]
 
     def finish(self) -> Iterator[tuple[int, Samples]]:
-        """Yield the samples of the last segment, with the number of the first of them."""
+        """Yield the samples of the last segment, with the first one's number."""
         if len(self._held):
             yield from self._sample(self._held, end_sample(self._held[-1], self._rate))
         self._held = self._held[:0]

@@ -1,57 +1,49 @@
-"""The rock: how deep the impacts on the drill tool make the hole."""
+"""Rock: depth of the hole, from the impacts on the drill tool."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
-from rpud_sim.model.parameters import Quantity, check_choice
-from rpud_sim.simulation.sampling import NANOSECONDS
-
-ROCK_MODELS = ("none", "specific_energy")
+from rpud_sim.foundation.parameters import ParameterGroup, choice, number
+from rpud_sim.foundation.time import SECOND
 
 # The penetration rate is the mean over this time [ns].
-RATE_WINDOW = NANOSECONDS
-
-ROCK_QUANTITIES: Mapping[str, Quantity] = {
-    "rock_specific_energy": Quantity(
-        "J/m^3", "energy that breaks one unit of volume of the rock", 1e3, 1e12
-    ),
-    "rock_energy_transfer": Quantity(
-        "", "share of an impact's kinetic energy that breaks the rock", 0.0, 1.0
-    ),
-    "hole_area": Quantity("m^2", "cross-sectional area of the hole", 1e-8, 1.0),
-}
+RATE_WINDOW = SECOND
 
 
 @dataclasses.dataclass(frozen=True)
-class RockParameters:
-    """All parameters of the rock, in SI units; the defaults are the sandstone of Section V.
+class RockParameters(ParameterGroup):
+    """Parameters of the rock, in SI units; the defaults are the sandstone of Section V.
 
     The specific energy is the sandstone's compressive strength, 75 MPa: the least that drilling
     takes, very roughly, after Teale, "The concept of specific energy in rock drilling", Int. J.
-    Rock Mech. Min. Sci. 2 (1965) 57-73. The hole is as wide as part II of the drill tool. The
-    share of the energy is assumed; docs/rock.md says what it stands for.
+    Rock Mech. Min. Sci. 2 (1965) 57-73. The hole has the area of part II of the drill tool. The
+    share of the energy is assumed; docs/explanation/rock.md gives its reasons.
 
     Raises:
-        ParameterError: if a value is outside the range in ``ROCK_QUANTITIES``.
+        ParameterError: if a value is outside its range.
     """
 
-    rock_model: str = "none"
-    rock_specific_energy: float = 75e6
-    rock_energy_transfer: float = 0.01
-    hole_area: float = 2.0e-5
-
-    def __post_init__(self) -> None:
-        check_choice("rock_model", self.rock_model, ROCK_MODELS)
-        for name, quantity in ROCK_QUANTITIES.items():
-            object.__setattr__(self, name, quantity.check(name, getattr(self, name)))
-
-
-SANDSTONE = RockParameters(rock_model="specific_energy")
+    rock_model: str = choice(
+        "none",
+        ("none", "specific_energy"),
+        "whether the hole gets deeper by the impacts' energy",
+    )
+    rock_specific_energy: float = number(
+        75e6,
+        "J/m^3",
+        "energy that breaks one unit of volume of the rock",
+        1e3,
+        1e12,
+        changeable=True,
+    )
+    rock_energy_transfer: float = number(
+        0.01, "", "share of an impact's kinetic energy that breaks the rock", 0.0, 1.0
+    )
+    hole_area: float = number(2.0e-5, "m^2", "cross-sectional area of the hole", 1e-8, 1.0)
 
 
 class Progress:
@@ -79,28 +71,30 @@ class Progress:
         return self._depth
 
     def add(self, impacts: np.ndarray, hardness: float = 1.0, clearing: float = 1.0) -> None:
-        """Deepen the hole by impacts; it does not matter how they are split into blocks.
+        """Deepen the hole by impacts; the result does not depend on how blocks divide them.
 
         Args:
             impacts: ``IMPACT`` records, in order, after those of the last call.
             hardness: factor on the specific energy, above 0; greater than 1 in hard rock.
-            clearing: factor on the progress, from 0 to 1; less than 1 where cuttings choke the
+            clearing: factor on the progress, from 0 to 1; less than 1 when cuttings choke the
                 hole.
         """
         if not (self._modelled and len(impacts)):
             return
         deeper = impacts["energy"] * (self._metres_per_joule * clearing / hardness)
-        # One after the other, as a sum in pairs would depend on the blocks.
+        # One after the other: a sum in pairs would depend on the blocks.
         depths = np.add.accumulate(np.concatenate([[self._depth], deeper]))[1:]
         self._depth = float(depths[-1])
-        fractions = np.rint(impacts["fraction"] * NANOSECONDS).astype(np.int64)
-        self._times = np.concatenate([self._times, impacts["seconds"] * NANOSECONDS + fractions])
+        fractions = np.rint(impacts["fraction"] * SECOND).astype(np.int64)
+        self._times = np.concatenate([self._times, impacts["seconds"] * SECOND + fractions])
         self._depths = np.concatenate([self._depths, deeper])
         recent = np.searchsorted(self._times, self._times[-1] - RATE_WINDOW, side="right")
         self._times, self._depths = self._times[recent:], self._depths[recent:]
 
     def penetration_rate(self, time: int) -> float:
-        """Return the mean rate over the last second, or what has passed of it [m/s], or NaN.
+        """Return the mean rate over the last second, or the time since zero if shorter [m/s].
+
+        It is NaN without a rock model.
 
         Args:
             time: the end of that second [ns], not before the last impact.
@@ -108,5 +102,5 @@ class Progress:
         if not self._modelled:
             return math.nan
         recent = np.searchsorted(self._times, time - RATE_WINDOW, side="right")
-        window = min(time, RATE_WINDOW) / NANOSECONDS
+        window = min(time, RATE_WINDOW) / SECOND
         return math.fsum(self._depths[recent:]) / window if window > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""Samples of the trajectory: every channel at any times, exact."""
+"""Samples of a trajectory: every channel at any time, exact."""
 
 from __future__ import annotations
 
@@ -6,30 +6,16 @@ import dataclasses
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.segment import CONTACT_DRILL_TOOL, motion_at
 from rpud_sim.model.suspension import reacting_force
 
-CHANNELS = (
-    "nodal_plane_position",
-    "nodal_plane_velocity",
-    "actuator_position",
-    "actuator_velocity",
-    "free_mass_position",
-    "free_mass_velocity",
-    "drill_tool_displacement",
-    "drill_tool_velocity",
-    "contact_force",
-    "reacting_force",
-)
-
-NANOSECONDS = 1_000_000_000
-
 
 @dataclasses.dataclass(frozen=True)
 class Times:
-    """Times since the simulation's zero, each as whole seconds and a fraction from 0 to 1.
+    """Times since simulation time zero, each as whole seconds and a fraction from 0 to 1.
 
     Args:
         seconds: shape (n,), int64 [s].
@@ -43,10 +29,10 @@ class Times:
     def from_nanoseconds(nanoseconds: np.ndarray | int) -> Times:
         """Return the times given in integer nanoseconds, shape (n,)."""
         if isinstance(nanoseconds, int):  # sampled for every telemetry message
-            whole, left = divmod(nanoseconds, NANOSECONDS)
-            return Times(np.array([whole], np.int64), np.array([left / NANOSECONDS]))
-        seconds, rest = np.divmod(np.atleast_1d(np.asarray(nanoseconds, np.int64)), NANOSECONDS)
-        return Times(seconds, rest / NANOSECONDS)
+            whole, fraction = split_fraction(nanoseconds)
+            return Times(np.array([whole], np.int64), np.array([fraction]))
+        seconds, rest = np.divmod(np.atleast_1d(np.asarray(nanoseconds, np.int64)), SECOND)
+        return Times(seconds, rest / SECOND)
 
     @staticmethod
     def from_grid(first: int, count: int, rate: int) -> Times:
@@ -70,6 +56,10 @@ class Samples:
     contact_force: np.ndarray
     reacting_force: np.ndarray
     in_contact: np.ndarray
+
+
+# Channels of numbers, in the order in which the kernel fills them.
+CHANNELS = tuple(field.name for field in dataclasses.fields(Samples) if field.name != "in_contact")
 
 
 @compiled

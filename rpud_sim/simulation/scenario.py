@@ -1,4 +1,4 @@
-"""Scenarios: YAML files that say which faults begin when, with a seed for what is drawn."""
+"""Scenarios: YAML files of faults that begin by themselves, some of their values drawn."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.model.parameters import ParameterError, Quantity, shown
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.yaml_files import read_yaml
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError, number_of
-from rpud_sim.simulation.sampling import NANOSECONDS
-from rpud_sim.simulation.yaml_files import read_yaml
 
 GREATEST_SEED = 2**63 - 1  # what a ROS parameter holds
 
@@ -26,13 +26,13 @@ _KEYS = ("kind", "channel", *_DRAWN)
 
 @dataclasses.dataclass(frozen=True)
 class ScheduledFault:
-    """A fault and when it lasts.
+    """Fault with its onset and its end.
 
     Args:
         onset: simulation time at which it begins [ns].
         clear: simulation time at which it ends, None if it does not end by itself [ns].
         fault: that begins.
-        place: where it was read, with a colon; it begins the line that refuses it.
+        place: file and entry, with a colon; an error message begins with it.
     """
 
     onset: int
@@ -43,11 +43,11 @@ class ScheduledFault:
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """What a scenario file says, with everything drawn.
+    """Faults of a scenario file, with all values drawn.
 
     Args:
         seed: with which it was drawn.
-        faults: in the order of their onsets; those of one kind on one channel do not overlap. Where
+        faults: in the order of their onsets; those of one kind on one channel do not overlap. If
             one ends at the instant at which another begins, it ends first.
     """
 
@@ -63,10 +63,10 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
         seed: in place of the file's, zero or more.
 
     Raises:
-        FaultError: if the file cannot be read or used, in one line with its name.
+        FaultError: if the file cannot be read or used; one line with its name.
     """
     try:
-        # There are no truth values in a scenario: off is a kind of fault.
+        # Without truth values: in a scenario, off is a kind of fault.
         parsed = read_yaml(path, truth_values=False)
     except ParameterError as error:
         raise FaultError(str(error)) from None
@@ -74,15 +74,15 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
 
 
 def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario:
-    """Make a scenario of what a file holds.
+    """Return the scenario of a file's content.
 
     Args:
         content: as YAML gives it.
-        name: of the file, for what is refused.
+        name: of the file, for error messages.
         seed: in place of the content's, zero or more.
 
     Raises:
-        FaultError: if the content is no scenario, in one line with name and number of the entry.
+        FaultError: if the content is no scenario; one line with name and number of the entry.
     """
     if not isinstance(content, Mapping):
         raise FaultError(f"{name} is not a scenario: it holds no mapping")
@@ -125,18 +125,18 @@ def _scheduled(entry: Any, number: int, seed: int) -> ScheduledFault:
         if key not in entry:
             raise FaultError(f"{key} is missing")
     kind, channel = entry["kind"], entry.get("channel", "")
-    known = Fault(kind, channel)  # the names, before the numbers
-    # Numbers are drawn apart from each other: changing one entry changes no other.
+    known = Fault(kind, channel)  # checks the names before the numbers
+    # A stream of its own for each number: changing one entry changes no other.
     streams = {
         key: np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, index)))
         for index, key in enumerate(_DRAWN)
     }
     onset = _drawn("onset", entry["onset"], ONSET, streams["onset"])
-    start = round(onset * NANOSECONDS)
+    start = round(onset * SECOND)
     clear = None
     if "duration" in entry:
         duration = _drawn("duration", entry["duration"], DURATION, streams["duration"])
-        clear = start + round(duration * NANOSECONDS)
+        clear = start + round(duration * SECOND)
     magnitude = entry.get("magnitude", math.nan)
     quantity = KINDS[kind].quantity_on(channel)
     if not (quantity is None or _is_nan(magnitude)):
@@ -149,7 +149,7 @@ def _is_nan(value: Any) -> bool:
 
 
 def _drawn(name: str, value: Any, quantity: Quantity, random: np.random.Generator) -> float:
-    """The number that an entry gives, or one drawn between the two that it gives."""
+    """Return the number of an entry, or one drawn between its two bounds."""
     if not isinstance(value, Mapping):
         return quantity.check(name, _finite(name, value))
     bounds = value.get("uniform")

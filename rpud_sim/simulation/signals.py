@@ -1,9 +1,9 @@
-"""Signal faults: what the channels of a drill that is well say while they fail.
+"""Signal faults: changed, late and lost messages of a healthy drill.
 
 Each fault on a channel is a stage through which the channel's messages pass, in the order of
-injection. Messages are the dictionaries of ``rpud_sim.simulation.fields``; none is changed, a stage
-hands on a copy. Random numbers come from a stream of their own for each fault, made of the seed and
-the fault's number: what happens on one channel changes nothing on another.
+injection. Messages are the dictionaries of ``rpud_sim.simulation.fields``; a stage changes a copy.
+Each fault has its own stream of random numbers, from the seed and the fault's number. So a fault on
+one channel changes nothing on another.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.channels import CHANNELS, Channel, Path
 from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.ledger import FaultRecord
-from rpud_sim.simulation.sampling import NANOSECONDS
 
-# Of the values of a channel full of garbage this share is NaN or infinite, so that mission software
-# surely meets them; of plain bit patterns it would be one in two thousand.
+# Share of the values of a garbage channel that are NaN or infinite, so that mission software meets
+# them; of random bit patterns only one in two thousand is.
 NOT_FINITE_SHARE = 0.1
 
 
 class SignalFaults:
-    """The channels' signals on their way out, with what stuck and late ones hold.
+    """Pipeline of the channels' messages through their faults.
 
     Args:
         seed: of every random number, zero or more.
@@ -40,16 +40,16 @@ class SignalFaults:
     def apply(
         self, channel: str, time: int, fields: Fields, records: Sequence[FaultRecord]
     ) -> list[Fields]:
-        """Return what the channel publishes in place of a message, in order; it may be nothing.
+        """Return the messages that the channel publishes in place of one, in order; maybe none.
 
-        A healthy channel publishes the very object that it is given.
+        A healthy channel publishes the same object.
 
         Args:
             channel: one of ``CHANNELS``.
             time: simulation time of the message, never before the channel's last one [ns].
-            fields: the message, which nobody changes from now on.
+            fields: the message; it must not change from now on.
             records: at least those that last at this time; those that do not, and those of other
-                channels, are passed over.
+                channels, are ignored.
         """
         if not records and channel not in self._stages:
             self._last[channel] = fields
@@ -59,7 +59,7 @@ class SignalFaults:
     def release(self, time: int, records: Sequence[FaultRecord]) -> list[tuple[str, Fields]]:
         """Return the late messages that are due, with their channels.
 
-        To be called once a block, so that a late message does not wait for the channel's next one.
+        Call it once a block: otherwise a late message would wait for the channel's next one.
 
         Args:
             time: simulation time [ns].
@@ -84,7 +84,7 @@ class SignalFaults:
             stages[number] = self._stage(lasting[number])
         for number in sorted(stages):
             if number in lasting:
-                messages = stages[number].take(time, messages)
+                messages = stages[number].process(time, messages)
             else:
                 messages = [*stages.pop(number).rest(), *messages]
         if not stages:
@@ -103,7 +103,7 @@ class SignalFaults:
 
 
 class _Stage:
-    """A fault at work on a channel."""
+    """Fault that acts on a channel."""
 
     def __init__(
         self,
@@ -117,12 +117,12 @@ class _Stage:
         self._random = random
         self._last = last  # what the channel published before
 
-    def take(self, time: int, messages: list[Fields]) -> list[Fields]:
-        """Return what goes on, for messages that come at a time [ns]."""
+    def process(self, time: int, messages: list[Fields]) -> list[Fields]:
+        """Return the messages that go on, for those that come at a time [ns]."""
         return [changed for fields in messages if (changed := self._change(fields)) is not None]
 
     def rest(self) -> list[Fields]:
-        """Return what was held back and goes on when the fault is over."""
+        """Return the messages that are still held when the fault ends."""
         return []
 
     def _change(self, fields: Fields) -> Fields | None:
@@ -165,10 +165,10 @@ class _Wrong(_Stage):
 class _Slow(_Stage):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self._period = round(self._magnitude * NANOSECONDS)
+        self._period = round(self._magnitude * SECOND)
         self._next = 0
 
-    def take(self, time: int, messages: list[Fields]) -> list[Fields]:
+    def process(self, time: int, messages: list[Fields]) -> list[Fields]:
         if not messages or time < self._next:
             return []
         self._next = time + self._period
@@ -178,10 +178,10 @@ class _Slow(_Stage):
 class _Delayed(_Stage):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self._delay = round(self._magnitude * NANOSECONDS)
+        self._delay = round(self._magnitude * SECOND)
         self._waiting: deque[tuple[int, Fields]] = deque()
 
-    def take(self, time: int, messages: list[Fields]) -> list[Fields]:
+    def process(self, time: int, messages: list[Fields]) -> list[Fields]:
         self._waiting.extend((time + self._delay, fields) for fields in messages)
         due = []
         while self._waiting and self._waiting[0][0] <= time:
@@ -231,7 +231,7 @@ def _at(fields: Fields, path: Path) -> Any:
 
 
 def _replaced(fields: Fields, values: dict[Path, Any]) -> Fields:
-    """A copy of a message with other values at some paths."""
+    """Return a copy of a message with other values at some paths."""
     copy = _copy(fields)
     for path, value in values.items():
         inner = copy

@@ -1,4 +1,4 @@
-"""Figures of a run, accumulated block by block."""
+"""Statistics of a run, accumulated block by block."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
@@ -16,9 +17,8 @@ from rpud_sim.model.segment import (
     nodal_plane_integral,
 )
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.sampling import NANOSECONDS
 
-# Names and units.
+# Names and units of the figures.
 FIGURES = MappingProxyType(
     {
         "events": "",
@@ -64,7 +64,7 @@ def _sum_reacting_force(segments, seconds, fraction, from_seconds, from_fraction
 
 
 def count_events(event: np.ndarray) -> tuple[int, int]:
-    """Return how many segments impacts and ends of contacts began, and the actuator's impacts.
+    """Return the number of impacts and ends of contacts, and that of the actuator's impacts.
 
     Args:
         event: of the segments, shape (n,).
@@ -77,7 +77,7 @@ def count_events(event: np.ndarray) -> tuple[int, int]:
 
 
 class Statistics:
-    """Sums over blocks, from which the figures of a run are made.
+    """Sums over blocks, and the figures of a run from them.
 
     The mean reacting force is the exact time average of the closed forms; impacts count when their
     contact ends.
@@ -99,11 +99,11 @@ class Statistics:
     @property
     def duration(self) -> float:
         """Simulated time of the blocks so far [s]."""
-        return self._duration / NANOSECONDS
+        return self._duration / SECOND
 
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
-        # All but the first began in this block; the very first began at time zero.
+        # The first segment began before this block, except at time zero.
         event = block.covering["event"]
         if block.start > 0 or self._begun:
             event = event[1:]
@@ -125,7 +125,7 @@ class Statistics:
         self._reacting_impulse += _reacting_impulse(block)
 
     def merge(self, other: Statistics) -> None:
-        """Add what another one has seen."""
+        """Add the sums of other statistics."""
         for name, value in vars(other).items():
             if name == "_contact_force_max":
                 self._contact_force_max = max(self._contact_force_max, value)
@@ -133,7 +133,7 @@ class Statistics:
                 setattr(self, name, getattr(self, name) + value)
 
     def figures(self) -> dict[str, float | int | None]:
-        """Return duration and ``FIGURES`` in SI units; None where there was nothing to average."""
+        """Return duration and ``FIGURES`` in SI units; None if there is nothing to average."""
         duration = self.duration
         count = self._impacts
 
@@ -158,14 +158,8 @@ class Statistics:
 
 
 def _reacting_impulse(block: Block) -> float:
-    seconds, rest = divmod(block.end, NANOSECONDS)
-    from_seconds, from_rest = divmod(block.start, NANOSECONDS)
     return float(
         _sum_reacting_force(
-            block.covering,
-            seconds,
-            rest / NANOSECONDS,
-            from_seconds,
-            from_rest / NANOSECONDS,
+            block.covering, *split_fraction(block.end), *split_fraction(block.start)
         )
     )

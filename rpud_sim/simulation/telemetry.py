@@ -1,18 +1,15 @@
-"""Telemetry: which messages the drill gives of each block, whoever sends or writes them."""
+"""Telemetry: the messages of each block, for publishers and bags alike."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import fields
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
 from rpud_sim.simulation.ledger import FaultRecord
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
-
-TELEMETRY_RATE = 100  # Hz
-SAMPLE_RATE = 50_000  # of the waveform [Hz]
-BLOCK_DURATION = 0.05  # of waveform and trajectory [s]
 
 _SENSORS = (
     ("nodal_plane", fields.nodal_plane_fields),
@@ -21,94 +18,61 @@ _SENSORS = (
     ("wrench", fields.wrench_fields),
 )
 
-# What the drill gives, and whoever runs it adds status and journal.
-TYPES = {
-    "contact_force": "rpud_msgs/msg/ContactForce",
-    "drill_tool": "rpud_msgs/msg/DrillTool",
-    "faults": "rpud_msgs/msg/Faults",
-    "joint_states": "sensor_msgs/msg/JointState",
-    "journal": "rpud_msgs/msg/JournalEntry",
-    "nodal_plane": "rpud_msgs/msg/NodalPlane",
-    "reacting_force": "rpud_msgs/msg/ReactingForce",
-    "status": "rpud_msgs/msg/Status",
-    "trajectory": "rpud_msgs/msg/Trajectory",
-    "waveform": "rpud_msgs/msg/Waveform",
-    "wrench": "geometry_msgs/msg/WrenchStamped",
-}
-
-# Simulation time at which it goes out [ns], topic, what the message says.
+# A message: simulation time at which it is published [ns], topic, fields.
 Entry = tuple[int, str, fields.Fields]
 
 
 class Telemetry:
-    """The messages of blocks that follow each other, with what faulty signals make of them.
+    """Messages of consecutive blocks, changed by the faults of their signals.
+
+    Attributes:
+        origin: stamp of simulation time zero [ns].
 
     Args:
         telemetry_rate: of the samples [Hz].
         sample_rate: of the waveform [Hz].
         block_duration: of waveform and trajectory [s], at least one telemetry period.
-        wanted: whether anybody wants a topic that no fault can touch; it is left out otherwise.
+        wanted: whether a topic that no fault can touch has a subscriber; without one its messages
+            are not made.
+        seed: of random numbers of faulty signals.
     """
 
     def __init__(
         self,
-        telemetry_rate: int = TELEMETRY_RATE,
-        sample_rate: int = SAMPLE_RATE,
-        block_duration: float = BLOCK_DURATION,
+        telemetry_rate: int,
+        sample_rate: int,
+        block_duration: float,
         wanted: Callable[[str], bool] = lambda topic: True,
+        seed: int = 0,
     ) -> None:
         self._rate = telemetry_rate
         self._sample_rate = sample_rate
         self._stream_period = round(block_duration * telemetry_rate)
         self._wanted = wanted
-        self._signals = SignalFaults()
-        self._pending: list[Block] = []
-        self._origin = 0
-        self._segments = 0
-
-    @property
-    def origin(self) -> int:
-        """Stamp of simulation time zero [ns]."""
-        return self._origin
-
-    def begin(self, origin: int) -> None:
-        """Begin with simulation time zero, whose stamp this is [ns]."""
-        self._origin = origin
-        self._segments = 0
-        self._pending.clear()
-
-    def move(self, origin: int) -> None:
-        """Give simulation time zero another stamp [ns]."""
-        self._origin = origin
-
-    def reseed(self, seed: int) -> None:
-        """Forget the state of faulty signals, and draw with this seed from now on."""
         self._signals = SignalFaults(seed)
+        self._pending: list[Block] = []
+        self.origin = 0
+        self._segments = 0
 
-    def take(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        """Yield what a block brings: its impacts, the sample at its end, its share of streams.
+    def prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
+        """Yield the messages that are due at once: impacts of a block and the sample at its end.
 
         Args:
-            block: at most one telemetry period long.
-            faults: that lasted in it, or in a part of it.
+            block: at most one telemetry period long, after that of the last call.
+            faults: that lasted in the block, or in a part of it.
         """
-        yield from self.take_prompt(block, faults)
-        yield from self.take_streams(block)
-
-    def take_prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        """Yield what of a block is wanted at once: its impacts and the sample at its end."""
         faults = [record for record in faults if record.fault.channel]
         for impact in block.impacts:
-            values = fields.contact_force_fields(impact, self._origin)
-            began = max(block.start, fields.stamp_of(values) - self._origin)
-            yield from self._said("contact_force", began, values, faults)
+            values = fields.contact_force_fields(impact, self.origin)
+            began = max(block.start, fields.stamp_of(values) - self.origin)
+            yield from self._signal("contact_force", began, values, faults)
         if self._boundary(block) is not None:
             yield from self._samples(block, faults)
         for channel, values in self._signals.release(block.end, faults):
             yield block.end, channel, values
 
-    def take_streams(self, block: Block) -> Iterator[Entry]:
-        """Yield the waveform and the trajectory where one of their blocks ends with this one."""
+    def streams(self, block: Block) -> Iterator[Entry]:
+        """Yield waveform and trajectory if a period of theirs ends with this block."""
         self._pending.append(block)
         number = self._boundary(block)
         if number is not None and number % self._stream_period == 0:
@@ -124,7 +88,7 @@ class Telemetry:
         self._segments += len(block.segments)
         yield from self._waveform(block)
         if self._wanted("trajectory"):
-            for values in fields.trajectory_fields(block, first, self._origin):
+            for values in fields.trajectory_fields(block, first, self.origin):
                 yield block.end, "trajectory", values
 
     def _boundary(self, block: Block) -> int | None:
@@ -132,18 +96,18 @@ class Telemetry:
         number = boundaries_until(block.end, self._rate)
         return number if boundary(number, self._rate) == block.end else None
 
-    def _said(
+    def _signal(
         self, channel: str, time: int, values: fields.Fields, faults: Sequence[FaultRecord]
     ) -> Iterator[Entry]:
-        """Yield a sensor's message, or what its faults make of it."""
+        """Yield a sensor's message after the faults of its channel."""
         for changed in self._signals.apply(channel, time, values, faults):
             yield time, channel, changed
 
     def _samples(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
-        stamp = self._origin + block.end
+        stamp = self.origin + block.end
         samples = block.sample(Times.from_nanoseconds(block.end))
         for channel, make in _SENSORS:
-            yield from self._said(channel, block.end, make(samples, 0, stamp), faults)
+            yield from self._signal(channel, block.end, make(samples, 0, stamp), faults)
         if self._wanted("joint_states"):
             yield block.end, "joint_states", fields.joint_state_fields(samples, 0, stamp)
 
@@ -152,6 +116,6 @@ class Telemetry:
         numbers = block.grid(rate)
         if numbers and self._wanted("waveform"):
             samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
-            stamp = self._origin + numbers.start * NANOSECONDS // rate
+            stamp = self.origin + numbers.start * SECOND // rate
             values = fields.waveform_fields(samples, stamp, numbers.start, rate)
             yield block.end, "waveform", values

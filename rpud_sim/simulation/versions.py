@@ -1,4 +1,4 @@
-"""What the bits of a simulation's results depend on, beside what it is told."""
+"""Versions of everything, beside its inputs, that the bits of a simulation depend on."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import rpud_sim
 
 @cache
 def engine_versions() -> dict[str, str]:
-    """Return the versions of what runs the simulations."""
+    """Return the versions of the package, its sources, Python, its libraries and the machine."""
     return {
         "rpud_sim": version_of("rpud_sim"),
         "sources": source_digest(),
@@ -25,7 +25,7 @@ def engine_versions() -> dict[str, str]:
 
 @cache
 def engine_and_processor() -> dict[str, str]:
-    """Return ``engine_versions``, and what chooses among the sines of the C library."""
+    """Return ``engine_versions`` with processor and C library, which decide the bits of a sine."""
     from llvmlite import binding
 
     return {
@@ -36,10 +36,10 @@ def engine_and_processor() -> dict[str, str]:
 
 
 def source_digest() -> str:
-    """Return a digest of the sources that the results come from, whose version may stand still."""
+    """Return a digest of the sources of the results; it changes between versions as well."""
     package = Path(rpud_sim.__file__).parent
     digest = hashlib.sha256()
-    for folder in ("model", "simulation"):
+    for folder in ("foundation", "model", "simulation"):
         for source in sorted((package / folder).glob("**/*.py")):
             digest.update(source.relative_to(package).as_posix().encode() + b"\0")
             digest.update(hashlib.sha256(source.read_bytes()).digest())

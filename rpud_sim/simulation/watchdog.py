@@ -1,29 +1,21 @@
-"""The command watchdog: makes the drill safe when commands stay out."""
+"""Command watchdog: makes the drill safe when commands stop arriving."""
 
 from __future__ import annotations
 
-from rpud_sim.model.parameters import Quantity
-from rpud_sim.simulation.sampling import NANOSECONDS
-
-COMMAND_TIMEOUT = Quantity(
-    "s", "time without a command after which the drill is made safe, 0 for never", 0.0, 3600.0
-)
-COMMAND_LOSS_RAMP = Quantity(
-    "s", "time in which drive and weight on bit go to zero when commands are lost", 0.0, 60.0
-)
+from rpud_sim.foundation.time import SECOND
 
 
 class CommandWatchdog:
-    """How much of the commands is in force, given when the last one came.
+    """Share of the commands that acts, by the time of the last one.
 
-    While commands come it is all of them. When none has come for the timeout, it goes down
-    linearly to nothing within the ramp, and stays there until one comes again. Times are integer
-    nanoseconds of simulation time.
+    The share is 1 while commands arrive. When none arrived for the timeout, it falls linearly to 0
+    within the ramp, and stays there until the next command. Times are integer nanoseconds of
+    simulation time.
 
     Args:
-        timeout: without a command, after which they are lost [s]; 0 for never.
-        ramp: from all to nothing [s].
-        time: at which it begins to wait.
+        timeout: time without a command after which commands are lost [s]; 0 for never.
+        ramp: time in which the share falls from 1 to 0 [s].
+        time: at which it starts.
     """
 
     def __init__(self, timeout: float, ramp: float, time: int = 0) -> None:
@@ -31,21 +23,21 @@ class CommandWatchdog:
         self.set(timeout, ramp)
 
     def set(self, timeout: float, ramp: float) -> None:
-        """Take another timeout and ramp [s]."""
-        # In nanoseconds, so that the end of the ramp is exact; the shortest timeout is not never.
-        self._timeout = max(1, round(timeout * NANOSECONDS)) if timeout > 0.0 else 0
-        self._ramp = round(ramp * NANOSECONDS)
+        """Set another timeout and ramp [s]."""
+        # In nanoseconds, so that the end of the ramp is exact. At least 1: 0 would be no timeout.
+        self._timeout = max(1, round(timeout * SECOND)) if timeout > 0.0 else 0
+        self._ramp = round(ramp * SECOND)
 
-    def heard(self, time: int) -> None:
-        """Note that a command came."""
+    def reset(self, time: int) -> None:
+        """Wait again from the time of a command on."""
         self._last = time
 
     def lost(self, time: int) -> bool:
-        """Whether commands are lost."""
+        """Return whether commands are lost."""
         return self._overdue(time) > 0
 
     def share(self, time: int) -> float:
-        """Share of the commands that is in force, from 1 to 0."""
+        """Return the share of the commands that acts, from 1 to 0."""
         overdue = self._overdue(time)
         if overdue <= 0:
             return 1.0

@@ -1,4 +1,4 @@
-"""What the codec writes, ROS reads; what ROS writes, the codec reads."""
+"""ROS reads the codec's messages, and the codec those of ROS."""
 
 from array import array
 
@@ -19,7 +19,7 @@ HEADER = Header(stamp=Time(sec=3, nanosec=999_999_999), frame_id="rpud_tool_tip"
 
 
 def sequences(message):
-    """Give every sequence of numbers in a message, the three of a kind."""
+    """Return three values for every sequence of numbers in a message."""
     codes = {"sequence<double>": "d", "sequence<int64>": "q", "sequence<uint8>": "B"}
     kinds = type(message).get_fields_and_field_types()
     return {name: array(codes[kind], [0, 2, 7]) for name, kind in kinds.items() if kind in codes}
@@ -47,7 +47,7 @@ def codec(message):
 
 
 def plain(value):
-    """Turn a ROS message into what the codec takes."""
+    """Return the plain values of a ROS message for the codec."""
     if hasattr(value, "get_fields_and_field_types"):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     return value

@@ -1,4 +1,4 @@
-"""Definitions are complete, in order and without repetition, as the `ros2msg` encoding wants."""
+"""Definitions are complete, ordered and without repetition, as ``ros2msg`` requires."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What the encoder writes is what ROS writes, whatever a message says."""
+"""The encoder writes the bytes of ROS for every message."""
 
 import struct
 from array import array
@@ -26,8 +26,8 @@ from sensor_msgs.msg import JointState
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.encoder import CODES, Encoder
-from rpud_sim.ros.drill.publishers import TOPICS
 from rpud_sim.ros.types import members_of, message_class
+from rpud_sim.simulation.topics import TOPICS
 
 # Listed, so that none is left out by mistake.
 KINDS = [ContactForce, DrillTool, Faults, JointState, JournalEntry, NodalPlane, ReactingForce]
@@ -49,7 +49,7 @@ def type_name(kind):
 
 
 def values_of(slot):
-    """Plain values of a message class or of a member."""
+    """Strategy for plain values of a message class or of a member."""
     if hasattr(slot, "SLOT_TYPES"):
         names = slot.get_fields_and_field_types()
         members = zip(names, map(values_of, slot.SLOT_TYPES), strict=True)
@@ -66,7 +66,7 @@ def values_of(slot):
 
 
 def message_of(kind, values):
-    """Make the ROS message."""
+    """Return the ROS message."""
     content = {}
     for name, slot in zip(kind.get_fields_and_field_types(), kind.SLOT_TYPES, strict=True):
         value = values[name]
@@ -80,7 +80,7 @@ def message_of(kind, values):
 
 
 def test_every_topic_is_here():
-    published = {kind for name, (kind, _) in TOPICS.items() if name != "/diagnostics"}
+    published = {message_class(topic.type) for topic in TOPICS.values()}
     assert published | {Clock} == set(KINDS)
 
 

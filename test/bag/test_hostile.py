@@ -1,4 +1,4 @@
-"""Files that were made to do harm end in one clear line, in bounded memory."""
+"""Hostile files end in one clear line, in bounded memory."""
 
 import io
 import json
@@ -51,7 +51,7 @@ for path in sorted(pathlib.Path(sys.argv[1]).iterdir()):
 
 
 def read_in_bounded_memory(folder):
-    """Read and recover each bag in a folder by a process with little memory; give what it said."""
+    """Read and recover the bags of a folder in a process with little memory; return its output."""
     result = subprocess.run(
         [sys.executable, "-c", READ_ALL, folder],
         capture_output=True,
@@ -64,7 +64,7 @@ def read_in_bounded_memory(folder):
 
 
 def mcap(*data, summary=(), chunk_indexes=()):
-    """Put records together to a file; of chunks their indexes are made."""
+    """Return a file of these records, with an index for each chunk."""
     content = RecordBuilder()
     content.write(MAGIC + record(Opcode.HEADER, bytes(8)))
     indexes = list(chunk_indexes)
@@ -96,7 +96,7 @@ def chunk(compression, data, size, crc=0):
 
 
 def zeros(size, head=b""):
-    """Compress zeros, block by block: a bomb need not exist before it explodes."""
+    """Return compressed zeros, made block by block in little memory."""
     compressor = zstandard.ZstdCompressor(level=3).compressobj()
     parts = [compressor.compress(head + bytes(2**20 - len(head)))]
     parts += [compressor.compress(bytes(2**20)) for _ in range((size >> 20) - 1)]
@@ -129,7 +129,7 @@ COMPLAINTS = {
 
 
 def bombs():
-    """Give the hostile files by their names."""
+    """Return the hostile files by their names."""
     # A message that fills its chunk, so that each chunk stays open until it is taken.
     message = struct.pack("<BQHIQQ", Opcode.MESSAGE, CONTENT_LIMIT - 9, 1, 0, 5, 5)
     full = chunk("zstd", zeros(CONTENT_LIMIT, message), CONTENT_LIMIT)
@@ -420,12 +420,12 @@ def test_a_cut_at_any_byte_of_a_chunk_s_head_ends(tmp_path, compression):
     assert result.returncode == 0, result.stdout[-200:] + result.stderr[-2000:]
     rows = [line.split() for line in result.stdout.splitlines()]
     assert len(rows) == 160
-    assert {told for _, told in rows[:80]} <= {"0", "1"}  # nothing before is lost
-    assert {told for _, told in rows[80:]} <= {"0", "1", "BagFormatError"}
+    assert {result for _, result in rows[:80]} <= {"0", "1"}  # nothing before is lost
+    assert {result for _, result in rows[80:]} <= {"0", "1", "BagFormatError"}
 
 
 def nest(depth, leaf):
-    """Give the definition of a type in which each member has two of the next."""
+    """Return the definition of a type in which each member has two of the next."""
     parts = ["N1 first\nN1 second\n"]
     for level in range(1, depth):
         fields = leaf if level == depth - 1 else f"N{level + 1} first\nN{level + 1} second\n"
@@ -470,7 +470,7 @@ GREEDY = {  # a definition, and the first bytes of a message that ends in zeros
 
 EXPORT = """
 import json, pathlib, resource, sys
-from rpud_sim.analysis.export.export import export
+from rpud_sim.inspection.export.export import export
 from rpud_sim.bag import BagError
 resource.setrlimit(resource.RLIMIT_CPU, (10, 10))
 path = pathlib.Path(sys.argv[1])
@@ -483,7 +483,7 @@ print(json.dumps([said, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 102
 
 
 def greedy_bag(path, definition, head, size):
-    """Write a bag of a few kB with one message of `size` bytes; give its path."""
+    """Write a bag of a few kB with one message of ``size`` bytes and return its path."""
     message = b"\0\1\0\0" + head
     message += bytes(size - len(message))
     with rpud_sim.bag.BagWriter(path) as bag:
@@ -493,7 +493,7 @@ def greedy_bag(path, definition, head, size):
 
 
 def exported(path, file_format):
-    """Export a bag in a process of its own; give what it said, and its memory [bytes]."""
+    """Export a bag in another process; return its output and its memory [bytes]."""
     result = subprocess.run(
         [sys.executable, "-c", EXPORT, path, file_format],
         capture_output=True,

@@ -11,7 +11,7 @@ def test_round_trip():
     assert losses_from_record(losses_to_record(losses)) == losses
 
 
-def test_the_total_is_unknown_where_the_transport_does_not_tell():
+def test_the_total_is_unknown_if_the_transport_does_not_count():
     assert Losses(transport=3, queue=2).total == 5
     assert Losses(transport=3, queue=2, damaged=1).total == 6
     assert Losses(transport=None, queue=2).total is None

@@ -1,4 +1,4 @@
-"""A manifest comes back from its record as it was, and tells of the machine but not of the host."""
+"""Manifest: the same after its record is read, with the machine but not the host."""
 
 import json
 import platform
@@ -74,7 +74,7 @@ def test_versions_and_machine_are_those_of_this_process(monkeypatch):
 
 
 def test_texts_without_an_encoding_are_escaped(tmp_path):
-    """As names of files that are no UTF-8, and halves of pairs that JSON can have."""
+    """File names may be other than UTF-8, and JSON may have halves of surrogate pairs."""
     manifest = Manifest(command=("rpud", "\udcff"), parameters={"scenario": "\ud800"})
     record = manifest.to_record()
     assert "".join(record.values()).encode("utf-8")

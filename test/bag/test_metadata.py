@@ -1,4 +1,4 @@
-"""The metadata has every field that rosbag2 reads, and reads what earlier versions wrote."""
+"""Metadata has every field that rosbag2 reads; earlier versions are read."""
 
 import pytest
 import yaml

@@ -1,4 +1,4 @@
-"""QoS profiles are written and read as rosbag2 does, whatever the version wrote them."""
+"""QoS profiles are written as rosbag2 does, and read from all its versions."""
 
 import pytest
 import yaml

@@ -39,7 +39,7 @@ def texts(messages):
     return [message.data[8:-1].decode() for message in messages]
 
 
-def test_a_bag_tells_what_it_holds(tmp_path):
+def test_a_bag_lists_its_topics_and_messages(tmp_path):
     write_bag(tmp_path / "run", 11)
     with rpud_sim.bag.open(tmp_path / "run") as bag:
         assert isinstance(bag, BagReader)
@@ -199,7 +199,7 @@ def test_a_closed_bag_is_no_damaged_one(tmp_path):
         assert not isinstance(refused.value, BagFormatError)
 
 
-def test_losses_are_told(tmp_path):
+def test_losses_are_shown(tmp_path):
     with BagWriter(tmp_path / "run") as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
         bag.add_record(RECORD_NAME, losses_to_record({TALK.name: Losses(2, 1)}))

@@ -1,4 +1,4 @@
-"""Of a torn or damaged bag everything that is whole comes back, and the rest is accounted for."""
+"""Recovery keeps every whole message of a torn or damaged bag, and lists the losses."""
 
 import contextlib
 import functools
@@ -30,10 +30,10 @@ import rpud_sim.bag
 from rpud_sim.bag import BagError, BagExistsError, BagFormatError, BagNotFoundError, BagWriter
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, Losses, losses_to_record
 from rpud_sim.bag.metadata import FILE_NAME as METADATA_FILE
 from rpud_sim.bag.metadata import BagMetadata, FileInformation
-from rpud_sim.bag.recovery import RECORDING_RECORD, recover
+from rpud_sim.bag.recovery import recover
 
 COUNT = 60
 TEXTS = [f"message {number}" for number in range(COUNT)]
@@ -47,7 +47,7 @@ def texts(path):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """Give the bytes of a bag of several chunks, by its compression."""
+    """Return the bytes of a bag of several chunks with a compression."""
 
     def write(compression):
         path = tmp_path_factory.mktemp("whole") / "run"
@@ -66,7 +66,7 @@ def chunk_offsets(content):
 
 
 def recovered(folder, content):
-    """Recover a file of these bytes; give the account and the texts of its messages."""
+    """Recover a file of these bytes; return the account and the texts of its messages."""
     torn = folder / "torn.mcap"
     torn.write_bytes(content)
     recovery = recover(torn, folder / "out")
@@ -172,7 +172,7 @@ def test_where_a_chunk_is_no_chunk_any_more_the_next_one_is_found(whole, tmp_pat
     assert 0 < recovery.size_lost < third - first
 
 
-def test_without_its_end_the_damaged_chunk_tells_by_its_index_what_it_held(whole, tmp_path):
+def test_without_the_end_the_index_of_a_damaged_chunk_shows_its_content(whole, tmp_path):
     content = bytearray(whole("none"))
     second = chunk_offsets(content)[1]
     content[second + 200] ^= 1
@@ -264,7 +264,7 @@ def test_files_of_other_writers_keep_all_that_they_have(tmp_path, compression, c
     assert notes == [{"weather": "fine"}, {"weather": "worse"}]
 
 
-def test_what_the_recorder_knew_is_kept_and_told(tmp_path):
+def test_the_recorder_s_records_are_kept_and_shown(tmp_path):
     with BagWriter(tmp_path / "run", custom_data={"place": "Mars"}) as bag:
         bag.add_record(RECORDING_RECORD, {"max_loss": "0.5"})
         bag.add_topic(TALK, STRING_DEFINITION)
@@ -284,7 +284,7 @@ def test_what_the_recorder_knew_is_kept_and_told(tmp_path):
 @pytest.mark.parametrize(
     ("publishers", "numbers", "gaps"),
     [
-        (1, [5, 6, 9, 10, 2**40, 0, 1], 2 + 2**40 - 11),  # at last the drill begins anew
+        (1, [5, 6, 9, 10, 2**40, 0, 1], 2 + 2**40 - 11),  # at last the drill restarts
         (1, [5, 6, 7], 0),
         (2, [5, 900, 6, 901, 8, 902], 1),
     ],
@@ -393,7 +393,7 @@ def test_a_recovery_that_fails_midway_leaves_nothing(whole, tmp_path, monkeypatc
     assert not (tmp_path / "out").exists()
 
 
-def test_it_tells_how_far_it_is(whole, tmp_path):
+def test_progress_adds_up_to_the_files(whole, tmp_path):
     torn = tmp_path / "torn.mcap"
     torn.write_bytes(whole("none")[:-100])
     steps = []
@@ -446,7 +446,7 @@ def test_messages_that_rosbag2_cannot_time_are_counted(tmp_path):
 
 
 def odd_bag(path, *, schema=b"string data\n", offers="", records=()):
-    """Write a file by another library, with one message and what no bag of ours can have."""
+    """Write a file with another library: one message, and a part that a new bag cannot hold."""
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start("ros2", "test")

@@ -1,4 +1,4 @@
-"""A bag is closed whole on a disk that another program has filled."""
+"""A bag is completed on a disk that another program has filled."""
 
 import errno
 import io
@@ -16,7 +16,7 @@ SIZE = 20_000  # bytes of a message
 
 @pytest.fixture
 def fill(monkeypatch):
-    """Fill the disk: what is written from then on has no more room than the reserve had."""
+    """Fill the disk: later writes have only the room of the reserve."""
     room = [None]
 
     class SmallDisk(io.FileIO):

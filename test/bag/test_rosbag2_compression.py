@@ -1,4 +1,4 @@
-"""What `ros2 bag record` writes besides plain MCAP is read: compressed, and in SQLite."""
+"""Bags of ``ros2 bag record`` are read: plain MCAP, compressed, and SQLite."""
 
 import json
 import sqlite3
@@ -8,13 +8,19 @@ import zstandard
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability
 from rosbags.interfaces import QosTime as Span
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from sample_bags import START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
+from sample_bags import (
+    START,
+    STRING,
+    STRING_DEFINITION,
+    STRING_HASH,
+    serialized_string,
+    write_offline_bag,
+)
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
 from rpud_sim.bag.recovery import recover
 from rpud_sim.cli.main import main
-from rpud_sim.cli.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 
 FOREVER = Span(9223372036, 854775807)
@@ -49,14 +55,14 @@ def read_all(path):
 
 
 def called(*words):
-    """Call `rpud`; give the exit code."""
+    """Call ``rpud`` and return the exit code."""
     with pytest.raises(SystemExit) as caught:
         main([str(word) for word in words])
     return caught.value.code
 
 
 def write(path, storage, mode, count=10):
-    """Write messages on two topics by another library; give the path."""
+    """Write messages on two topics with another library and return the path."""
     writer = Writer(path, version=9, storage_plugin=storage)
     writer.set_compression(mode, CompressionFormat.ZSTD)
     with writer:
@@ -104,15 +110,15 @@ def test_every_way_to_record_is_read(tmp_path, storage, mode):
 def test_every_command_reads_it(tmp_path, capsys, storage, mode):
     path = write(tmp_path / "run", storage, mode)
     assert called("info", path, "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["message_count"] == 10
+    listed = json.loads(capsys.readouterr().out)
+    assert listed["message_count"] == 10
     compression = {
         CompressionMode.NONE: "none",
         CompressionMode.STORAGE: "zstd",
         CompressionMode.FILE: "zstd files",
         CompressionMode.MESSAGE: "zstd messages",
     }
-    assert told["compression"].split(",")[-1] == compression[mode]
+    assert listed["compression"].split(",")[-1] == compression[mode]
     assert called("export", path, "--out", tmp_path / "tables", "--format", "csv") == 0
     assert "message 0" in (tmp_path / "tables" / "talk.csv").read_text()
     assert called("report", path, "--out", tmp_path / "report.html") == 0
@@ -249,7 +255,7 @@ def test_recovery_of_a_compressed_file_alone_names_what_converts_it(tmp_path):
 
 @pytest.fixture(scope="module")
 def drilled(tmp_path_factory):
-    """Give a bag of a drill, with the topic journal that proves it."""
+    """Write a bag of a drill with its journal and return the path."""
     path = tmp_path_factory.mktemp("drilled") / "bag"
     write_offline_bag(path, preset("drilling"), 0.2, 0.4)
     return path

@@ -1,4 +1,4 @@
-"""A bag of several files is one bag: for rosbag2's readers, and for all that reads bags here."""
+"""A bag of several files is one bag for rosbag2's readers and for those of this project."""
 
 import os
 
@@ -18,7 +18,7 @@ LATCHED = Topic(
 
 
 def write(path, count=100, **options):
-    """Write a latched message, and then `count` on TALK, 100 a second."""
+    """Write a latched message, and then ``count`` on TALK, 100 a second."""
     with BagWriter(path, **options) as bag:
         bag.add_topic(TALK, STRING_DEFINITION)
         bag.add_topic(LATCHED, STRING_DEFINITION)

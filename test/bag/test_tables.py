@@ -1,4 +1,4 @@
-"""Any topic of a bag is NumPy arrays or a pandas frame in two lines, whatever its type is."""
+"""Two lines turn any topic of a bag into NumPy arrays or a pandas frame."""
 
 import builtins
 import tracemalloc
@@ -18,6 +18,7 @@ from sample_bags import (
     serialized_string,
     write_bag,
     write_everything,
+    write_offline_bag,
 )
 
 import rpud_sim.bag
@@ -25,7 +26,6 @@ from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
 from rpud_sim.bag.blocks import _offsets
 from rpud_sim.bag.columns import Kind
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.cli.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation

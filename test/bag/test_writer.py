@@ -1,4 +1,4 @@
-"""Bags are what rosbag2 writes: read back by libraries that share no code with the writer."""
+"""Bags of the writer are bags of rosbag2: independent libraries read them."""
 
 import itertools
 import os
@@ -223,7 +223,7 @@ def test_misuse_is_named(tmp_path):
 
 @pytest.fixture
 def small_disk():
-    """Let no file of this process grow beyond 64 KiB; writing more fails as on a full disk."""
+    """Limit the files of this process to 64 KiB; larger writes fail as on a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, hard))
     yield

@@ -91,6 +91,12 @@ def test_what_is_damaged_is_left_out_and_all_else_is_there(tmp_path, rpud, file_
         (["--format", "xls"], 2, "argument --format: invalid choice: 'xls'"),
         (["--start", 1], 1, "--start = 1 s is not in the 0.009 s that the bag holds"),
         (["--topics", "/a"], 1, "{bag} holds no topic '/a'; it holds /rpud/chat, /rpud/talk\n"),
+        (
+            ["--topics", "/rpud/tlak"],
+            1,
+            "{bag} holds no topic '/rpud/tlak'; it holds /rpud/chat, /rpud/talk "
+            "(did you mean /rpud/talk?)\n",
+        ),
     ],
 )
 def test_a_wrong_call_is_one_line(bag, tmp_path, rpud, words, code, reason):

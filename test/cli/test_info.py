@@ -1,6 +1,5 @@
-"""`rpud info` tells people and programs the same."""
+"""``rpud info`` shows people and programs the same."""
 
-import argparse
 import json
 
 import pytest
@@ -8,17 +7,15 @@ from mcap.writer import Writer
 from sample_bags import CHAT, START, STRING, TALK, write_bag
 
 import rpud_sim.bag
-from rpud_sim.analysis.bag_report.rows import topic_rows
-from rpud_sim.analysis.bag_report.survey import survey
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
-from rpud_sim.cli import info
+from rpud_sim.cli.main import execute
+from rpud_sim.inspection.report.rows import topic_rows
+from rpud_sim.inspection.report.survey import survey
 
 
 def run(*words):
-    parser = argparse.ArgumentParser()
-    info.add_arguments(parser)
-    return info.run(parser.parse_args([str(word) for word in words]))
+    return execute(["info", *map(str, words)])
 
 
 def test_json_has_the_figures(tmp_path, capsys):
@@ -51,7 +48,7 @@ def test_json_has_the_figures(tmp_path, capsys):
     }
 
 
-def test_losses_are_told(tmp_path, capsys):
+def test_losses_are_shown(tmp_path, capsys):
     with BagWriter(tmp_path / "run") as bag:
         bag.add_topic(TALK)
         bag.add_topic(CHAT)
@@ -84,7 +81,7 @@ def test_fewer_than_ten_messages_have_no_rate(tmp_path, capsys):
         assert [row[3] for row in topic_rows(survey(bag))] == ["–", "–"]
 
 
-def test_rates_that_no_index_tells_are_no_rates(tmp_path, capsys):
+def test_rates_without_an_index_are_unknown(tmp_path, capsys):
     """As of the bags of `ros2 bag record --storage-preset-profile fastwrite`."""
     file = tmp_path / "fast.mcap"
     with file.open("wb") as stream:

@@ -85,10 +85,14 @@ def test_help_of_every_command_explains_every_argument(capsys, name):
     ("words", "complaint"),
     [
         ([], "rpud: the following arguments are required: COMMAND; see rpud --help"),
-        (["drill"], "rpud: argument COMMAND: invalid choice: 'drill'"),
+        (["drill"], "rpud: argument COMMAND: invalid choice: 'drill'; known are run, record, "),
+        (["recrod"], "rpud: argument COMMAND: invalid choice: 'recrod'; did you mean record?"),
         (["simulate", "--bogus"], "rpud: unrecognized arguments: --bogus; see rpud --help"),
         (["simulate", "--regime", "x"], "rpud simulate: argument --regime: invalid choice: 'x'"),
-        (["run", "--duration", "-1"], "rpud run: argument --duration: '-1' s; it must be a finite"),
+        (
+            ["run", "--duration", "-1"],
+            "rpud run: --duration = -1 s is outside its range (0, 1e+09]",
+        ),
         (["record"], "rpud record: the following arguments are required: --out"),
         (["replay"], "rpud replay: the following arguments are required: BAG"),
     ],
@@ -169,9 +173,12 @@ def test_what_is_unexpected_is_one_line_that_says_how_to_see_the_rest(monkeypatc
     assert errors.endswith(line)
 
 
-@pytest.mark.parametrize("name", ["drill_node", "recorder", "replayer"])
-def test_an_executable_says_in_one_line_that_there_is_no_ros(without_ros, name):
-    done = without_ros(program=f"rpud_sim.ros.executables:{name}")
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("drill_node", []), ("recorder", ["--out", "bag"]), ("replayer", ["bag"])],
+)
+def test_an_executable_says_in_one_line_that_there_is_no_ros(without_ros, name, words):
+    done = without_ros(*words, program=f"rpud_sim.cli.executables:{name}")
     assert (done.returncode, done.stdout) == (1, "")
     reason = r"needs the Python module \w+; source ROS 2 Jazzy or env.bash first\n"
     assert re.fullmatch(rf"{name}: {reason}", done.stderr)

@@ -15,13 +15,14 @@ from rosbags.highlevel import AnyReader
 import rpud_sim.bag
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import manifest_from_record
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.fields import SEGMENT_ARRAYS
-from rpud_sim.simulation.sampling import NANOSECONDS, Times
+from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
 DURATION = 1.234  # no whole number of blocks
-END = round(DURATION * NANOSECONDS)
+END = round(DURATION * SECOND)
 ROS = (
     "ament_index_python",
     "rclpy",
@@ -80,7 +81,7 @@ def messages(bag):
 
 
 def stamps(messages):
-    return [m.header.stamp.sec * NANOSECONDS + m.header.stamp.nanosec for _, m in messages]
+    return [m.header.stamp.sec * SECOND + m.header.stamp.nanosec for _, m in messages]
 
 
 def column(messages, name):
@@ -96,7 +97,7 @@ def test_every_topic_is_there_and_stamped_with_simulation_time(messages):
         assert times == sorted(times)
         # An impact is told when its contact is over, a stream when its block is.
         longest = {"contact_force": 0.001, "waveform": 0.05, "trajectory": 0.06}
-        allowed = longest.get(name.removeprefix("/rpud/"), 0.0) * NANOSECONDS
+        allowed = longest.get(name.removeprefix("/rpud/"), 0.0) * SECOND
         for time, stamp in zip(times, stamps(topic), strict=True):
             assert 0 <= time - stamp <= allowed, name
 
@@ -114,11 +115,11 @@ def test_contact_forces_are_those_of_the_simulation_without_a_gap(messages, bloc
     for name in ("peak_force", "contact_duration", "impact_velocity", "impulse", "energy"):
         assert column(found, name) == block.impacts[name].tolist()
     times = block.impacts["seconds"] + block.impacts["fraction"]
-    assert np.array(stamps(found)) == pytest.approx(times * NANOSECONDS, abs=1.0)
+    assert np.array(stamps(found)) == pytest.approx(times * SECOND, abs=1.0)
 
 
 def test_telemetry_is_the_trajectory_at_100_hz(messages, block):
-    times = np.arange(1, 124) * (NANOSECONDS // 100)
+    times = np.arange(1, 124) * (SECOND // 100)
     samples = block.sample(Times.from_nanoseconds(times))
     for name in ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states"):
         assert stamps(messages[f"/rpud/{name}"]) == times.tolist()
@@ -159,7 +160,7 @@ def test_the_trajectory_is_the_segments_themselves(messages, block):
 
 def test_status_comes_every_second_and_at_the_end(messages, regime):
     found = messages["/rpud/status"]
-    assert stamps(found) == [0, NANOSECONDS, END]
+    assert stamps(found) == [0, SECOND, END]
     assert column(found, "state") == ["running", "running", "stopped"]
     assert column(found, "regime") == [regime] * 3
     assert column(found, "impacts")[-1] >= len(messages["/rpud/contact_force"])
@@ -227,12 +228,12 @@ def test_faults_of_a_scenario_are_in_the_bag_with_what_they_do(tmp_path):
             found.setdefault(connection.topic.removeprefix("/rpud/"), []).append((time, message))
 
     def nanoseconds(time):
-        return time.sec * NANOSECONDS + time.nanosec
+        return time.sec * SECOND + time.nanosec
 
     times, ledgers = zip(*found["faults"], strict=True)
     # Three come and two go, each told at the end of the block in which it did.
     expected = [0.0, 0.1, 0.13, 0.2, 0.21, 0.3, 0.35]
-    assert list(times) == [round(second * NANOSECONDS) for second in expected]
+    assert list(times) == [round(second * SECOND) for second in expected]
     last = {fault.kind: fault for fault in ledgers[-1].faults}
     assert nanoseconds(last["lost_preload"].onset) == 123_456_789
     assert nanoseconds(last["off"].clear) == 350_000_000

@@ -1,19 +1,16 @@
 """`rpud recover` says what it saved, and its exit code whether that is all."""
 
-import argparse
 import json
 
 import pytest
 from sample_bags import CHAT, STRING, TALK, write_bag
 
-from rpud_sim.bag.recovery import RECORDING_RECORD
-from rpud_sim.cli import info, recover
+from rpud_sim.bag.losses import RECORDING_RECORD
+from rpud_sim.cli.main import execute
 
 
-def run(*words, command=recover):
-    parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
-    return command.run(parser.parse_args([str(word) for word in words]))
+def run(*words, command="recover"):
+    return execute([command, *map(str, words)])
 
 
 @pytest.fixture
@@ -37,10 +34,10 @@ def test_nothing_lost_is_0(tmp_path, capsys):
         [CHAT.name, STRING, "0", "0", "-"],
         [TALK.name, STRING, "11", "0", "-"],
     ]
-    assert run(tmp_path / "out", command=info) == 0
+    assert run(tmp_path / "out", command="info") == 0
 
 
-def test_something_lost_is_3_and_told(torn, tmp_path, capsys):
+def test_a_loss_is_shown_with_exit_code_3(torn, tmp_path, capsys):
     assert run(torn, "--out", tmp_path / "out") == 3
     output = capsys.readouterr().out
     assert "recovered 40 messages" in output
@@ -70,12 +67,12 @@ def test_json_has_the_account(torn, tmp_path, capsys):
     }
 
 
-def test_the_recorder_s_bound_is_told(tmp_path, capsys):
+def test_the_recorder_s_bound_is_shown(tmp_path, capsys):
     from rpud_sim.bag import BagWriter
 
     bag = BagWriter(tmp_path / "run")
     bag.add_record(RECORDING_RECORD, {"max_loss": "0.5"})
-    bag.abandon()
+    bag.flush()
     assert run(tmp_path / "run", "--out", tmp_path / "out") == 3
     assert capsys.readouterr().out.endswith("is missing, at most 0.5 s\n")
 

@@ -8,7 +8,8 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 
 from rpud_sim.cli.main import main
-from rpud_sim.simulation import NAMES, ensemble, preset
+from rpud_sim.model.parameters import NAMES
+from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
@@ -163,7 +164,7 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
         (["--duration", "1e9"], "--duration = 1e+09 s is outside its range [1e-09, 1e+06] s"),
         (["--duration", "long"], "--duration = 'long' s is outside its range [1e-09, 1e+06] s"),
         (["--repeat", "0"], "--repeat = 0 is outside its range [1, 1e+06]"),
-        (["--repeat", "1.5"], "--repeat = '1.5' is outside its range [1, 1e+06]"),
+        (["--repeat", "1.5"], "--repeat = 1.5 is not a whole number"),
         (["--seed", "-1"], "--seed = -1 is outside its range [0, 9.22337e+18]"),
         (
             ["--set", "weight_on_bit=-5"],

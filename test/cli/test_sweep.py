@@ -205,7 +205,7 @@ def test_a_cluster_that_is_not_there_is_one_line(spec, tmp_path):
     [
         (["--out", "out"], "rpud sweep: missing.yaml: No such file or directory"),
         ([], "rpud sweep: the following arguments are required: --out; see rpud sweep --help"),
-        (["--out", "out", "--workers", "0"], "rpud sweep: argument --workers: '0' is no whole"),
+        (["--out", "out", "--workers", "0"], "rpud sweep: --workers = 0 is outside its"),
         (["--out", "o", "--workers", "2", "--scheduler", "tcp://a:1"], "rpud sweep: argument"),
     ],
 )
@@ -224,7 +224,7 @@ def test_a_folder_that_cannot_be_made_is_one_line(spec, tmp_path):
 
 
 def test_the_example_in_the_configuration_is_one():
-    from rpud_sim.analysis.sweep.specification import read_specification
+    from rpud_sim.studies.sweep.specification import read_specification
 
     example = read_specification(Path(__file__).parents[2] / "config" / "sweep.yaml")
     assert example.simulations == 256

@@ -4,9 +4,9 @@ import json
 
 import pytest
 from altered_bags import altered
+from sample_bags import write_offline_bag
 
 from rpud_sim.cli.main import main
-from rpud_sim.cli.offline_bag import write_offline_bag
 from rpud_sim.simulation import preset
 
 

@@ -1,8 +1,7 @@
-"""A campaign of hostile bags against the commands that read them, in workers with limits."""
+"""Campaign of hostile bags against the commands that read them, in workers with limits."""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import dataclasses
 import importlib
@@ -22,6 +21,8 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
+from rpud_sim.cli.main import execute
+
 CPU = 10  # seconds that a command may take
 MEMORY = 2**30  # bytes that a command may have resident
 LONGEST_LINE = 2000
@@ -32,7 +33,7 @@ _FORMATS = ("parquet", "csv", "numpy")
 
 @dataclasses.dataclass
 class Tally:
-    """What came of the bags that one way read."""
+    """Counts and extremes of the bags that one reader read."""
 
     inputs: int = 0
     refused: int = 0
@@ -42,7 +43,7 @@ class Tally:
 
 @dataclasses.dataclass
 class Outcome:
-    """What came of a campaign."""
+    """Result of a campaign."""
 
     tallies: dict[str, Tally] = dataclasses.field(
         default_factory=lambda: {way: Tally() for way in WAYS}
@@ -51,13 +52,13 @@ class Outcome:
 
 
 class HarmError(Exception):
-    """A command did what it must not do."""
+    """Error of a command that breaks its contract."""
 
 
 def run(
     inputs: int, seed: int, workers: int = 1, progress: Callable[[], object] = lambda: None
 ) -> Outcome:
-    """Have bags read, each drawn from the seed and its own number, so that one can be repeated."""
+    """Run a campaign; each bag depends on the seed and its own number, and can be repeated."""
     outcome = Outcome()
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
         started = [
@@ -74,7 +75,7 @@ def run(
 
 
 class _Worker:
-    """A process that reads bags one after the other, and is replaced when one has ended it."""
+    """Process that reads bags one after the other, replaced if a bag ends it."""
 
     def __init__(self, numbers: range, seed: int, folder: Path) -> None:
         self.numbers = numbers
@@ -83,7 +84,7 @@ class _Worker:
         self._start()
 
     def take(self, outcome: Outcome) -> None:
-        """Note what came of the next bag."""
+        """Add the result of the next bag."""
         number = self.numbers[0]
         self.numbers = self.numbers[1:]
         try:
@@ -129,12 +130,12 @@ def _work(pipe: Connection, numbers: range, seed: int, folder: Path) -> None:
 
 
 def drawn_way(drawn: random.Random) -> str:
-    """Draw the way that reads a bag; it is the first that is drawn."""
+    """Draw the reader of a bag, before anything else is drawn."""
     return drawn.choices(WAYS, _WEIGHTS)[0]
 
 
 def attack(seed: int, number: int, folder: Path) -> tuple[str, bool, float, int, list[str]]:
-    """Have one bag read; give the way, if it was refused, CPU [s], memory [byte], and harms."""
+    """Read one bag; return reader, whether it rejected it, CPU [s], memory [byte], and harms."""
     from fuzz.bag_inputs import draw_bag
 
     drawn = random.Random(f"{seed}:{number}")
@@ -181,35 +182,29 @@ def _command(way: str, bag: Path, folder: Path, drawn: random.Random) -> bool:
 
 def _called(way: str, bag: Path, *words: str) -> int:
     """Call a command within its own handlers; give its exit code."""
-    module = importlib.import_module(f"rpud_sim.cli.{way}")
-    parser = argparse.ArgumentParser()
-    module.add_arguments(parser)
-    arguments = parser.parse_args([str(bag), *words])
     with _captured() as (_, errors):
-        code = module.run(arguments)
-    said = errors.getvalue()
+        code = execute([way, str(bag), *words])
+    output = errors.getvalue()
     if code not in (0, 1, 3):
-        raise HarmError(f"exit code {code}: {said}")
+        raise HarmError(f"exit code {code}: {output}")
     if code == 1:
-        _check_line(said.removesuffix("\n"))
-    elif "Warning" in said or "Traceback" in said:
-        raise HarmError(said)
+        _check_line(output.removesuffix("\n"))
+    elif "Warning" in output or "Traceback" in output:
+        raise HarmError(output)
     return int(code)
 
 
-def _check_line(said: str) -> None:
-    if not said.strip() or len(said.splitlines()) > 1 or len(said) > LONGEST_LINE:
-        raise HarmError(f"the error is not one line: {said[:500]!r}")
+def _check_line(output: str) -> None:
+    if not output.strip() or len(output.splitlines()) > 1 or len(output) > LONGEST_LINE:
+        raise HarmError(f"the error is not one line: {output[:500]!r}")
 
 
 def _check_recovered(path: Path, folder: Path) -> None:
-    """What is recovered is listed, exported and read by another library."""
+    """List and export a recovered bag, and read it with another library."""
     from mcap.reader import make_reader
 
     with _captured() as (_, errors):
-        code = importlib.import_module("rpud_sim.cli.info").run(
-            argparse.Namespace(bag=str(path), json=False)
-        )
+        code = execute(["info", str(path)])
     if code:
         raise HarmError(f"it was recovered to what cannot be listed: {errors.getvalue()}")
     _called("export", path, "--out", str(folder / "tables"))
@@ -253,7 +248,7 @@ def _captured() -> Iterator[tuple[io.StringIO, Any]]:
 
 
 def _peak() -> int:
-    """Greatest memory of this process since it was last cleared [byte]."""
+    """Return the greatest memory of this process since the last reset [byte]."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith("VmHWM"):
             return int(line.split()[1]) * 1024
@@ -261,7 +256,7 @@ def _peak() -> int:
 
 
 def show(outcome: Outcome) -> None:
-    """Print what came of a campaign."""
+    """Print the result of a campaign."""
     row = "{:28} {:>8} {:>8} {:>14} {:>12}".format
     print(row("command", "bags", "refused", "slowest [s]", "most [MB]"))
     for way, tally in outcome.tallies.items():

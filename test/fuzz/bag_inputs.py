@@ -80,7 +80,7 @@ WORDS = [
 
 
 def draw_bag(drawn: random.Random, folder: Path) -> Path:
-    """Write a bag, with metadata or without, into a new folder; give where it is."""
+    """Write a bag, with or without metadata, into a new folder and return its path."""
     folder.mkdir()
     mode = drawn.choice(["", "", "", "", "FILE", "MESSAGE"])
     storage = drawn.choice(["mcap"] * 5 + ["sqlite3"])

@@ -17,8 +17,8 @@ from rclpy.serialization import serialize_message
 from rpud_msgs.srv import SetSimulationState
 
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.drill.parameters import CHANGEABLE
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import CHANGEABLE
 
 PLAYING = SetSimulationState.Request().state.STATE_PLAYING
 OPTIONS = {
@@ -86,12 +86,11 @@ class Drill:
 
     def do(self, action: Callable[[Any], Any]) -> Any:
         """Have something done, or read, in the thread of the drill."""
-        drilling = self.node.drilling
-        return drilling.request(lambda: action(drilling))
+        return self.node.request(action)
 
     def now(self) -> int:
         """The stamp of the present simulation time [ns]."""
-        return self.node._origin() + self.do(lambda drilling: drilling.simulation.time)
+        return self.do(lambda drilling: drilling.run.origin + drilling.run.time)
 
     @property
     def rejected(self) -> int:
@@ -116,17 +115,18 @@ class Drill:
         """All that a refused input must leave as it is."""
 
         def read(drilling: Any) -> tuple[Any, ...]:
-            simulation = drilling.simulation
+            run, control = drilling.run, drilling.time_control
+            simulation = run.simulation
             return (
                 simulation.applied,
                 simulation.configuration,
                 simulation.faults.records,
                 simulation.faults.forgotten,
-                drilling.control.active,
-                drilling.control.commands_lost,
-                drilling.playing,
-                drilling.at_start,
-                drilling.stepping,
+                run.control.active,
+                run.control.commands_lost,
+                control.playing,
+                control.at_start,
+                control.stepping,
             )
 
         parameters = self.node.get_parameters_by_prefix("")
@@ -135,7 +135,7 @@ class Drill:
 
     def sound(self) -> bool:
         """Whether what is in force is finite."""
-        applied = self.do(lambda drilling: drilling.simulation.applied)
+        applied = self.do(lambda drilling: drilling.run.simulation.applied)
         numbers = (applied.weight_on_bit.force, applied.drive.voltage, applied.drive.frequency)
         return all(map(math.isfinite, numbers))
 
@@ -152,11 +152,12 @@ class Drill:
         )
 
         def act(drilling: Any) -> None:
-            drilling.simulation.clear_all()
+            run = drilling.run
+            run.simulation.clear_all()
             weight_on_bit = WeightOnBit(configuration.parameters.weight_on_bit)
-            for command in (*self.node._inbox.take(), weight_on_bit, drive):
-                drilling.control.take(command, drilling.simulation)
-            drilling.control.act(drilling.simulation)
+            for command in (*self.node._inbox.drain(), weight_on_bit, drive):
+                run.control.apply(command)
+            run.control.act()
 
         self.do(act)
         request = SetSimulationState.Request()

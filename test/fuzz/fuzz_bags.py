@@ -1,4 +1,4 @@
-"""Fuzz the readers of bags, guided by coverage: whatever the bytes, BagError is all they may raise.
+"""Fuzz the readers of bags, guided by coverage: BagError is the only error they may raise.
 
     pip install atheris
     python test/fuzz/fuzz_bags.py recover -max_total_time=300 -rss_limit_mb=1024 corpus/
@@ -33,7 +33,7 @@ DEFINITION = "uint8[] data\nstring[<=3] words\nE e\n" + "=" * 80 + "\nMSG: a_msg
 
 
 def read(data: bytes) -> None:
-    """Open a file, and read all that it holds."""
+    """Open a file and read everything in it."""
     file = FOLDER / "bag.mcap"
     file.write_bytes(data)
     with rpud_sim.bag.open(file) as bag:
@@ -49,7 +49,7 @@ def read(data: bytes) -> None:
 
 
 def recover_file(data: bytes) -> None:
-    """Recover a file; where that is possible, its bag can be read."""
+    """Recover a file; a recovered bag must be readable."""
     file = FOLDER / "torn.mcap"
     file.write_bytes(data)
     out = FOLDER / "out"
@@ -83,7 +83,7 @@ def codec(data: bytes) -> None:
 
 
 def seeds(target: str) -> list[bytes]:
-    """Give small valid inputs."""
+    """Return small valid inputs."""
     if target in ("read", "recover"):
         return [
             _file(kind, chunked, crc)
@@ -131,7 +131,7 @@ TARGETS = {
 
 
 def main() -> None:
-    """Fuzz the target that is named first; the other words are for libFuzzer."""
+    """Fuzz the target in the first argument; libFuzzer gets the others."""
     name, *words = sys.argv[1:] or ["help"]
     if name not in TARGETS:
         sys.exit(__doc__)

@@ -16,17 +16,24 @@ from rpud_msgs.msg import Drive, Fault, Result, SimulationState, WeightOnBit
 
 from fuzz import hostile
 from fuzz.drill import Drill
+from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.ros.drill.declaration import declare_settings
-from rpud_sim.ros.drill.parameters import ALL_NAMES, ALL_QUANTITIES, CHANGEABLE, check_settings
-from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import (
-    parse_assignment,
-    read_parameter_file,
+    CHANGEABLE,
+    PARAMETERS,
     to_configuration,
+    to_settings,
 )
 from rpud_sim.simulation.faults import KINDS
+from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 from rpud_sim.simulation.scenario import read_scenario
+
+NUMBERS = {
+    name: declaration.allowed
+    for name, declaration in PARAMETERS.items()
+    if isinstance(declaration.allowed, Quantity)
+}
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 SECOND = 1_000_000_000
@@ -106,10 +113,10 @@ def _set_parameter(random: random.Random) -> ParameterMessage:
         double_array_value=[hostile.number(random)] * random.randrange(3),
         string_array_value=[hostile.text(random, surrogates=False)] * random.randrange(3),
     )
-    known = random.choice((CHANGEABLE, (*ALL_NAMES, *ROS_NAMES)))
+    known = random.choice((CHANGEABLE, (*PARAMETERS, *ROS_NAMES)))
     name = hostile.name(random, known)
-    if name in ALL_QUANTITIES and random.random() < 0.3:  # at the very end of its range
-        quantity = ALL_QUANTITIES[name]
+    if name in NUMBERS and random.random() < 0.3:  # at the very end of its range
+        quantity = NUMBERS[name]
         end = random.choice((quantity.minimum, quantity.maximum))
         value.type = ParameterType.PARAMETER_DOUBLE
         value.double_value = random.choice(
@@ -123,7 +130,7 @@ def _set_parameters(random: random.Random) -> list[ParameterMessage]:
 
 
 def _names(random: random.Random) -> list[str]:
-    return [hostile.name(random, ALL_NAMES) for _ in range(random.randrange(4))]
+    return [hostile.name(random, tuple(PARAMETERS)) for _ in range(random.randrange(4))]
 
 
 def _fault(random: random.Random) -> Any:
@@ -222,14 +229,14 @@ def _reason(drill: Drill, action: Callable[[], Any]) -> Reason:
 
 
 def _overrides(random: random.Random, drill: Drill) -> Reason:
-    names = [hostile.name(random, ALL_NAMES) for _ in range(random.randrange(1, 4))]
-    return _reason(drill, lambda: check_settings({name: hostile.value(random) for name in names}))
+    names = [hostile.name(random, tuple(PARAMETERS)) for _ in range(random.randrange(1, 4))]
+    return _reason(drill, lambda: to_settings({name: hostile.value(random) for name in names}))
 
 
 def _node(random: random.Random, drill: Drill) -> Reason:
     """Another node, with overrides of the types that rcl knows."""
     values = {
-        random.choice(ALL_NAMES): random.choice(
+        random.choice(tuple(PARAMETERS)): random.choice(
             (
                 hostile.number(random),
                 hostile.whole(random, 63),
@@ -249,7 +256,7 @@ def _node(random: random.Random, drill: Drill) -> Reason:
 
 
 def _file(name: str, read: Callable[[Path], Any], templates: tuple[str, ...]) -> Send:
-    names = (*ALL_NAMES, *KINDS, *CHANNELS, "seed", "onset", "duration", "magnitude")
+    names = (*PARAMETERS, *KINDS, *CHANNELS, "seed", "onset", "duration", "magnitude")
 
     def send(random: random.Random, drill: Drill) -> Reason:
         path = drill.folder / name
@@ -260,7 +267,7 @@ def _file(name: str, read: Callable[[Path], Any], templates: tuple[str, ...]) ->
 
 
 def _assignment(random: random.Random, drill: Drill) -> Reason:
-    text = f"{hostile.name(random, ALL_NAMES)}={hostile.scalar(random)}"
+    text = f"{hostile.name(random, tuple(PARAMETERS))}={hostile.scalar(random)}"
     if random.random() < 0.1:
         text = hostile.text(random)
     return _reason(drill, lambda: to_configuration(dict([parse_assignment(text)])))

@@ -1,4 +1,4 @@
-"""Hostile bags end in one line, within limits of time and memory; `make fuzz` has many more."""
+"""Hostile bags end in one line, within limits of time and memory; ``make fuzz`` has more."""
 
 import os
 import signal
@@ -36,7 +36,7 @@ def complain(bag):
 
 
 @pytest.mark.parametrize(
-    ("deed", "harm"),
+    ("defect", "harm"),
     [
         (crash, "ended by SIGXCPU"),
         (waste, "MB"),
@@ -44,8 +44,8 @@ def complain(bag):
         (complain, "the error is not one line"),
     ],
 )
-def test_what_harms_is_found(monkeypatch, deed, harm):
-    monkeypatch.setattr(bag_campaign, "_arrays", deed)
+def test_a_defect_is_found(monkeypatch, defect, harm):
+    monkeypatch.setattr(bag_campaign, "_arrays", defect)
     monkeypatch.setattr(bag_campaign, "_command", lambda *_: True)
     outcome = bag_campaign.run(20, seed=0)
     assert sum(tally.inputs for tally in outcome.tallies.values()) == 20

@@ -1,9 +1,9 @@
 """A program that talks on three topics of /rpud, one for each kind of QoS that a drill offers.
 
-`contact_force` is reliable, `nodal_plane` best effort and `status` latched. It waits until each has
-`--subscribers`, prints `talking`, publishes one status and then `--count` of the others at
-`--rate`, waits until reliable subscribers have them, prints `published N` and stays until it is
-told to stop.
+`contact_force` is reliable, `nodal_plane` best effort and `status` latched. It prints `waiting`,
+waits until each has `--subscribers`, prints `talking`, publishes one status and then `--count` of
+the others at `--rate`, waits until reliable subscribers have them, prints `published N` and stays
+until it is told to stop.
 """
 
 import argparse
@@ -32,6 +32,7 @@ status = node.create_publisher(Status, "status", latched)
 contact_force = node.create_publisher(ContactForce, "contact_force", reliable)
 nodal_plane = node.create_publisher(NodalPlane, "nodal_plane", best_effort)
 publishers = (status, contact_force, nodal_plane)
+print("waiting", flush=True)
 with StopRequest() as stop:
     while any(each.get_subscription_count() < arguments.subscribers for each in publishers):
         if stop.wait(0.01):

@@ -5,33 +5,25 @@ import re
 
 import numpy as np
 import pytest
-from drill_client import SECOND, Client, nanoseconds, stamps, steps
+from drill_client import SECOND, nanoseconds, stamps, steps
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rpud_msgs.msg import Drive, WeightOnBit
-from support import Process
 
-from rpud_sim.simulation import NAMES
+from rpud_sim.model.parameters import NAMES
 from rpud_sim.simulation.configuration import NODE_NAMES
 
 
 @pytest.fixture(scope="module")
-def drill():
-    process = Process("drill_node", "--ros-args", "-r", "__ns:=/commanded")
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=100.0)
-        yield process
-    finally:
-        process.stop()
+def drill(start_module_drill):
+    return start_module_drill("/commanded")
 
 
 @pytest.fixture
-def client(drill):
-    client = Client("/commanded")
-    client.status = client.listen("status")
+def client(drill, connect):
+    client = connect("/commanded")
     client.until(lambda: client.status)
-    yield client
-    client.close()
+    return client
 
 
 @pytest.fixture
@@ -79,14 +71,14 @@ def test_more_weight_on_bit_raises_the_mean_reacting_force_within_two_seconds(cl
 
     client.until(lambda: heard)
     began = stamps(heard)[0]
-    client.until(lambda: stamps(heard)[-1] >= began + SECOND)
+    client.until(lambda: stamps(heard[-1:])[0] >= began + SECOND)
     client.command(WeightOnBit(force=30.0))
     status = client.until(
         lambda: next((it for it in client.status if it.weight_on_bit == 30.0), None)
     )
     changed = nanoseconds(status.weight_on_bit_applied)
     assert nanoseconds(status.header.stamp) == changed > nanoseconds(status.drive_applied)
-    client.until(lambda: stamps(heard)[-1] >= changed + 2 * SECOND)
+    client.until(lambda: stamps(heard[-1:])[0] >= changed + 2 * SECOND)
     before = mean(began, changed)
     after = mean(changed, changed + 2 * SECOND)
     # 16 N more on average; nowhere near as much by chance.
@@ -144,14 +136,16 @@ def test_impacts_stop_with_the_drive_and_begin_again_with_it(client, settle):
     # Zeros leave voltage and frequency as they are.
     assert (off.drive_voltage, off.drive_frequency) == (100.0, 16000.0)
     stopped = nanoseconds(off.drive_applied)
-    client.until(lambda: stamps(client.status)[-1] >= stopped + int(1.2 * SECOND))
+    client.until(lambda: stamps(client.status[-1:])[0] >= stopped + int(1.2 * SECOND))
+    client.until(lambda: stamps(waveforms[-1:])[0] > stopped + SECOND)
+    quiet = client.status[-1].impacts
+    client.until(lambda: impacts[-1].sequence + 1 >= quiet)
     last = [stamp for stamp in stamps(impacts) if stamp > stopped + SECOND // 2]
     assert last == []
     # The actuator stands still: only the suspension moves what is left of it.
     assert waveforms[-1].actuator_position == pytest.approx(
         waveforms[-1].nodal_plane_position, abs=1e-15
     )
-    quiet = client.status[-1].impacts
     assert quiet == impacts[-1].sequence + 1
     client.command(Drive(enabled=True, voltage=100.0, frequency=16000.0))
     client.until(lambda: client.status[-1].drive_enabled)

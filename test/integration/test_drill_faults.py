@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drill_client import COMPILED, SECOND, Client, nanoseconds, stamps, start_drill, steps
+from drill_client import SECOND, nanoseconds, stamps, steps
 from rpud_msgs.msg import Drive, Status
 from rpud_msgs.srv import ClearFault, ListFaults
 from std_srvs.srv import SetBool
@@ -20,28 +20,17 @@ faults:
 
 
 @pytest.fixture(scope="module")
-def drill():
-    process = start_drill(
-        "/faulty",
-        rock_model="specific_energy",
-        actuator_model="resonance",
-        weight_on_bit=30.0,
-        **PARAMETERS,
-    )
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        yield process
-    finally:
-        process.stop()
+def drill(start_module_drill):
+    models = {"rock_model": "specific_energy", "actuator_model": "resonance"}
+    return start_module_drill("/faulty", weight_on_bit=30.0, **models, **PARAMETERS)
 
 
 @pytest.fixture
-def client(drill):
+def client(drill, connect):
     """In the rock, at time zero and paused, with every listener known."""
-    client = Client("/faulty")
-    topics = ("status", "faults", *TELEMETRY, "contact_force")
-    client.heard = {topic: client.listen(topic) for topic in topics}
-    client.status = client.heard["status"]
+    client = connect("/faulty")
+    topics = (*TELEMETRY, "contact_force")
+    client.heard = {topic: client.listen(topic) for topic in ("faults", *topics)}
     engage(client, True)
     client.until(lambda: client.reset() and client.step(0.1) and all(client.heard.values()))
     client.reset()
@@ -54,10 +43,9 @@ def client(drill):
     client.step(0.01)
     at(client, SECOND // 100)
     arrived(client)
-    for topic in topics[2:]:
+    for topic in topics:
         client.heard[topic].clear()
-    yield client
-    client.close()
+    return client
 
 
 def engage(client, data):
@@ -66,13 +54,13 @@ def engage(client, data):
 
 def at(client, stamp):
     """Give the status of a simulation time, after all telemetry until then."""
-    client.until(lambda: stamps(client.status)[-1] == stamp)
+    client.until(lambda: stamps(client.status[-1:])[0] == stamp)
     return client.status[-1]
 
 
 def advance(client, seconds):
     """Step and give what the telemetry said of it, by topic."""
-    begin = stamps(client.status)[-1]
+    begin = stamps(client.status[-1:])[0]
     at(client, client.step(seconds))
     arrived(client)
     return {
@@ -83,9 +71,9 @@ def advance(client, seconds):
 
 def arrived(client):
     """Wait for the telemetry up to the last status."""
-    end = stamps(client.status)[-1]
+    end = stamps(client.status[-1:])[0]
     for topic in TELEMETRY:
-        client.until(lambda heard=client.heard[topic]: stamps(heard)[-1] == end)
+        client.until(lambda heard=client.heard[topic]: stamps(heard[-1:]) == [end])
 
 
 def clear(client, number=0):
@@ -104,7 +92,7 @@ def truth(client, active):
     return client.heard["faults"][-1]
 
 
-def test_the_ground_truth_has_onset_and_clear_to_the_nanosecond(client):
+def test_the_ground_truth_has_onset_and_clear_to_the_nanosecond(client, connect):
     now = client.step(0.000000123)
     first = client.inject("hard_rock", magnitude=2.0, seconds=0.123456789)
     assert (first.success, first.number) == (True, 1)
@@ -119,13 +107,10 @@ def test_the_ground_truth_has_onset_and_clear_to_the_nanosecond(client):
     end = client.step(0.0333)
     assert clear(client, 2) == (True, "")
     assert nanoseconds(truth(client, 0).faults[1].clear) == end
-    late = Client("/faulty")
-    try:
-        heard = late.listen("faults")
-        late.until(lambda: heard)
-        assert heard[-1] == client.heard["faults"][-1]
-    finally:
-        late.close()
+    late = connect("/faulty")
+    heard = late.listen("faults")
+    late.until(lambda: heard)
+    assert heard[-1] == client.heard["faults"][-1]
 
 
 def test_what_lasts_and_what_could_be_is_listed(client):
@@ -201,7 +186,7 @@ def test_signal_faults_change_their_channel_alone(client):
     assert {message.position for message in heard["nodal_plane"]} == {last.position}
     assert stamps(heard["nodal_plane"]) == stamps(heard["wrench"])
     assert client.inject("off", "contact_force").success
-    begin = stamps(client.status)[-1]
+    begin = stamps(client.status[-1:])[0]
     first = at(client, client.step(0.2)).impacts
     assert clear(client) == (True, "")
     heard = advance(client, 0.2)
@@ -254,31 +239,28 @@ def test_the_actuator_rings_up_draws_power_and_suffers_from_a_drift(client):
     assert drifted.vibration_amplitude < full.vibration_amplitude / 2
 
 
-def test_a_scenario_comes_by_itself_at_its_times_and_again_after_a_reset(tmp_path):
+def test_a_scenario_comes_by_itself_at_its_times_and_again_after_a_reset(
+    start_drill, connect, tmp_path
+):
     path = tmp_path / "scenario.yaml"
     path.write_text(SCENARIO)
-    process = start_drill("/scripted", scenario=path, **PARAMETERS)
-    client = Client("/scripted")
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        heard = client.listen("faults")
+    start_drill("/scripted", scenario=path, **PARAMETERS)
+    client = connect("/scripted")
+    heard = client.listen("faults")
 
-        def lasting():
-            return [
-                (fault.kind, fault.channel, nanoseconds(fault.onset), nanoseconds(fault.clear))
-                for fault in heard[-1].faults
-            ]
+    def lasting():
+        return [
+            (fault.kind, fault.channel, nanoseconds(fault.onset), nanoseconds(fault.clear))
+            for fault in heard[-1].faults
+        ]
 
-        client.until(lambda: heard and not lasting())
-        for _ in range(2):
-            client.step(0.5)
-            expected = [
-                ("lost_preload", "", 123_400_000, 323_400_000),
-                ("stuck", "nodal_plane", 250_000_000, 0),
-            ]
-            client.until(lambda expected=expected: lasting() == expected)
-            client.reset()
-            client.until(lambda: not lasting())
-    finally:
-        client.close()
-        process.stop()
+    client.until(lambda: heard and not lasting())
+    for _ in range(2):
+        client.step(0.5)
+        expected = [
+            ("lost_preload", "", 123_400_000, 323_400_000),
+            ("stuck", "nodal_plane", 250_000_000, 0),
+        ]
+        client.until(lambda expected=expected: lasting() == expected)
+        client.reset()
+        client.until(lambda: not lasting())

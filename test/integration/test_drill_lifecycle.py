@@ -1,7 +1,7 @@
 """A managed drill: nothing is driven unless it is active, and no request ends it."""
 
 import pytest
-from drill_client import COMPILED, SECOND, Client, duration, stamps, start_drill
+from drill_client import SECOND, Client, duration, stamps
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
@@ -15,6 +15,7 @@ CLEANUP = Transition.TRANSITION_CLEANUP
 PARAMETERS = {"autostart": False, "start_paused": True, "publish_clock": True}
 # Elastic masses that nobody drives would bounce for ever.
 INELASTIC = {"actuator_restitution": 0.8, "drill_tool_restitution": 0.8}
+WAITING = "waiting for the transitions configure and activate"
 WAYS = {
     "active": (DEACTIVATE, CLEANUP),
     "inactive": (CLEANUP,),
@@ -30,21 +31,18 @@ def scenario(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def drill(scenario):
-    process = start_drill("/managed", scenario=scenario, **PARAMETERS, **INELASTIC)
-    yield process
-    process.stop()
+def drill(start_module_drill, scenario):
+    return start_module_drill("/managed", WAITING, scenario=scenario, **PARAMETERS, **INELASTIC)
 
 
 @pytest.fixture
-def client(drill):
+def client(drill, connect):
     """To a drill that is not configured."""
-    client = Client("/managed")
-    for transition in WAYS[state_of(client)]:
-        assert change(client, transition)
-    client.status = client.listen("status")
-    yield client
-    client.close()
+    with Client("/managed") as before:
+        for transition in WAYS[state_of(before)]:
+            assert change(before, transition)
+        before.until(lambda: before.node.count_publishers("/managed/status") == 0)
+    return connect("/managed")
 
 
 def change(client, transition, node=NODE):
@@ -65,7 +63,7 @@ def hard_impacts(impacts, since):
     ]
 
 
-def test_without_autostart_it_waits_and_says_so_to_whoever_asks(client):
+def test_without_autostart_it_waits_and_refuses_requests_with_that_reason(client):
     assert state_of(client) == "unconfigured"
     step = client.call(StepSimulation, "simulation/step", StepSimulation.Request())
     assert step.result.result == Result.RESULT_INCORRECT_STATE
@@ -80,7 +78,7 @@ def test_without_autostart_it_waits_and_says_so_to_whoever_asks(client):
 
 
 def test_it_says_what_it_waits_for_and_when_it_is_active(client, drill):
-    drill.wait_for_line("waiting for the transitions configure and activate")
+    drill.wait_for_line(WAITING)
     assert change(client, CONFIGURE)
     # At least the latched one, and one for each of two seconds.
     client.until(lambda: len(client.status) >= 3)
@@ -106,11 +104,11 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
     client.until(lambda: last() == (Status.STATE_INACTIVE, 0.0, False))
     # The drill goes on: the motion that is left dies away, and nothing strikes any more.
     client.step(2.0)
-    client.until(lambda: stamps(planes)[-1] == stamps(client.status)[-1] == 5 * SECOND // 2)
+    client.until(lambda: stamps(planes[-1:])[0] == stamps(client.status[-1:])[0] == 5 * SECOND // 2)
     assert client.status[-1].impacts > 50
     assert hard_impacts(impacts, 3 * SECOND // 2) == []
     assert abs(planes[-1].velocity) < 1e-6
-    # What is commanded begins anew.
+    # Commands begin again from the parameters.
     assert change(client, ACTIVATE)
     client.until(lambda: last() == (Status.STATE_PAUSED, 10.0, True))
     client.step(0.5)
@@ -142,7 +140,7 @@ def test_an_impossible_transition_is_answered_and_ends_nothing(client, drill, tr
     assert drill.running
 
 
-def test_after_a_clean_up_all_begins_anew(client):
+def test_after_a_clean_up_all_begins_again(client):
     assert change(client, CONFIGURE)
     assert change(client, ACTIVATE)
     assert client.step(0.5) == SECOND // 2
@@ -200,26 +198,18 @@ def test_a_reset_that_cannot_be_changes_nothing(client, drill, scenario):
         ((CONFIGURE, ACTIVATE), Transition.TRANSITION_ACTIVE_SHUTDOWN),
     ],
 )
-def test_a_shutdown_ends_the_process(before, transition):
-    process = start_drill("/shut", **PARAMETERS)
-    client = Client("/shut")
-    try:
-        for each in (*before, transition):
-            assert change(client, each, "/shut/drill_node")
-        assert process.wait(COMPILED) == 0
-        assert "Traceback" not in process.output
-    finally:
-        client.close()
-        process.stop()
+def test_a_shutdown_ends_the_process(start_drill, connect, before, transition):
+    process = start_drill("/shut", WAITING, **PARAMETERS)
+    client = connect("/shut")
+    for each in (*before, transition):
+        assert change(client, each, "/shut/drill_node")
+    assert process.wait() == 0
+    assert "Traceback" not in process.output
 
 
-def test_a_drill_that_cannot_start_by_itself_ends_and_says_why(tmp_path):
+def test_a_drill_that_cannot_start_by_itself_ends_and_says_why(start_drill, tmp_path):
     path = tmp_path / "scenario.yaml"
     path.write_text("faults: [{kind: hard_rock, onset: 1.0}]\n")  # and there is no rock
-    process = start_drill("/unstarted", scenario=path)
-    try:
-        assert process.wait(COMPILED) == 1
-        assert "hard_rock" in process.output
-        assert "Traceback" not in process.output
-    finally:
-        process.stop()
+    process = start_drill("/unstarted", "hard_rock", scenario=path)
+    assert process.wait() == 1
+    assert "Traceback" not in process.output

@@ -3,15 +3,12 @@
 import pytest
 from builtin_interfaces.msg import Time
 from drill_client import (
-    COMPILED,
     SECOND,
     TELEMETRY,
-    Client,
     contents,
     duration,
     nanoseconds,
     stamps,
-    start_drill,
     steps,
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -31,25 +28,16 @@ Reset = ResetSimulation.Request
 
 
 @pytest.fixture(scope="module")
-def drill():
-    process = start_drill("/stepped", **PARAMETERS)
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        yield process
-    finally:
-        process.stop()
+def drill(start_module_drill):
+    return start_module_drill("/stepped", **PARAMETERS)
 
 
 @pytest.fixture
-def client(drill):
+def client(drill, connect):
     """At time zero, paused, with seed zero."""
-    client = Client("/stepped")
-    client.status = client.listen("status")
-    client.set_state(SimulationState.STATE_PAUSED)
-    assert client.reset(seed=0).result == Result.RESULT_OK
-    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
-    yield client
-    client.close()
+    client = connect("/stepped")
+    client.begin(seed=0)
+    return client
 
 
 def state_of(client):
@@ -69,29 +57,27 @@ def try_step(client, seconds):
 
 
 def test_steps_add_up_to_the_nanosecond_and_all_that_happened_is_heard(client):
-    planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
+    planes, impacts = map(client.listen_to_runs, ("nodal_plane", "contact_force"))
 
     def heard():
         client.reset()
         client.step(0.01)
-        return planes and impacts
+        return planes[-1] and impacts[-1]
 
     client.until(heard)
     client.reset()
-    client.drain(planes, impacts)
-    planes.clear()
-    impacts.clear()
     assert client.step(0.25) == SECOND // 4
     assert client.step(0.001234567) == SECOND // 4 + 1_234_567
     reached = run_to(client, SECOND)
     assert reached.result.result == Result.RESULT_OK
     assert nanoseconds(reached.time) == SECOND
-    client.until(lambda: len(planes) >= 100)
-    assert stamps(planes) == [number * SECOND // 100 for number in range(1, 101)]
+    client.until(lambda: len(planes[-1]) >= 100)
+    assert stamps(planes[-1]) == [number * SECOND // 100 for number in range(1, 101)]
     last = client.until(lambda: next((s for s in client.status if stamps([s]) == [SECOND]), None))
     assert last.state == Status.STATE_PAUSED
-    client.until(lambda: len(impacts) >= last.impacts - 1)
-    assert [message.sequence for message in impacts] == list(range(len(impacts)))
+    client.until(lambda: len(impacts[-1]) >= last.impacts - 1)
+    sequences = [message.sequence for message in impacts[-1]]
+    assert sequences == list(range(len(sequences)))
     assert state_of(client) == SimulationState.STATE_PAUSED
 
 
@@ -156,7 +142,7 @@ def test_it_plays_pauses_and_stops_with_the_results_of_the_standard(client):
     assert client.set_state(stopped).result == already
     assert try_step(client, 0.01).result.error_message == "it is stopped, not paused"
     client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
-    assert stamps(client.status)[-1] == 0
+    assert stamps(client.status[-1:])[0] == 0
     assert client.set_state(paused).result == Result.RESULT_OK
     assert client.step(0.02) == SECOND // 50
     unknown = client.set_state(9)
@@ -195,16 +181,17 @@ def test_a_reset_of_the_state_lets_stamps_go_on(client):
 
 def test_a_reset_of_the_time_leaves_the_state(client):
     client.step(0.3)
-    client.until(lambda: client.status[-1].impacts > 0)
+    client.until(lambda: stamps(client.status[-1:])[0] == 3 * SECOND // 10)
     impacts = client.status[-1].impacts
+    assert impacts > 0
     assert client.inject("lost_preload").success
     assert client.reset(Reset.SCOPE_TIME).result == Result.RESULT_OK
-    client.until(lambda: stamps(client.status)[-1] == 0)
+    client.until(lambda: stamps(client.status[-1:])[0] == 0)
     assert (client.status[-1].impacts, client.status[-1].active_faults) == (impacts, 1)
     assert client.step(0.1) == SECOND // 10
     assert client.reset(Reset.SCOPE_SPAWNED).result == Result.RESULT_OK
     client.until(lambda: client.status[-1].active_faults == 0)
-    assert stamps(client.status)[-1] == SECOND // 10
+    assert stamps(client.status[-1:])[0] == SECOND // 10
     assert client.status[-1].impacts > impacts
 
 
@@ -238,28 +225,30 @@ class Tape:
 
     def __init__(self, client):
         self._client = client
-        self._heard = {topic: client.listen(topic) for topic in RECORDED}
+        self._runs = {topic: client.listen_to_runs(topic) for topic in RECORDED}
         self._faults = client.listen("faults")
         # Whether the other side knows of all listeners shows in what they hear.
-        client.until(lambda: client.step(0.1) and all(self._heard.values()))
+        client.until(lambda: client.step(0.1) and all(map(any, self._runs.values())))
+        self._count = 1
 
     def record(self, seed):
         """Give the contents of all messages of a run from a reset on, and the ground truth."""
-        assert self._client.reset(seed=seed).result == Result.RESULT_OK
-        self._client.until(lambda: stamps(self._client.status)[-1] == 0)
-        self._client.drain(*self._heard.values())
-        for messages in self._heard.values():
-            messages.clear()
-        end = script(self._client)
-        sampled = end - end % (SECOND // 100)
-        last = [self._heard[topic] for topic in TELEMETRY]
-        self._client.until(lambda: all(stamps(it)[-1:] == [sampled] for it in last))
-        self._client.drain(*self._heard.values())
-        recorded = {topic: list(map(contents, heard)) for topic, heard in self._heard.items()}
-        return {**recorded, "faults": contents(self._faults[-1])}
+        self._client.begin(seed)
+        script(self._client)
+        self._client.until(
+            lambda: [fault.active for fault in self._faults[-1].faults] == [False] * 3
+        )
+        faults = contents(self._faults[-1])
+        # All of this run has arrived on a topic when something of the next run has.
+        self._client.begin()
+        self._client.step(0.1)
+        self._count += 2
+        self._client.until(lambda: all(len(it) == self._count for it in self._runs.values()))
+        recorded = {topic: list(map(contents, runs[-2])) for topic, runs in self._runs.items()}
+        return {**recorded, "faults": faults}
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(client):
+def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(client, start_drill, connect):
     tape = Tape(client)
     first, again, other = tape.record(7), tape.record(7), tape.record(8)
     for topic, recorded in first.items():
@@ -268,34 +257,21 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(client):
     for topic in ("nodal_plane", "contact_force", "trajectory", "reacting_force"):
         assert first[topic] != other[topic], topic
     # A drill that is started with the seed begins as one that is reset to it.
-    with_seed = start_drill("/seeded", seed=7, **PARAMETERS)
-    fresh = Client("/seeded")
-    try:
-        with_seed.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        fresh.status = fresh.listen("status")
-        assert Tape(fresh).record(None) == first
-    finally:
-        fresh.close()
-        with_seed.stop()
+    start_drill("/seeded", seed=7, **PARAMETERS)
+    assert Tape(connect("/seeded")).record(None) == first
 
 
-def test_a_signal_ends_a_step_and_its_client_hears_of_it():
+def test_a_signal_ends_a_step_and_its_client_hears_of_it(start_drill, connect):
     process = start_drill("/ended", **PARAMETERS)
-    client = Client("/ended")
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        status = client.listen("status")
-        request = StepSimulation.Request(duration=duration(1e6))
-        step = client.call_async(StepSimulation, "simulation/step", request)
-        client.until(lambda: status and status[-1].state == Status.STATE_RUNNING)
-        process.terminate()
-        client.until(step.done)
-        assert step.result().result.error_message == "interrupted: the drill has stopped"
-        assert process.wait(10.0) == 0
-        assert "Traceback" not in process.output
-    finally:
-        client.close()
-        process.stop()
+    client = connect("/ended")
+    request = StepSimulation.Request(duration=duration(1e6))
+    step = client.call_async(StepSimulation, "simulation/step", request)
+    client.until(lambda: client.status and client.status[-1].state == Status.STATE_RUNNING)
+    process.terminate()
+    client.until(step.done)
+    assert step.result().result.error_message == "interrupted: the drill has stopped"
+    assert process.wait() == 0
+    assert "Traceback" not in process.output
 
 
 def test_stamps_of_a_stepped_drill_are_evenly_spaced_across_steps(client):
@@ -303,6 +279,6 @@ def test_stamps_of_a_stepped_drill_are_evenly_spaced_across_steps(client):
     client.until(lambda: client.step(0.01) and clock)
     for _ in range(20):
         client.step(0.0125)
-    client.until(lambda: nanoseconds(clock[-1].clock) >= stamps(client.status)[-1])
+    client.until(lambda: nanoseconds(clock[-1].clock) >= stamps(client.status[-1:])[0])
     # Between two steps the time may be repeated.
     assert all(step >= 0 for step in steps([nanoseconds(message.clock) for message in clock]))

@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from drill_client import COMPILED, Client, stamps, start_drill
+from drill_client import stamps
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
@@ -18,31 +18,23 @@ from rpud_msgs.msg import Result, SimulationState, Status
 from rpud_msgs.srv import ResetSimulation
 from std_srvs.srv import SetBool
 
-from rpud_sim.ros.drill.parameters import ALL_NAMES, CHANGEABLE
+from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS
 
 NODE = "/changed/drill_node"
 
 
 @pytest.fixture(scope="module")
-def drill():
-    process = start_drill("/changed", start_paused=True, publish_clock=True)
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        yield process
-    finally:
-        process.stop()
+def drill(start_module_drill):
+    return start_module_drill("/changed", start_paused=True, publish_clock=True)
 
 
 @pytest.fixture
-def client(drill):
+def client(drill, connect):
     """To a drill in the rock, at time zero and paused."""
-    client = Client("/changed")
-    client.status = client.listen("status")
+    client = connect("/changed")
     assert all(result.successful for result in set_each(client, regime="drilling", gravity=9.81))
-    client.reset()
-    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
-    yield client
-    client.close()
+    client.begin()
+    return client
 
 
 def parameters(values):
@@ -81,7 +73,7 @@ def engage(client, data):
 
 
 def test_exactly_those_that_may_change_are_not_read_only(client):
-    request = DescribeParameters.Request(names=ALL_NAMES)
+    request = DescribeParameters.Request(names=list(PARAMETERS))
     described = client.call(DescribeParameters, f"{NODE}/describe_parameters", request).descriptors
     assert {it.name for it in described if not it.read_only} == set(CHANGEABLE)
     [result] = set_each(client, weight_on_bit=20.0)
@@ -129,7 +121,7 @@ def test_a_change_is_seen_in_the_motion_from_then_on(client):
     def resting_place():
         """Where the drill comes to rest on its spring without the drive."""
         reached = client.step(2.0)
-        client.until(lambda: stamps(planes)[-1] == reached)
+        client.until(lambda: stamps(planes[-1:])[0] == reached)
         return planes[-1].position
 
     before = resting_place()
@@ -152,16 +144,14 @@ def test_the_regime_by_parameter_and_by_engage_are_the_same(client):
     for leave in (lambda: engage(client, False), lambda: set_each(client, regime="free")):
         engage(client, True)
         client.reset()
-        heard = client.listen("reacting_force")
-        client.until(lambda heard=heard: client.step(0.1) and heard)
+        heard = client.listen_to_runs("reacting_force")
+        client.until(lambda heard=heard: client.step(0.1) and heard[-1])
         client.reset()
-        client.drain(heard)  # what was sent before the reset
-        heard.clear()
         client.step(0.2)
         leave()
         client.step(0.2)
-        client.until(lambda heard=heard: len(heard) == 40)
-        forces.append([message.force for message in heard])
+        client.until(lambda heard=heard: len(heard[-1]) == 40)
+        forces.append([message.force for message in heard[-1]])
     assert forces[0] == forces[1]
 
 
@@ -177,7 +167,7 @@ def test_the_regime_by_parameter_and_by_engage_are_the_same(client):
 )
 def test_a_start_with_what_is_no_parameter_or_no_file_is_one_line(process, words, said):
     started = process("drill_node", "--ros-args", *words)
-    assert started.wait(COMPILED) == 2
+    assert started.wait() == 2
     assert re.fullmatch(re.escape(said) if "?" in said else said, started.output)
 
 
@@ -191,7 +181,7 @@ def test_a_parameter_file_may_have_sections_of_other_nodes(process, tmp_path):
     started = process(
         *("drill_node", "--ros-args", "-r", "__ns:=/sectioned", "--params-file", path)
     )
-    started.wait_for_line("weight on bit 7 N", timeout=COMPILED)
+    started.wait_for_line("weight on bit 7 N")
 
 
 @pytest.mark.parametrize("whole", [5, 0])
@@ -258,26 +248,20 @@ def test_a_reset_of_the_state_restores_the_parameters_of_the_start(client, begin
     client.set_state(SimulationState.STATE_PAUSED)
 
 
-def test_what_is_set_before_the_activation_is_in_force_and_restored():
-    drill = start_drill("/early", autostart=False, start_paused=True)
-    client = Client("/early")
-    try:
-        client.status = client.listen("status")
-        node = "/early/drill_node"
+def test_what_is_set_before_the_activation_is_in_force_and_restored(start_drill, connect):
+    start_drill("/early", "waiting for the transitions", autostart=False, start_paused=True)
+    client = connect("/early")
 
-        def change(transition):
-            request = ChangeState.Request(transition=Transition(id=transition))
-            assert client.call(ChangeState, f"{node}/change_state", request).success
+    def change(transition):
+        request = ChangeState.Request(transition=Transition(id=transition))
+        assert client.call(ChangeState, "drill_node/change_state", request).success
 
-        change(Transition.TRANSITION_CONFIGURE)
-        engage(client, False)
-        change(Transition.TRANSITION_ACTIVATE)
-        client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
-        assert client.status[-1].regime == "free"
-        engage(client, True)
-        client.until(lambda: client.status[-1].regime == "drilling")
-        assert client.reset().result == Result.RESULT_OK
-        client.until(lambda: client.status[-1].regime == "free")
-    finally:
-        client.close()
-        drill.stop()
+    change(Transition.TRANSITION_CONFIGURE)
+    engage(client, False)
+    change(Transition.TRANSITION_ACTIVATE)
+    client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
+    assert client.status[-1].regime == "free"
+    engage(client, True)
+    client.until(lambda: client.status[-1].regime == "drilling")
+    assert client.reset().result == Result.RESULT_OK
+    client.until(lambda: client.status[-1].regime == "free")

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_share_directory
-from drill_client import SECOND, Client, nanoseconds, steps
+from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import Status
+from support import PATIENCE, until
 
 import rpud_sim.bag
-from rpud_sim.bag.recovery import RECORDING_RECORD
+from rpud_sim.bag.losses import RECORDING_RECORD
 
 CONFIG = get_package_share_directory("rpud_sim") + "/config"
-TELEMETRY = ("nodal_plane", "drill_tool", "reacting_force", "wrench", "joint_states")
 TYPES = {
     "/rpud/contact_force": "rpud_msgs/msg/ContactForce",
     "/rpud/drill_node/transition_event": "lifecycle_msgs/msg/TransitionEvent",
@@ -38,7 +38,7 @@ def run(*words):
         ["rpud", "run", *map(str, words)],
         capture_output=True,
         text=True,
-        timeout=100.0,
+        timeout=PATIENCE,
         check=False,
     )
     return done.returncode, done.stdout, done.stderr
@@ -52,10 +52,6 @@ def read(path):
         for connection, _, data in reader.messages():
             heard[connection.topic].append(reader.deserialize(data, connection.msgtype))
     return types, heard
-
-
-def stamps(messages):
-    return [nanoseconds(message.header.stamp) for message in messages]
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +132,7 @@ def test_the_duration_is_simulation_time_to_the_nanosecond(bag):
     _, heard = bag
     planes, statuses = stamps(heard["/rpud/nodal_plane"]), heard["/rpud/status"]
     origin = nanoseconds(heard["/rpud/trajectory"][0].origin)
-    assert planes[-1] == stamps(statuses)[-1] == origin + 2 * SECOND
+    assert planes[-1] == stamps(statuses[-1:])[0] == origin + 2 * SECOND
     running = [status for status in statuses if status.state == Status.STATE_RUNNING]
     assert stamps(running)[0] == origin
 
@@ -162,8 +158,8 @@ def test_a_bag_is_never_overwritten_and_that_is_said_in_one_line(tmp_path):
         (["--set", "weight_on_bit"], "'weight_on_bit' is not of the form name=value"),
         (["--set", "telemetry_rate=33.3"], "telemetry_rate = 33.3 Hz is not a whole number"),
         (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
-        (["--duration", "0"], "argument --duration: '0' s; it must be a finite number greater"),
-        (["--duration", "nan"], "argument --duration: 'nan' s; it must be a finite number"),
+        (["--duration", "0"], "--duration = 0 s is outside its range (0, 1e+09] s"),
+        (["--duration", "nan"], "--duration = nan s is outside its range (0, 1e+09] s"),
         (["--namespace", "a b"], "Invalid namespace: namespace must not contain characters"),
         (["--namespace", "a//b"], "Invalid namespace: namespace must not contain repeated '/'"),
         (["--namespace", "/9"], "Invalid namespace: "),
@@ -181,7 +177,7 @@ def test_what_cannot_be_used_is_one_line_and_leaves_no_bag(tmp_path, words, comp
 def test_ctrl_c_ends_drill_and_recorder_and_the_bag_is_whole(process, tmp_path):
     path = tmp_path / "bag"
     running = process("rpud", "run", "--record", path)
-    running.wait_for_line("reacting force", timeout=100.0)
+    running.wait_for_line("reacting force")
     # The terminal sends it to the whole group, but the recorder must stop last.
     os.killpg(running.pid, signal.SIGINT)
     assert running.wait() == 0
@@ -207,14 +203,10 @@ def recorder_of(running):
 def test_a_killed_drill_leaves_a_whole_bag_and_no_recorder(process, tmp_path):
     path = tmp_path / "bag"
     running = process("rpud", "run", "--record", path)
-    running.wait_for_line("reacting force", timeout=100.0)
+    running.wait_for_line("reacting force")
     recorder = recorder_of(running)
     running.kill()
-    client = Client("/rpud")
-    try:
-        client.until(lambda: not Path("/proc", recorder).exists() or has_ended(recorder))
-    finally:
-        client.close()
+    until(lambda: not Path("/proc", recorder).exists() or has_ended(recorder))
     _, heard = read(path)
     impacts = heard["/rpud/contact_force"]
     assert len(impacts) > 100
@@ -234,19 +226,16 @@ def has_ended(pid: str) -> bool:
         (signal.SIGTERM, "rpud run: the recorder was stopped before the drill"),
     ],
 )
-def test_a_recorder_that_ends_does_not_stop_the_drill_but_is_told_at_the_end(
-    process, tmp_path, number, complaint
+def test_a_recorder_that_ends_does_not_stop_the_drill_and_is_named_at_the_end(
+    process, connect, tmp_path, number, complaint
 ):
     running = process("rpud", "run", "--record", tmp_path / "bag")
     running.wait_for_line("reacting force")
     recorder = recorder_of(running)
     os.kill(int(recorder), number)
-    client = Client("/rpud")
-    try:
-        impacts = client.listen("contact_force")
-        client.until(lambda: len(impacts) > 20 and has_ended(recorder))
-    finally:
-        client.close()
+    client = connect("/rpud")
+    impacts = client.listen("contact_force")
+    client.until(lambda: len(impacts) > 20 and has_ended(recorder))
     running.interrupt()
     assert running.wait() == 1
     assert complaint in running.output
@@ -254,20 +243,17 @@ def test_a_recorder_that_ends_does_not_stop_the_drill_but_is_told_at_the_end(
     assert "bag: " not in running.output
 
 
-def test_what_a_frozen_recorder_lacks_of_what_was_sent_is_told(process, tmp_path):
+def test_messages_that_a_frozen_recorder_misses_are_counted_at_the_end(process, connect, tmp_path):
     running = process("rpud", "run", "--record", tmp_path / "bag", "--quiet")
-    client = Client("/rpud")
-    try:
-        waveforms = client.listen("waveform")
-        client.until(lambda: len(waveforms) > 10)
-        recorder = int(recorder_of(running))
-        os.kill(recorder, signal.SIGSTOP)
-        count = len(waveforms) + 100  # the drill keeps 40 for those that fall behind
-        client.until(lambda: len(waveforms) > count)
-        os.kill(recorder, signal.SIGCONT)
-        client.until(lambda: len(waveforms) > count + 10)
-    finally:
-        client.close()
+    client = connect("/rpud")
+    waveforms = client.listen("waveform")
+    client.until(lambda: len(waveforms) > 10)
+    recorder = int(recorder_of(running))
+    os.kill(recorder, signal.SIGSTOP)
+    count = len(waveforms) + 100  # the drill keeps 40 for those that fall behind
+    client.until(lambda: len(waveforms) > count)
+    os.kill(recorder, signal.SIGCONT)
+    client.until(lambda: len(waveforms) > count + 10)
     running.interrupt()
     assert running.wait() == 1
     told = running.wait_for_line(
@@ -281,29 +267,24 @@ def test_what_a_frozen_recorder_lacks_of_what_was_sent_is_told(process, tmp_path
     assert "bag: " not in running.output
 
 
-def test_two_drills_in_two_namespaces_do_not_meet(process):
+def running_statuses(client):
+    return [status for status in client.status if status.state == Status.STATE_RUNNING]
+
+
+def test_two_drills_in_two_namespaces_do_not_meet(process, connect):
     for name, force in (("one", 5), ("two", 25)):
         process("rpud", "run", "--namespace", name, "--set", f"weight_on_bit={force}", "--quiet")
     for name, force in (("/one", 5.0), ("/two", 25.0)):
-        client = Client(name)
-        try:
-            statuses = client.listen("status")
-            client.until(lambda statuses=statuses: len(statuses) >= 3)
-            at_work = {s.weight_on_bit for s in statuses if s.state == Status.STATE_RUNNING}
-            assert at_work == {force}
-        finally:
-            client.close()
+        client = connect(name)
+        running = client.until(lambda client=client: running_statuses(client)[2:])
+        assert {status.weight_on_bit for status in running} == {force}
 
 
-def test_configuration_regime_and_assignments_come_in_that_order(process):
+def test_configuration_regime_and_assignments_come_in_that_order(process, connect):
     process(
         *("rpud", "run", "--namespace", "ordered", "--config", f"{CONFIG}/drilling.yaml"),
         *("--regime", "free", "--set", "weight_on_bit=3", "--quiet"),
     )
-    client = Client("/ordered")
-    try:
-        statuses = client.listen("status")
-        client.until(lambda: statuses and statuses[-1].state == Status.STATE_RUNNING)
-    finally:
-        client.close()
-    assert (statuses[-1].regime, statuses[-1].weight_on_bit) == ("free", 3.0)
+    client = connect("/ordered")
+    status = client.until(lambda: running_statuses(client)[-1:])[0]
+    assert (status.regime, status.weight_on_bit) == ("free", 3.0)

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 
 import pytest
-from drill_client import COMPILED, SECOND, Client, nanoseconds, start_drill
+from drill_client import SECOND, nanoseconds
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile
@@ -15,20 +15,13 @@ PRIORITY = 10  # the default
 
 
 @pytest.fixture(scope="module")
-def drill():
-    process = start_drill("/fast", publish_clock=True, telemetry_rate=RATE)
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        yield process
-    finally:
-        process.stop()
+def drill(start_module_drill):
+    return start_module_drill("/fast", publish_clock=True, telemetry_rate=RATE)
 
 
 @pytest.fixture
-def client(drill):
-    client = Client("/fast")
-    yield client
-    client.close()
+def client(drill, connect):
+    return connect("/fast")
 
 
 def set_factor(client, factor):
@@ -53,7 +46,7 @@ def measured(client, clocks, ticks):
 
 @pytest.mark.parametrize(("factor", "ticks"), [(0.1, 8), (1.0, 50), (5.0, 250)])
 def test_time_goes_as_fast_as_it_is_told_to(client, factor, ticks):
-    clocks, statuses = client.listen("/clock"), client.listen("status")
+    clocks, statuses = client.listen("/clock"), client.status
     set_factor(client, factor)
     client.until(lambda: statuses and statuses[-1].lag == 0.0)
     # In time, or in time again on a busy machine.

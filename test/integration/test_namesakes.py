@@ -3,17 +3,14 @@
 import subprocess
 
 import pytest
-from drill_client import COMPILED, Client, start_drill
+from support import PATIENCE
 
 NAME = "/twin/drill_node"
 
 
 @pytest.fixture
-def first():
-    process = start_drill("/twin")
-    process.wait_for_line("the drill is active", timeout=COMPILED)
-    yield process
-    process.stop()
+def first(start_drill):
+    return start_drill("/twin", "the drill is active")
 
 
 def run(*words):
@@ -22,31 +19,27 @@ def run(*words):
         ["rpud", "run", "--namespace", "twin", "--duration", "2.5", "--quiet", *words],
         capture_output=True,
         text=True,
-        timeout=100.0,
+        timeout=PATIENCE,
         check=False,
     )
     return done.returncode, done.stderr
 
 
-def test_both_say_so_in_the_log_and_in_the_diagnostics(first):
-    second = start_drill("/twin", autostart=False)
-    client = Client("/twin")
-    try:
-        for drill in (first, second):
-            drill.wait_for_line(f"WARN.*: 2 nodes are named {NAME}: all of them answer the same")
-        diagnostics = client.listen("/diagnostics")
-        client.until(
-            lambda: any(
-                status.message == "2 nodes have this name"
-                for message in diagnostics
-                for status in message.status
-            )
+def test_both_say_so_in_the_log_and_in_the_diagnostics(first, start_drill, connect):
+    warning = f"WARN.*: 2 nodes are named {NAME}: all of them answer the same"
+    second = start_drill("/twin", warning, autostart=False)
+    first.wait_for_line(warning)
+    client = connect("/twin")
+    diagnostics = client.listen("/diagnostics")
+    client.until(
+        lambda: any(
+            status.message == "2 nodes have this name"
+            for message in diagnostics
+            for status in message.status
         )
-        second.stop()
-        client.until(lambda: diagnostics[-1].status[-1].message == "running")
-    finally:
-        client.close()
-        second.stop()
+    )
+    second.stop()
+    client.until(lambda: diagnostics[-1].status[-1].message == "running")
 
 
 def test_rpud_run_refuses_to_be_the_second_unless_that_is_allowed(first):

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_share_directory
-from drill_client import COMPILED, Client
 from rpud_msgs.msg import WeightOnBit
 from support import LOOPBACK
 
@@ -82,28 +81,23 @@ NOTHING = {kind: set() for kind in RULES}
 
 
 @pytest.fixture
-def client():
-    client = Client()
-    yield client
-    client.close()
+def client(connect):
+    return connect("/rpud")
 
 
 @pytest.fixture
-def drill(process):
-    drill = process("drill_node", "--ros-args", "-r", "__ns:=/rpud", "-p", "publish_clock:=true")
-    drill.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-    return drill
+def drill(start_drill):
+    return start_drill("/rpud", publish_clock=True)
 
 
 @loopback_alone
 def test_all_sockets_are_bound_to_loopback_and_the_policy_names_all_that_is_offered(
     process, client, drill, tmp_path
 ):
-    status = client.listen("status")
     recorder = process("recorder", "--out", tmp_path / "bag")
     recorder.wait_for_line("recording")
     client.command(WeightOnBit(force=12.0))  # DDS carries data in both directions
-    client.until(lambda: status and status[-1].commands_accepted == 1)
+    client.until(lambda: client.status and client.status[-1].commands_accepted == 1)
     for pid in (drill.pid, recorder.pid, os.getpid()):
         assert set(sockets(pid)) == {"127.0.0.1"}
     assert excess(client, "drill_node") == NOTHING
@@ -123,12 +117,15 @@ def test_all_sockets_are_bound_to_loopback_and_the_policy_names_all_that_is_offe
 
 @loopback_alone
 @pytest.mark.usefixtures("drill")
-def test_a_client_without_the_profile_finds_the_drill(process, tmp_path):
+def test_a_client_without_the_profile_finds_the_drill(process, client, tmp_path):
     environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     del environment["FASTRTPS_DEFAULT_PROFILES_FILE"]
-    recorder = process(
-        *("rpud", "record", "status", "--duration", "3", "--out", tmp_path / "bag"), env=environment
-    )
+    words = ("rpud", "record", "status", "--out", tmp_path / "bag")
+    recorder = process(*words, env=environment)
+    recorder.wait_for_line("subscribed /rpud/status")
+    count = len(client.status)
+    client.until(lambda: len(client.status) > count + 2)
+    recorder.interrupt()
     assert recorder.wait() == 0
     with rpud_sim.bag.open(tmp_path / "bag") as bag:
         assert [(each.topic.name, each.message_count > 0) for each in bag.topics] == [

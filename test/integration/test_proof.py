@@ -5,18 +5,19 @@ import itertools
 import numpy as np
 import pytest
 from altered_bags import altered
-from drill_client import Client, start_drill
+from drill_client import Client
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rpud_msgs.msg import Drive, Status, WeightOnBit
 from rpud_msgs.srv import ResetSimulation
 from std_srvs.srv import SetBool
+from support import Process
 
 import rpud_sim.bag
-from rpud_sim.analysis.proof.verification import PROVED, verify
-from rpud_sim.analysis.rebuild import rebuild
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.inspection.rebuild import rebuild
+from rpud_sim.inspection.verify.verification import PROVED, verify
 
 JOURNAL = "/rpud/journal"
 ACTIVATE, DEACTIVATE = Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_DEACTIVATE
@@ -40,25 +41,18 @@ OPTIONS = {
 
 
 @pytest.fixture(scope="module")
-def bag(tmp_path_factory):
+def bag(start_module_drill, tmp_path_factory):
     """Record a drill to which everything happens that can happen to one."""
-    from support import Process
-
     folder = tmp_path_factory.mktemp("proof")
     (folder / "scenario.yaml").write_text(SCENARIO)
-    recorder = Process("rpud", "record", "--out", folder / "bag")
-    drill = start_drill("/rpud", **OPTIONS, scenario=folder / "scenario.yaml")
-    client = Client()
-    try:
+    options = OPTIONS | {"scenario": folder / "scenario.yaml"}
+    drill = start_module_drill("/rpud", "waiting for the transitions", **options)
+    with Process("rpud", "record", "--out", folder / "bag") as recorder, Client() as client:
         use(client, recorder)
         drill.interrupt()
         assert drill.wait() == 0, drill.output
         recorder.interrupt()
         assert recorder.wait() == 0, recorder.output
-    finally:
-        client.close()
-        drill.stop()
-        recorder.stop()
     return folder / "bag"
 
 
@@ -71,7 +65,7 @@ def use(client, recorder):
         client.command(message)
         client.until(lambda: statuses and getattr(statuses[-1], field) == value)
 
-    statuses = client.listen("status")
+    statuses = client.status
     change(Transition.TRANSITION_CONFIGURE)
     for topic in PROVED:
         recorder.wait_for_line(f"subscribed /rpud/{topic} ")
@@ -246,34 +240,24 @@ def test_a_flipped_bit_is_named_whichever_run_it_is_of(bag, tmp_path, published)
     assert verification.first_difference.topic == "/rpud/nodal_plane"
 
 
-def test_a_recorder_that_is_started_after_a_reset(tmp_path):
+def test_a_recorder_that_is_started_after_a_reset(process, start_drill, connect, tmp_path):
     """Both runs begin at stamp 0, and the recorder hears the second one only."""
-    from support import Process
-
-    drill = start_drill("/rpud", start_paused="true", publish_clock="true", seed="5")
-    client = Client()
-    recorder = None
-    try:
-        statuses = client.listen("status")
-        client.step(0.6)
-        client.command(WeightOnBit(force=20.0))
-        client.until(lambda: statuses and statuses[-1].weight_on_bit == 20.0)
-        client.step(0.4)
-        client.reset()
-        recorder = Process("rpud", "record", "--out", tmp_path / "bag")
-        for topic in (*PROVED, "journal"):
-            recorder.wait_for_line(f"subscribed /rpud/{topic} ")
-            client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
-        client.step(1.5)
-        drill.interrupt()
-        assert drill.wait() == 0, drill.output
-        recorder.interrupt()
-        recorder.wait()
-    finally:
-        client.close()
-        drill.stop()
-        if recorder:
-            recorder.stop()
+    drill = start_drill("/rpud", start_paused=True, publish_clock=True, seed=5)
+    client = connect("/rpud")
+    client.step(0.6)
+    client.command(WeightOnBit(force=20.0))
+    client.until(lambda: client.status and client.status[-1].weight_on_bit == 20.0)
+    client.step(0.4)
+    client.reset()
+    recorder = process("rpud", "record", "--out", tmp_path / "bag")
+    for topic in (*PROVED, "journal"):
+        recorder.wait_for_line(f"subscribed /rpud/{topic} ")
+        client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
+    client.step(1.5)
+    drill.interrupt()
+    assert drill.wait() == 0, drill.output
+    recorder.interrupt()
+    recorder.wait()
     verification = verify(tmp_path / "bag")
     assert verification.proved, verification
     assert verification.topics["/rpud/nodal_plane"].equal == 150

@@ -18,6 +18,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosgraph_msgs.msg import Clock
 from rpud_msgs.msg import ContactForce, NodalPlane, Status
+from support import until
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
@@ -55,6 +56,12 @@ def losses(path):
 
 def numbers(messages):
     return [deserialize_message(bytes.fromhex(item), ContactForce).sequence for item in messages]
+
+
+def missing(messages):
+    """Give how many numbered messages lack between the first and the last."""
+    positions = [deserialize_message(bytes.fromhex(item), NodalPlane).position for item in messages]
+    return round(positions[-1] - positions[0]) + 1 - len(positions)
 
 
 def stop(listener):
@@ -112,7 +119,7 @@ def test_what_is_said_is_recorded_replayed_and_heard(process, program, tmp_path)
     assert recorded[CONTACT_FORCE] == heard[CONTACT_FORCE]
     assert recorded[STATUS] == heard[STATUS]
     assert len(recorded[STATUS]) == 1
-    assert len(recorded[NODAL_PLANE]) + losses(tmp_path / "run")[NODAL_PLANE] == 500
+    assert losses(tmp_path / "run")[NODAL_PLANE] == missing(recorded[NODAL_PLANE])
     talker.terminate()
     talker.wait()
 
@@ -134,7 +141,7 @@ def test_what_is_said_is_recorded_replayed_and_heard(process, program, tmp_path)
 
     listener = program("listener", *everything)
     listener.wait_for_line("listening")
-    replayer = process("replayer", tmp_path / "run")
+    replayer = process("replayer", tmp_path / "run", "--wait-for-subscribers")
     assert finished(replayer)
     replayer.wait_for_line(rf"replayed {sum(map(len, recorded.values()))} messages")
     again = stop(listener)
@@ -157,8 +164,9 @@ def test_a_terminated_recorder_keeps_all_that_was_acknowledged(process, program,
 
 
 def test_a_recorder_that_ends_by_itself_in_the_middle_has_no_gap(process, program, tmp_path):
+    program("talker", "--count", 100_000, "--rate", 1000).wait_for_line("waiting")
+    began = time.time_ns()
     recorder = process("recorder", "--out", tmp_path / "run", "--duration", "3")
-    program("talker", "--count", 100_000, "--rate", 1000)
     assert finished(recorder)
     recorded = numbers(contents(tmp_path / "run")[CONTACT_FORCE])
     assert recorded == list(range(len(recorded)))
@@ -167,7 +175,8 @@ def test_a_recorder_that_ends_by_itself_in_the_middle_has_no_gap(process, progra
         times = [message.log_time for message in bag.messages([CONTACT_FORCE])]
         sent = [message.publish_time for message in bag.messages([CONTACT_FORCE])]
     assert all(before <= after for before, after in itertools.pairwise(times))
-    assert all(0 < received - send < SECOND for received, send in zip(times, sent, strict=True))
+    assert all(send < received for received, send in zip(times, sent, strict=True))
+    assert began < sent[0] < times[-1] < time.time_ns()
 
 
 def test_what_is_lost_on_the_way_is_counted(process, program, tmp_path):
@@ -181,14 +190,10 @@ def test_what_is_lost_on_the_way_is_counted(process, program, tmp_path):
     talker.wait_for_line("published|not acknowledged")
     recorder.interrupt()
     assert finished(recorder)
-    positions = [
-        deserialize_message(bytes.fromhex(item), NodalPlane).position
-        for item in contents(tmp_path / "run")[NODAL_PLANE]
-    ]
-    missing = positions[-1] - positions[0] + 1 - len(positions)
-    assert missing > 0
-    assert losses(tmp_path / "run")[NODAL_PLANE] == missing
-    recorder.wait_for_line(rf"lost {missing:.0f} messages on /rpud/nodal_plane")
+    lost = missing(contents(tmp_path / "run")[NODAL_PLANE])
+    assert lost > 0
+    assert losses(tmp_path / "run")[NODAL_PLANE] == lost
+    recorder.wait_for_line(rf"lost {lost} messages on /rpud/nodal_plane")
 
 
 def test_what_a_killed_recorder_has_flushed_is_recovered_without_a_gap(process, program, tmp_path):
@@ -204,10 +209,8 @@ def test_what_a_killed_recorder_has_flushed_is_recovered_without_a_gap(process, 
                 found += isinstance(record, Message)
         return found
 
-    deadline = time.monotonic() + 30.0
-    while (flushed := messages()) < 2000:  # two topics, two seconds
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+    until(lambda: messages() >= 2000)  # two topics, two seconds
+    flushed = messages()
     recorder.kill()
     recorder.wait()
     with pytest.raises(rpud_sim.bag.BagFormatError, match=r"run_0\.mcap is cut off"):
@@ -353,15 +356,17 @@ def test_a_replay_waits_for_subscribers_as_long_as_it_takes(process, program, ba
 
 def test_a_replay_keeps_the_time_between_messages(process, program, bag, tmp_path):
     recorder = process("recorder", CONTACT_FORCE, "--out", tmp_path / "again")
-    replayer = process("replayer", bag, "--rate", "0.5", "--topics", CONTACT_FORCE)
+    words = ("--rate", "0.5", "--topics", CONTACT_FORCE, "--wait-for-subscribers")
+    replayer = process("replayer", bag, *words)
     assert finished(replayer)
     recorder.terminate()
     assert finished(recorder)
     with rpud_sim.bag.open(tmp_path / "again") as again:
         sent = [message.publish_time for message in again.messages()]
     assert len(sent) == 100
-    # 99 steps of 20 ms: no drift, whatever a busy machine does to a single step.
-    assert sent[-1] - sent[0] == pytest.approx(1.98 * SECOND, abs=0.1 * SECOND)
+    # Steps of 20 ms: no drift of the most punctual ones, whatever a busy machine does to others.
+    late = [time - sent[0] - number * SECOND // 50 for number, time in enumerate(sent)]
+    assert abs(min(late[50:]) - min(late[:50])) < 0.1 * SECOND
 
 
 @pytest.mark.parametrize(
@@ -369,8 +374,8 @@ def test_a_replay_keeps_the_time_between_messages(process, program, bag, tmp_pat
     [
         (["--start", "1.5"], 2, "--start is 1.5 s; it must be from 0 to 0.990 s"),
         (["--topics", "/rpud/none"], 2, "--topics names /rpud/none; .* has /rpud/contact_force"),
-        (["--rate", "0"], 2, "--rate: '0' .times real time.; it must be a finite number greater"),
-        (["--rate", "nan"], 2, "--rate: 'nan'"),
+        (["--rate", "0"], 2, r"--rate = 0 is outside its range \(0, 1e\+06\]"),
+        (["--rate", "nan"], 2, "--rate = nan is outside its range"),
     ],
 )
 def test_a_replay_refuses_what_does_not_fit_the_bag(process, bag, words, code, complaint):

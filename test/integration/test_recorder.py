@@ -175,12 +175,15 @@ def sequences(path):
         ]
 
 
-def test_services_pause_go_on_and_split(process, talker, ask, tmp_path):
+def test_services_pause_go_on_and_split(process, talker, ask, connect, tmp_path):
+    client = connect("/rpud")
     recorder = process("recorder", "--out", tmp_path / "run", "--start-paused")
     talker("--count", 100_000, "--rate", 500).wait_for_line("talking")
     assert ask("is_paused", "IsPaused").paused
     ask("resume", "Resume")
     assert not ask("is_paused", "IsPaused").paused
+    impacts = client.listen("contact_force")
+    client.until(lambda: len(impacts) > 100)
     ask("split_bagfile", "SplitBagfile")
     ask("pause", "Pause")
     ask("toggle_paused", "TogglePaused")
@@ -250,7 +253,7 @@ def test_what_a_recorder_cannot_use_is_one_line(process, tmp_path):
     (tmp_path / "qos.yaml").write_text("/rpud/status: {depth: -1}\n")
     for words, complaint in (
         (("--regex", "("), "argument --regex: '\\(' is no regular expression"),
-        (("--max-disk", "0"), "--max-disk: '0' bytes; it must be a finite number greater than 0"),
+        (("--max-disk", "0"), r"--max-disk = 0 bytes is outside its range \[1, 1e\+18\] bytes"),
         (("--qos-profile-overrides-path", tmp_path / "qos.yaml"), "/rpud/status: depth is -1"),
     ):
         recorder = process("recorder", "--out", tmp_path / "run", *words)

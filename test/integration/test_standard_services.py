@@ -1,7 +1,7 @@
 """The standard interface of simulators, where `simulation_interfaces` is installed."""
 
 import pytest
-from drill_client import COMPILED, SECOND, Client, stamps, start_drill
+from drill_client import SECOND, stamps
 from rclpy.action import ActionClient
 from rpud_msgs.msg import Status
 
@@ -20,27 +20,20 @@ from simulation_interfaces.srv import (
 
 
 @pytest.fixture(scope="module")
-def drill():
-    process = start_drill("/standard", start_paused=True, publish_clock=True)
-    try:
-        process.wait_for_line("drilling: regime drilling", timeout=COMPILED)
-        yield process
-    finally:
-        process.stop()
+def drill(start_module_drill):
+    return start_module_drill("/standard", start_paused=True, publish_clock=True)
 
 
 @pytest.fixture
-def client(drill):
+def client(drill, connect):
     """At time zero and paused."""
-    client = Client("/standard")
-    client.status = client.listen("status")
+    client = connect("/standard")
     set_state(client, SimulationState.STATE_PAUSED)
     request = ResetSimulation.Request()
     response = client.call(ResetSimulation, "reset_simulation", request)
     assert response.result.result == Result.RESULT_OK
     client.until(lambda: client.status and client.status[-1].state == Status.STATE_PAUSED)
-    yield client
-    client.close()
+    return client
 
 
 @pytest.fixture
@@ -63,7 +56,7 @@ def step(client, steps):
 
 
 def reached(client, stamp):
-    client.until(lambda: stamps(client.status)[-1] == stamp)
+    client.until(lambda: stamps(client.status[-1:])[0] == stamp)
 
 
 def accepted(client, action, steps, feedback=None):

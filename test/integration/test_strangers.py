@@ -1,7 +1,7 @@
 """Participants of the network that send what they should not: nothing of it ends a program."""
 
 import pytest
-from drill_client import COMPILED, SECOND, Client, nanoseconds, start_drill
+from drill_client import SECOND, nanoseconds
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from rclpy.serialization import serialize_message
@@ -16,10 +16,8 @@ FLOOD = 500
 
 
 @pytest.fixture
-def client():
-    client = Client("/attacked")
-    yield client
-    client.close()
+def client(connect):
+    return connect("/attacked")
 
 
 @pytest.fixture
@@ -36,44 +34,35 @@ def clock(client):
     return send
 
 
-def test_a_flood_of_malformed_commands_is_counted_and_logged_once(client):
+def test_a_flood_of_malformed_commands_is_counted_and_logged_once(client, start_drill):
     drill = start_drill("/attacked")
-    try:
-        statuses = client.listen("status")
-        client.until(lambda: statuses and statuses[-1].state == Status.STATE_RUNNING, COMPILED)
-        client.command(WeightOnBit(force=11.0))
-        [publisher] = [
-            it for it in client.node.publishers if it.topic_name.endswith("weight_on_bit")
-        ]
-        for _ in range(FLOOD):
-            publisher.publish(serialize_message(WeightOnBit())[:12])
-        client.command(WeightOnBit(force=12.0))
-        client.until(lambda: statuses[-1].weight_on_bit == 12.0)
-        client.until(lambda: statuses[-1].commands_rejected == FLOOD)
-        assert statuses[-1].commands_accepted == 2
-        assert drill.output.count("is malformed") == 1
-        assert "deserialize" not in drill.output
-    finally:
-        drill.stop()
+    statuses = client.status
+    client.until(lambda: statuses and statuses[-1].state == Status.STATE_RUNNING)
+    client.command(WeightOnBit(force=11.0))
+    [publisher] = [it for it in client.node.publishers if it.topic_name.endswith("weight_on_bit")]
+    for _ in range(FLOOD):
+        publisher.publish(serialize_message(WeightOnBit())[:12])
+    client.command(WeightOnBit(force=12.0))
+    client.until(lambda: statuses[-1].weight_on_bit == 12.0)
+    client.until(lambda: statuses[-1].commands_rejected == FLOOD)
+    assert statuses[-1].commands_accepted == 2
+    assert drill.output.count("is malformed") == 1
+    assert "deserialize" not in drill.output
 
 
-def test_a_time_before_zero_on_the_clock_does_not_end_the_drill(client, clock):
-    drill = start_drill("/attacked", use_sim_time=True)
-    try:
-        drill.wait_for_line("waiting for /clock", timeout=COMPILED)
-        clock(-1)
-        drill.wait_for_line("request refused: .*ValueError")
-        statuses = client.listen("status")
-        clock(1000)
-        client.until(lambda: statuses and statuses[-1].state == Status.STATE_RUNNING)
-        assert nanoseconds(statuses[-1].drive_applied) == 1000 * SECOND
-        clock(-5)
-        request = GetState.Request()
-        state = client.call(GetState, "drill_node/get_state", request).current_state
-        assert state.id == State.PRIMARY_STATE_ACTIVE
-        assert drill.running
-    finally:
-        drill.stop()
+def test_a_time_before_zero_on_the_clock_does_not_end_the_drill(client, clock, start_drill):
+    drill = start_drill("/attacked", "waiting for /clock", use_sim_time=True)
+    clock(-1)
+    drill.wait_for_line("request refused: .*ValueError")
+    statuses = client.status
+    clock(1000)
+    client.until(lambda: statuses and statuses[-1].state == Status.STATE_RUNNING)
+    assert nanoseconds(statuses[-1].drive_applied) == 1000 * SECOND
+    clock(-5)
+    request = GetState.Request()
+    state = client.call(GetState, "drill_node/get_state", request).current_state
+    assert state.id == State.PRIMARY_STATE_ACTIVE
+    assert drill.running
 
 
 def test_a_time_before_zero_on_the_clock_does_not_end_the_services_of_a_replay(

@@ -69,7 +69,7 @@ def run(regime, planned, stops, end=0.35):
         if at in planned:
             values, jammed, new = planned[at]
             engine.change(0, at, drill_of(values, jammed), new)
-    return engine.take()
+    return engine.drain()
 
 
 @settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
@@ -102,9 +102,9 @@ FREE, DRILLING = preset("free").replace(weight_on_bit=10.0), preset("drilling")
 
 def reacting_force(engine, seconds):
     """Mean reacting force from the last time on until a whole second [N]."""
-    engine.take()
+    engine.drain()
     engine.advance(seconds, 0.0)
-    segments, _ = engine.take()
+    segments, _ = engine.drain()
     start = segments["start_seconds"][0] + segments["start_fraction"][0]
     times = np.linspace(start, seconds, 200_000, endpoint=False)
     return rebuild(segments, np.floor(times), times % 1.0)["reacting_force"].mean()
@@ -128,10 +128,10 @@ def test_the_rock_lifts_a_drill_that_rests_on_its_tool_without_throwing_it():
     engine.advance(5, 0.0)
     k_1, k_2 = FREE.load_spring_rate, FREE.restoring_spring_rate
     sag = (10.0 + FREE.free_mass * FREE.gravity) / (k_1 + k_2)
-    assert nodal_plane(engine.take()[0][-1], 0.0) == pytest.approx(sag, rel=1e-3)
+    assert nodal_plane(engine.drain()[0][-1], 0.0) == pytest.approx(sag, rel=1e-3)
     engine.change(5, 0.0, derive(DRILLING), rest)
     engine.advance(9, 0.0)
-    segments, _ = engine.take()
+    segments, _ = engine.drain()
     fastest = max(abs(nodal_plane(segment, 0.0, 1)) for segment in segments)
     assert fastest < 20.0 * sag / SEATING_TIME
     assert abs(nodal_plane(segments[-1], 0.0)) < 1e-6
@@ -142,7 +142,7 @@ def instant(regime, wanted, begun=0.5):
     """Give a time in the middle of a segment that the condition wants, after the time given."""
     engine = Engine(preset(regime), 0.2)
     engine.advance(1, 0.0)
-    for segment in engine.take()[0]:
+    for segment in engine.drain()[0]:
         start = segment["start_seconds"] + segment["start_fraction"]
         if start > begun and segment["duration"] > 1e-6 and wanted(segment):
             return start + 0.5 * segment["duration"]
@@ -155,7 +155,7 @@ def test_an_impact_in_progress_is_reported_over_a_change_of_constants():
     engine.advance(0, at)
     engine.change(0, at, derive(DRILLING.replace(elastic_modulus=0.5e11, free_mass=7e-3)), COMMANDS)
     engine.advance(1, 0.0)
-    segments, impacts = engine.take()
+    segments, impacts = engine.drain()
     starts = impacts["seconds"] + impacts["fraction"]
     impact = impacts[np.flatnonzero(starts < at)[-1]]
     end = impact["fraction"] + impact["contact_duration"]
@@ -175,7 +175,7 @@ def test_an_impact_in_progress_ends_where_the_rock_is_left():
     at = instant("drilling", lambda segment: segment["contact"] == 2)
     engine = Engine(DRILLING, 0.2)
     engine.change(0, at, derive(FREE), COMMANDS)
-    _, impacts = engine.take()
+    _, impacts = engine.drain()
     assert impacts["fraction"][-1] + impacts["contact_duration"][-1] == pytest.approx(at, abs=1e-12)
     assert impacts["peak_force"][-1] > 0.0
 
@@ -186,14 +186,14 @@ def test_a_jammed_mass_strikes_the_tool_no_more(regime, drive):
     parameters = preset(regime).replace(weight_on_bit=10.0)
     engine = Engine(parameters, 0.2)
     engine.advance(0, 0.5)
-    engine.take()
+    engine.drain()
     engine.change(0, 0.5, derive(parameters, jammed=True), (10.0, drive, 16000.0))
     engine.advance(0, 0.6)
-    joined, impacts = engine.take()
+    joined, impacts = engine.drain()
     assert len(impacts) <= 2  # the one in progress, and the one that wedges it
     check_trajectory(joined)
     engine.advance(3, 0.0)
-    segments, impacts = engine.take()
+    segments, impacts = engine.drain()
     assert len(impacts) == 0
     assert (segments["contact"] & 2 == 2).all()
     assert len(segments) < 2.4 * 50_000
@@ -205,7 +205,7 @@ def test_a_jammed_mass_strikes_the_tool_no_more(regime, drive):
 
     engine.change(3, 0.0, derive(parameters), COMMANDS)
     engine.advance(4, 0.0)
-    segments, impacts = engine.take()
+    segments, impacts = engine.drain()
     check_trajectory(segments)
     assert len(impacts) > 50
 
@@ -216,7 +216,7 @@ def test_the_actuator_strikes_a_jammed_mass_and_the_tool_as_one_body():
     engine = Engine(parameters, 0.2)
     engine.change(0, 0.1, drill, COMMANDS)
     engine.advance(1, 0.0)
-    segments, _ = engine.take()
+    segments, _ = engine.drain()
     joined = drill.free_mass + drill.tool_mass
     checked = 0
     for before, after in pairwise(segments[500:]):

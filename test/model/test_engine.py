@@ -25,7 +25,7 @@ REGIMES = ("free", "drilling")
 def run(parameters, seconds, phase=0.2, drive=True):
     engine = Engine(parameters, phase, drive)
     engine.advance(*divmod(seconds, 1.0))
-    return engine.take()
+    return engine.drain()
 
 
 def total(segments):
@@ -63,7 +63,7 @@ def test_extreme_drills_neither_stall_nor_overlap(changes, phase):
     engine.advance(0, 0.3)
     engine.change(0, 0.3, drill, (5.0, 0.0, 16000.0))
     engine.advance(0, 0.6)
-    segments, impacts = engine.take()
+    segments, impacts = engine.drain()
     check_trajectory(segments)
     assert np.isfinite(segments["duration"]).all()
     for name in impacts.dtype.names:
@@ -89,7 +89,7 @@ def test_it_does_not_matter_where_a_caller_stops(regime, phase, stops, commands)
             engine.advance(0, at)
             if at in commands:
                 engine.change(0, at, derive(preset(regime)), commands[at])
-        return tuple(part.tobytes() for part in engine.take())
+        return tuple(part.tobytes() for part in engine.drain())
 
     assert trajectory(stops) == trajectory([])
 
@@ -101,7 +101,7 @@ def test_many_small_steps_are_one_large_one(regime):
     for step in range(1, 1201):
         engine.advance(*divmod(step * 0.001, 1.0))
     engine.advance(*divmod(1.2, 1.0))
-    for one, many in zip(once, engine.take(), strict=True):
+    for one, many in zip(once, engine.drain(), strict=True):
         assert one.tobytes() == many.tobytes()
 
 
@@ -186,9 +186,9 @@ def test_without_drive_everything_comes_to_rest(regime, weight):
     engine.advance(1, 0.0)
     engine.change(1, 0.0, derive(parameters), (weight, 0.0, 16000.0))
     engine.advance(8, 0.0)
-    engine.take()
+    engine.drain()
     engine.advance(9, 0.0)
-    segments, impacts = engine.take()
+    segments, impacts = engine.drain()
     last = segments[-1]
     assert len(segments) < 200
     # Nothing damps a mass that rests on rock: what is left is a trembling of nanometres.
@@ -232,7 +232,7 @@ def test_amplitude_changes_only_where_the_vibration_is_zero(regime):
     engine = Engine(preset(regime), 0.1)
     engine.change(0, 0.1, derive(preset(regime)), (10.0, 60e-6, 16000.0))
     engine.advance(0, 0.2)
-    segments, _ = engine.take()
+    segments, _ = engine.drain()
     amplitudes = segments["vibration_amplitude"]
     (change,) = np.flatnonzero(np.diff(amplitudes))
     before, after = segments[change], segments[change + 1]
@@ -246,7 +246,7 @@ def test_frequency_changes_keep_the_phase_and_the_tip():
     engine = Engine(preset("drilling"), 0.1)
     engine.change(0, 0.1, derive(preset("drilling")), (10.0, 35e-6, 23000.0))
     engine.advance(0, 0.2)
-    segments, _ = engine.take()
+    segments, _ = engine.drain()
     (change,) = np.flatnonzero(np.diff(segments["vibration_frequency"]))
     before, after = segments[change], segments[change + 1]
     phase = before["vibration_phase"] + 16000.0 * before["duration"]
@@ -259,7 +259,7 @@ def test_a_new_weight_on_bit_acts_at_once_and_jolts_nothing():
     engine = Engine(preset("drilling"), 0.1)
     engine.change(0, 0.1, derive(preset("drilling")), (40.0, 35e-6, 16000.0))
     engine.advance(0, 0.2)
-    segments, _ = engine.take()
+    segments, _ = engine.drain()
     check_trajectory(segments)
     (change,) = np.flatnonzero(np.diff(segments["weight_on_bit"]))
     assert segments["start_fraction"][change + 1] == 0.1

@@ -14,7 +14,7 @@ from rpud_sim.model.parameters import preset
 def drilled():
     engine = Engine(preset("drilling"), 0.4)
     engine.advance(2, 0.0)
-    return engine.take()
+    return engine.drain()
 
 
 def impact_pairs(segments, impacts):
@@ -66,5 +66,5 @@ def test_impact_in_progress_counts_from_its_beginning():
     taken = 0
     for step in range(1, 2000):
         engine.advance(0, step * 1e-5)
-        taken += len(engine.take()[1])
+        taken += len(engine.drain()[1])
         assert engine.impact_count - taken in (0, 1)

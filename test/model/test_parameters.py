@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.model.parameters import NAMES, QUANTITIES, ParameterError, Parameters, preset
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.parameters import NAMES, QUANTITIES, Parameters, preset
 
 NUMBERS = st.sampled_from(sorted(QUANTITIES))
 
@@ -44,11 +45,6 @@ def test_what_is_out_of_range_is_refused_with_name_value_unit_and_range(name, si
     assert quantity.range in message
 
 
-def test_huge_integers_are_refused():
-    with pytest.raises(ParameterError, match=r"^weight_on_bit = 1000"):
-        Parameters(weight_on_bit=10**400)
-
-
 @given(name=NUMBERS)
 def test_the_bounds_themselves_are_allowed_unless_they_are_open(name):
     quantity = QUANTITIES[name]
@@ -70,7 +66,9 @@ def test_choices(name, value):
 
 
 def test_unknown_names_are_refused():
-    with pytest.raises(ParameterError, match=r"^mass is not a parameter; known are rpud_mass, "):
+    with pytest.raises(
+        ParameterError, match=r"^mass is not a parameter; did you mean rpud_mass\?$"
+    ):
         Parameters().replace(mass=1.0)
 
 
@@ -78,7 +76,3 @@ def test_every_number_has_a_quantity_and_nothing_changes_in_place():
     assert set(NAMES) == {*QUANTITIES, "contact_model", "regime"}
     with pytest.raises(dataclasses.FrozenInstanceError):
         Parameters().gravity = 1.0
-
-
-def test_whole_numbers_become_floats():
-    assert isinstance(Parameters(weight_on_bit=10).weight_on_bit, float)

@@ -80,7 +80,7 @@ def trajectory(regime, changes):
     parameters = preset(regime).replace(**changes)
     engine = Engine(parameters, 0.37)
     engine.advance(0, 0.25)
-    segments, _ = engine.take()
+    segments, _ = engine.drain()
     return derive(parameters), segments
 
 

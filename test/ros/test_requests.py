@@ -66,6 +66,20 @@ def test_actions_of_many_threads_are_done_one_by_one_and_each_is_answered():
     assert answers == {number: -number for number in range(50)}
 
 
+def test_the_serving_thread_does_its_own_requests_at_once():
+    with Worker() as worker:
+
+        def nested():
+            inner = worker.requests.do(lambda: worker.requests.do(threading.current_thread))
+            assert inner is worker.thread
+            with pytest.raises(KeyError):
+                worker.requests.do({}.popitem)
+            future = worker.requests.do(Future)  # it cannot wait for itself
+            return future.done()
+
+        assert worker.requests.do(nested) is False
+
+
 def test_what_waits_at_the_end_is_refused_and_so_is_all_that_comes():
     waiting = threading.Event()
     requests = Requests(waiting.set)
@@ -87,16 +101,25 @@ def test_what_waits_at_the_end_is_refused_and_so_is_all_that_comes():
         requests.do(lambda: None)
 
 
-def test_something_that_takes_long_can_be_waited_for():
+def test_an_action_that_returns_a_future_is_answered_with_its_result():
     with Worker() as worker:
         future: Future[int] = Future()
         timer = threading.Timer(0.05, future.set_result, [3])
         timer.start()
-        assert worker.requests.wait(future) == 3
+        assert worker.requests.do(lambda: future) == 3
 
 
-def test_nobody_waits_for_what_will_never_be_done():
-    requests = Requests(lambda: None)
+def test_a_future_that_will_never_be_done_ends_with_the_thread():
+    requests = Requests(lambda: requests.serve())
+    asker = threading.Thread(target=lambda: refused.append(catch()))
+    refused = []
+
+    def catch():
+        with pytest.raises(StoppedError) as error:
+            requests.do(Future)
+        return error
+
+    asker.start()
     requests.close()
-    with pytest.raises(StoppedError):
-        requests.wait(Future())
+    asker.join(10.0)
+    assert len(refused) == 1

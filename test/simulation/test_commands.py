@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from rpud_sim.simulation import ParameterError
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 
 NO_NUMBERS = [math.nan, math.inf, -math.inf, True, "30", None, [30.0], 10**400]

@@ -7,9 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.simulation import QUANTITIES, Parameters, preset
-from rpud_sim.simulation.conditions import MOST_DAMPING_RATIO, Conditions, conditions
-from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.model.parameters import QUANTITIES
+from rpud_sim.simulation import Parameters, preset
+from rpud_sim.simulation.conditions import (
+    MOST_DAMPING_RATIO,
+    Conditions,
+    check_honoured,
+    conditions,
+    honoured_kinds,
+)
+from rpud_sim.simulation.configuration import to_configuration
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 from rpud_sim.simulation.simulation import Simulation
 
 PHYSICAL = [name for name, kind in KINDS.items() if kind.physical]
@@ -97,12 +105,11 @@ def test_faults_combine():
     assert found.parameters.actuator_restitution == 0.5
 
 
-def test_what_would_leave_its_range_stands_at_its_end_and_is_named():
+def test_a_parameter_that_would_leave_its_range_takes_its_end():
     binding = Fault("load_spring_binding", "", 1000.0)
     found = under(binding, load_spring_rate=1e6)
     assert found.parameters.load_spring_rate == QUANTITIES["load_spring_rate"].maximum
     assert found.parameters.rpud_damping_ratio == MOST_DAMPING_RATIO
-    assert found.limited == ("load_spring_rate", "rpud_damping_ratio")
     # A drill that is damped more than that stays as it is.
     assert under(binding, rpud_damping_ratio=0.995).parameters.rpud_damping_ratio == 0.995
 
@@ -142,3 +149,32 @@ def test_a_fault_shows_in_the_impacts(kind):
 
     well, failed = impacts([]), impacts([Fault(kind)])
     assert abs(len(failed) - len(well)) > 0.1 * len(well)
+
+
+FULL = {"actuator_model": "resonance", "rock_model": "specific_energy"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "lacking", "reason"),
+    [
+        ("resonance_drift", {"actuator_model": "gain"}, "needs actuator_model = resonance"),
+        ("resonance_drift", {"resonance_frequency": 250.0}, "takes the resonance to 50 Hz"),
+        ("hard_rock", {"rock_model": "none"}, "needs a rock_model, which is none"),
+        ("choking", {"rock_model": "none"}, "needs a rock_model, which is none"),
+        ("drill_tool_binding", {"rock_model": "none"}, "acts on the progress while drilling"),
+    ],
+)
+def test_a_fault_without_effect_is_refused_with_the_reason(kind, lacking, reason):
+    check_honoured(Fault(kind), to_configuration(FULL))
+    with pytest.raises(FaultError, match=f"^{kind} cannot be honoured: it {reason}"):
+        check_honoured(Fault(kind), to_configuration({**FULL, **lacking}))
+
+
+def test_a_bound_bit_needs_no_rock_before_drilling():
+    check_honoured(Fault("drill_tool_binding"), to_configuration({"regime": "free"}))
+
+
+def test_the_kinds_that_a_drill_honours():
+    assert honoured_kinds(to_configuration(FULL)) == tuple(KINDS)
+    refused = {"resonance_drift", "hard_rock", "choking", "drill_tool_binding"}
+    assert {*honoured_kinds(to_configuration({}))} == {*KINDS} - refused

@@ -1,7 +1,6 @@
-"""Parameter files and assignments, read without ROS."""
+"""A configuration holds all parameters of a drill, checked together."""
 
 import dataclasses
-import itertools
 import math
 from pathlib import Path
 
@@ -9,33 +8,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.simulation import NAMES, ParameterError, Parameters, preset
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.parameters import NAMES
+from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
+from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.configuration import (
-    ACTUATOR_NAMES,
     NODE_NAMES,
-    ROCK_NAMES,
+    PARAMETERS,
     Configuration,
-    check_flag,
-    parse_assignment,
-    read_parameter_file,
     to_configuration,
-    to_parameters,
 )
+from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 from rpud_sim.simulation.rock import RockParameters
-from rpud_sim.simulation.yaml_files import MOST_BYTES
 
 CONFIG = Path(__file__).parents[2] / "config"
 
 
-@pytest.fixture
-def file(tmp_path):
-    def write(text):
-        path = tmp_path / "file.yaml"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return path
-
-    return write
+def to_parameters(values):
+    return to_configuration(values).parameters
 
 
 @pytest.mark.parametrize("regime", ["free", "drilling"])
@@ -52,93 +43,10 @@ def test_there_is_a_file_for_every_regime():
     assert {path.stem for path in CONFIG.glob("*.yaml")} >= {"free", "drilling"}
 
 
-def test_a_node_s_own_values_come_before_those_for_all(file):
-    path = file(
-        "drill_node:\n  ros__parameters: {weight_on_bit: 20.0}\n"
-        "/**:\n  ros__parameters: {weight_on_bit: 5.0, gravity: 1.62}\n"
-    )
-    assert read_parameter_file(path) == {"weight_on_bit": 20.0, "gravity": 1.62}
-
-
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("", "is not a ROS parameter file: it holds no mapping"),
-        ("- 1\n- 2\n", "is not a ROS parameter file: it holds no mapping"),
-        ("weight_on_bit: 20.0\n", "weight_on_bit has no mapping named ros__parameters"),
-        ("/**: {weight_on_bit: 20.0}\n", "/** has no mapping named ros__parameters"),
-        ("/**:\n  ros__parameters: 3\n", "/** has no mapping named ros__parameters"),
-        ("/**: [\n", "is not YAML: while parsing"),
-        (b"\xff\xfe\x00\x01\xff", "is not YAML: "),
-        ("/**:\n\tros__parameters: {}\n", "is not YAML: "),
-        ("!!python/object/apply:os.system ['true']", "is not YAML: could not determine"),
-        ("a: !!int ''", "is not YAML: "),
-        ("a: 2001-13-45", "is not YAML: month must be in 1..12"),
-        ("a: " + "[" * 20_000, "is not YAML: maximum recursion depth"),
-        ("a: &a [1]\nb: [*a, *a]", "is not YAML: aliases are not allowed here"),
-        ("/**: {ros__parameters: {a: 1, a: 2}}", "is not YAML: a key stands twice"),
-        ("#" * (MOST_BYTES + 1), "is longer than the 100000 bytes that it may have"),
-        ('"two\\nlines": 3', "'two\\nlines' has no mapping named ros__parameters"),
-    ],
-    ids=itertools.count(),
-)
-def test_a_file_that_is_no_parameter_file_is_one_line_with_its_name(file, text, complaint):
-    path = file(text)
-    with pytest.raises(ParameterError) as caught:
-        read_parameter_file(path)
-    assert str(caught.value).startswith(str(path))
-    assert complaint in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_file_that_cannot_be_read_is_named(tmp_path):
-    with pytest.raises(ParameterError, match=r"missing\.yaml: No such file or directory$"):
-        read_parameter_file(tmp_path / "missing.yaml")
-    with pytest.raises(ParameterError, match=r"Is a directory$"):
-        read_parameter_file(tmp_path)
-    with pytest.raises(ParameterError, match=r"embedded null byte$"):
-        read_parameter_file("a\0b")
-
-
-@pytest.mark.parametrize(
-    ("text", "name", "value"),
-    [
-        ("weight_on_bit=20", "weight_on_bit", 20),
-        ("weight_on_bit=2.5", "weight_on_bit", 2.5),
-        ("vibration_amplitude=1e-5", "vibration_amplitude", 1e-5),
-        ("elastic_modulus=1.96e11", "elastic_modulus", 1.96e11),
-        ("regime=free", "regime", "free"),
-        ("drive_enabled=false", "drive_enabled", False),
-        ("a=b=c", "a", "b=c"),
-        ("a=", "a", None),
-        ("a={", "a", "{"),
-        ("a=!!int ''", "a", "!!int ''"),
-        ("a=2001-13-45", "a", "2001-13-45"),
-    ],
-)
-def test_an_assignment_is_read_as_yaml_and_every_number_as_a_number(text, name, value):
-    assert parse_assignment(text) == (name, value)
-    assert type(parse_assignment(text)[1]) is type(value)
-
-
 @pytest.mark.parametrize("value", ["nan", ".nan", "-.inf", "inf", "1e999", "-1e9", "true", ""])
 def test_an_assignment_of_no_usable_number_is_refused_by_name(value):
     with pytest.raises(ParameterError, match=r"weight_on_bit = .* N is outside its range"):
         to_parameters(dict([parse_assignment(f"weight_on_bit={value}")]))
-
-
-def test_a_quoted_number_is_text_as_it_is_for_ros(file):
-    assert read_parameter_file(file("/**: {ros__parameters: {a: '1e-3', b: 1e-3}}")) == {
-        "a": "1e-3",
-        "b": 1e-3,
-    }
-
-
-@pytest.mark.parametrize("text", ["weight_on_bit", "=3", ""])
-def test_what_is_no_assignment_is_refused(text):
-    with pytest.raises(ParameterError) as caught:
-        parse_assignment(text)
-    assert str(caught.value) == f"{text!r} is not of the form name=value"
 
 
 def test_the_regime_chooses_the_preset():
@@ -148,8 +56,7 @@ def test_the_regime_chooses_the_preset():
 
 
 def test_the_node_s_own_parameters_are_passed_over():
-    others = set(NODE_NAMES) - {"drive_enabled"}
-    assert to_configuration(dict.fromkeys(others, "anything")) == Configuration()
+    assert to_configuration(dict.fromkeys(NODE_NAMES, "anything")) == Configuration()
 
 
 def test_a_configuration_has_its_actuator_its_rock_and_its_drive():
@@ -175,12 +82,23 @@ def test_a_configuration_does_not_change():
         Configuration().drive_enabled = False
 
 
+def test_a_drive_that_would_break_the_stack_is_refused_and_any_nominal_one_is_not():
+    configuration = to_configuration({"nominal_voltage": 10.0})
+    # Even off resonance, because the resonance may drift there.
+    with pytest.raises(ParameterError) as caught:
+        configuration.check_drive(Drive(True, 500.0, 20000.0))
+    assert str(caught.value) == (
+        "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"
+    )
+    configuration.check_drive(Drive(False, 500.0, 0.0))
+    # 1e-3 * voltage / voltage is rounded up here.
+    voltage = 125.50940033382089
+    configuration = to_configuration({"vibration_amplitude": 1e-3, "nominal_voltage": voltage})
+    configuration.check_drive(Drive(True, voltage, 16000.0))
+
+
 @pytest.mark.parametrize("value", [0, 1, "true", None, math.nan, [True]])
 def test_a_flag_is_true_or_false_and_nothing_else(value):
-    assert check_flag("autostart", True) is True
-    assert check_flag("autostart", False) is False
-    with pytest.raises(ParameterError, match=r"^autostart = .* is not true or false$"):
-        check_flag("autostart", value)
     with pytest.raises(ParameterError, match=r"^drive_enabled = .* is not true or false$"):
         Configuration(drive_enabled=value)
 
@@ -211,40 +129,9 @@ def test_what_cannot_be_used_is_named(values, complaint):
 
 def test_an_unknown_name_is_told_which_names_there_are():
     with pytest.raises(ParameterError) as caught:
-        to_parameters({"unknown": 1})
-    for name in (*NAMES, *NODE_NAMES):
+        to_parameters({"zzz": 1})
+    for name in PARAMETERS:
         assert name in str(caught.value)
-
-
-TAGS = ["int", "float", "bool", "timestamp", "binary", "null", "set", "omap", "pairs", "str"]
-
-
-@given(
-    text=st.one_of(
-        st.text(),
-        st.binary(),
-        st.builds(
-            "/**: {{ros__parameters: {{a: !!{} {!r}}}}}".format,
-            st.sampled_from(TAGS),
-            st.text(max_size=8),
-        ),
-        st.text(alphabet="{}[]:,-&*!?|>'\"%@#~ \n\tkfo01._<=/", max_size=60),
-    )
-)
-def test_any_file_is_parameters_by_name_or_refused_in_one_line(tmp_path_factory, text):
-    path = tmp_path_factory.getbasetemp() / "fuzzed_parameters.yaml"
-    path.write_bytes(
-        text if isinstance(text, bytes) else text.encode("utf-8", errors="surrogatepass")
-    )
-    try:
-        values = read_parameter_file(path)
-    except ParameterError as error:
-        refusal = str(error)
-    else:
-        assert all(isinstance(name, str) for name in values)
-        return
-    assert refusal.startswith(str(path))
-    assert "\n" not in refusal
 
 
 VALUES = st.one_of(
@@ -257,7 +144,7 @@ VALUES = st.one_of(
     st.lists(st.integers(), max_size=9),
     st.dates(),
 )
-KNOWN = (*NAMES, *ACTUATOR_NAMES, *ROCK_NAMES, *NODE_NAMES)
+KNOWN = tuple(PARAMETERS)
 
 
 @given(values=st.dictionaries(st.one_of(st.sampled_from(KNOWN), st.text()), VALUES, max_size=4))

@@ -16,15 +16,15 @@ NOMINAL = Drive(True, 100.0, 16000.0)
 
 def made(timeout=0.0, ramp=0.5, active=True, **options):
     simulation = Simulation(Configuration(Parameters(), **options))
-    control = Control(simulation.applied, timeout, ramp, active)
-    control.act(simulation)
+    control = Control(simulation, timeout, ramp, active)
+    control.act()
     return simulation, control
 
 
 def go_on(simulation, control, time):
     """Advance, and let act what shall act then; tell what ``act`` does."""
     simulation.advance_to(time)
-    return control.act(simulation)
+    return control.act()
 
 
 def acting(simulation):
@@ -36,7 +36,7 @@ def test_the_configuration_acts_until_the_first_command():
     simulation, control = made()
     go_on(simulation, control, 10 * MILLISECOND)
     assert acting(simulation) == (10.0, 100.0)
-    control.take(WeightOnBit(20.0), simulation)
+    control.apply(WeightOnBit(20.0))
     assert acting(simulation) == (20.0, 100.0)
     assert simulation.applied.weight_on_bit_time == 10 * MILLISECOND
 
@@ -45,14 +45,14 @@ def test_a_configuration_without_drive_starts_without_drive():
     simulation, control = made(drive_enabled=False)
     go_on(simulation, control, MILLISECOND)
     assert acting(simulation) == (10.0, 0.0)
-    control.take(NOMINAL, simulation)
+    control.apply(NOMINAL)
     assert acting(simulation) == (10.0, 100.0)
 
 
 def test_acting_again_changes_nothing():
     simulation, control = made()
-    control.take(WeightOnBit(20.0), simulation)
-    control.take(Drive(True, 60.0, 17000.0), simulation)
+    control.apply(WeightOnBit(20.0))
+    control.apply(Drive(True, 60.0, 17000.0))
     before = simulation.applied
     go_on(simulation, control, MILLISECOND)
     assert simulation.applied == before
@@ -62,32 +62,32 @@ def test_an_inactive_drill_has_neither_drive_nor_weight_on_bit():
     simulation, control = made(active=False)
     assert not control.active
     assert acting(simulation) == (0.0, 0.0)
-    control.take(WeightOnBit(20.0), simulation)
-    control.take(NOMINAL, simulation)
+    control.apply(WeightOnBit(20.0))
+    control.apply(NOMINAL)
     go_on(simulation, control, MILLISECOND)
     assert acting(simulation) == (0.0, 0.0)
 
 
 def test_activation_begins_with_the_configuration_and_not_with_the_last_command():
     simulation, control = made()
-    control.take(WeightOnBit(20.0), simulation)
-    control.take(Drive(True, 60.0, 17000.0), simulation)
+    control.apply(WeightOnBit(20.0))
+    control.apply(Drive(True, 60.0, 17000.0))
     go_on(simulation, control, MILLISECOND)
-    control.activate(False, MILLISECOND)
-    control.act(simulation)
+    control.activate(False)
+    control.act()
     assert acting(simulation) == (0.0, 0.0)
     go_on(simulation, control, 2 * MILLISECOND)
-    control.activate(True, 2 * MILLISECOND)
-    control.act(simulation)
+    control.activate(True)
+    control.act()
     assert acting(simulation) == (10.0, 100.0)
     assert simulation.applied.drive == NOMINAL
 
 
 def test_activating_an_active_drill_leaves_its_commands():
     simulation, control = made()
-    control.take(WeightOnBit(20.0), simulation)
-    control.activate(True, 0)
-    control.act(simulation)
+    control.apply(WeightOnBit(20.0))
+    control.activate(True)
+    control.act()
     assert acting(simulation) == (20.0, 100.0)
 
 
@@ -103,8 +103,8 @@ def test_lost_commands_ramp_down_are_told_once_and_come_back_whole():
     go_on(simulation, control, 300 * MILLISECOND)
     assert acting(simulation) == (0.0, 0.0)
     # A weight on bit alone shows that there is a commander, and so the drive comes back as well.
-    control.take(WeightOnBit(20.0), simulation)
-    assert control.act(simulation)
+    control.apply(WeightOnBit(20.0))
+    assert control.act()
     assert not control.commands_lost
     assert acting(simulation) == (20.0, 100.0)
     assert simulation.applied.drive == NOMINAL
@@ -112,13 +112,13 @@ def test_lost_commands_ramp_down_are_told_once_and_come_back_whole():
 
 def test_a_drive_that_is_off_stays_off_when_commands_come_back():
     simulation, control = made(timeout=0.1, ramp=0.1)
-    control.take(Drive(False, 0.0, 0.0), simulation)
+    control.apply(Drive(False, 0.0, 0.0))
     go_on(simulation, control, SECOND)
     assert acting(simulation) == (0.0, 0.0)
-    control.take(WeightOnBit(20.0), simulation)
-    control.act(simulation)
+    control.apply(WeightOnBit(20.0))
+    control.act()
     assert acting(simulation) == (20.0, 0.0)
-    control.take(Drive(True, 80.0, 16000.0), simulation)
+    control.apply(Drive(True, 80.0, 16000.0))
     assert acting(simulation) == (20.0, 80.0)
 
 
@@ -126,8 +126,8 @@ def test_the_watchdog_does_not_wait_while_inactive():
     simulation, control = made(timeout=0.1, ramp=0.1, active=False)
     assert not go_on(simulation, control, SECOND)
     assert not control.commands_lost
-    control.activate(True, SECOND)
-    assert not control.act(simulation)
+    control.activate(True)
+    assert not control.act()
     assert acting(simulation) == (10.0, 100.0)
     assert go_on(simulation, control, SECOND + 150 * MILLISECOND)
     assert control.commands_lost
@@ -137,10 +137,10 @@ def test_another_timeout_holds_from_now_on():
     simulation, control = made()
     go_on(simulation, control, SECOND)
     control.set(0.5, 0.0)
-    assert control.act(simulation)
+    assert control.act()
     assert acting(simulation) == (0.0, 0.0)
     control.set(0.0, 0.0)
-    assert control.act(simulation)
+    assert control.act()
     assert acting(simulation) == (10.0, 100.0)
 
 
@@ -160,11 +160,11 @@ def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events)
         if isinstance(event, bool):
             if event and not control.active:
                 weight_on_bit, drive = WeightOnBit(10.0), NOMINAL
-            control.activate(event, simulation.time)
+            control.activate(event)
         elif isinstance(event, int):
             simulation.advance_to(simulation.time + event * MILLISECOND)
         else:
-            control.take(event, simulation)
+            control.apply(event)
             if control.active and isinstance(event, WeightOnBit):
                 weight_on_bit = event
             elif control.active:
@@ -173,7 +173,7 @@ def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events)
                     event.voltage if event.enabled else drive.voltage,
                     event.frequency or drive.frequency,
                 )
-        control.act(simulation)
+        control.act()
         force, voltage = acting(simulation)
         if not control.active:
             assert (force, voltage) == (0.0, 0.0)

@@ -19,11 +19,12 @@ from rpud_sim.simulation.ensemble import (
     run_ensemble,
 )
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.rock import SANDSTONE
+from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
 
+SANDSTONE = RockParameters(rock_model="specific_energy")
 PARAMETERS = preset("drilling")
 
 
@@ -119,11 +120,10 @@ AFTER_COMPILING = """
 import dataclasses, sys
 from numba.core.dispatcher import Dispatcher
 from rpud_sim.simulation.commands import Drive, WeightOnBit
-from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.telemetry import Telemetry
+from rpud_sim.simulation.run import Beginning, Run
 
 MILLISECOND = 1_000_000
 
@@ -137,15 +137,13 @@ def compiled():
 compile_kernels(Configuration())
 before = compiled()
 assert sum(before.values()) > 0
-simulation = Simulation(Configuration())
-telemetry = Telemetry()
-telemetry.begin(0)
+run = Run(Beginning(Settings()))
+simulation = run.simulation
 
 def on(*changes):
     for change in changes:
         change()
-    block = simulation.advance_to(simulation.time + 10 * MILLISECOND)
-    list(telemetry.take(block, simulation.faults.since(block.start)))
+    list(run.advance_to(run.time + 10 * MILLISECOND))
 
 def to(**values):
     parameters = dataclasses.replace(simulation.configuration.parameters, **values)
@@ -159,7 +157,7 @@ on(lambda: simulation.inject(Fault("free_mass_jammed"), 0))
 on(simulation.clear_all)
 on(lambda: to(regime="free"))
 on(lambda: to(regime="drilling"))
-list(telemetry.flush())
+list(run.flush())
 print({name for name, count in compiled().items() if count != before.get(name)})
 """
 

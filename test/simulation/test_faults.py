@@ -9,20 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.simulation import ParameterError
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.channels import CHANNELS, GROUND_TRUTH
-from rpud_sim.simulation.faults import KINDS, Fault, FaultError, check_honoured, honoured_kinds
+from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 
 MESSAGE = Path(__file__).parents[2] / "msg_defs" / "msg" / "Fault.msg"
-DOCUMENTATION = Path(__file__).parents[2] / "docs" / "faults.md"
+DOCUMENTATION = Path(__file__).parents[2] / "docs" / "reference" / "faults.md"
 SIGNAL = [name for name, kind in KINDS.items() if not kind.physical]
-PLAIN = {
-    "regime": "drilling",
-    "actuator_model": "gain",
-    "resonance_frequency": 16000.0,
-    "rock_model": "none",
-}
-FULL = {**PLAIN, "actuator_model": "resonance", "rock_model": "specific_energy"}
 
 
 def test_the_kinds_are_those_of_the_message():
@@ -104,6 +97,19 @@ def test_what_cannot_be_a_fault_is_refused_with_its_name(arguments, complaint):
     assert str(caught.value).startswith(complaint)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (("hard_rok",), "(did you mean hard_rock?)"),
+        (("off", "wrnech"), "(did you mean wrench?)"),
+    ],
+)
+def test_a_misspelt_name_is_answered_with_the_nearest_one(arguments, hint):
+    with pytest.raises(FaultError) as caught:
+        Fault(*arguments)
+    assert str(caught.value).endswith(hint)
+
+
 @pytest.mark.parametrize("channel", GROUND_TRUTH)
 @pytest.mark.parametrize("kind", SIGNAL)
 def test_the_ground_truth_never_fails(kind, channel):
@@ -139,32 +145,6 @@ def test_anything_else_is_refused_in_one_short_line(kind, channel, magnitude):
 def test_a_fault_does_not_change():
     with pytest.raises(dataclasses.FrozenInstanceError):
         Fault("off", "wrench").channel = "drill_tool"
-
-
-@pytest.mark.parametrize(
-    ("kind", "lacking", "reason"),
-    [
-        ("resonance_drift", {"actuator_model": "gain"}, "needs actuator_model = resonance"),
-        ("resonance_drift", {"resonance_frequency": 250.0}, "takes the resonance to 50 Hz"),
-        ("hard_rock", {"rock_model": "none"}, "needs a rock_model, which is none"),
-        ("choking", {"rock_model": "none"}, "needs a rock_model, which is none"),
-        ("drill_tool_binding", {"rock_model": "none"}, "acts on the progress while drilling"),
-    ],
-)
-def test_what_would_have_no_effect_is_refused_with_the_reason(kind, lacking, reason):
-    check_honoured(Fault(kind), **FULL)
-    with pytest.raises(FaultError, match=f"^{kind} cannot be honoured: it {reason}"):
-        check_honoured(Fault(kind), **{**FULL, **lacking})
-
-
-def test_a_bound_bit_needs_no_rock_before_drilling():
-    check_honoured(Fault("drill_tool_binding"), **{**PLAIN, "regime": "free"})
-
-
-def test_the_kinds_that_a_drill_honours():
-    assert honoured_kinds(**FULL) == tuple(KINDS)
-    refused = {"resonance_drift", "hard_rock", "choking", "drill_tool_binding"}
-    assert {*honoured_kinds(**PLAIN)} == {*KINDS} - refused
 
 
 def test_the_documentation_names_every_kind_with_its_default_and_every_channel():

@@ -1,5 +1,6 @@
 """A simulation run again from its journal gives the same messages, bit for bit."""
 
+import itertools
 import json
 from contextlib import suppress
 
@@ -7,15 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.commands import Drive, WeightOnBit
-from rpud_sim.simulation.configuration import to_configuration, to_values
+from rpud_sim.simulation.configuration import to_configuration, to_settings, to_values
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
+from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import parse_scenario
-from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.telemetry import Telemetry
 
 MILLISECOND = 1_000_000
 RATES = {"telemetry_rate": 200, "sample_rate": 20_000, "block_duration": 0.02}
@@ -34,26 +33,22 @@ SCENARIO = parse_scenario(
 
 
 def started(values, journal):
-    """Give a simulation with its telemetry, both told to the journal."""
-    configuration = to_configuration(values)
-    journal.begin({**to_values(configuration), **RATES}, 0.3, 5, SCENARIO)
-    simulation = Simulation(configuration, 0.3, SCENARIO, journal)
-    telemetry = Telemetry(*RATES.values())
-    telemetry.reseed(5)
-    journal.note(0, "origin", origin=1_000_000_007)
-    telemetry.begin(1_000_000_007)
-    return simulation, telemetry
+    """Give a run that has begun, with its journal."""
+    run = Run(Beginning(to_settings({**values, **RATES}), 0.3, 5, SCENARIO), journal)
+    run.begin(1_000_000_007)
+    return run
 
 
-def advance(simulation, telemetry, until, journal):
-    """Go on block by block, as the node does, and yield topics with what they say."""
-    rate = RATES["telemetry_rate"]
-    while simulation.time < until:
-        end = boundary(boundaries_until(simulation.time, rate) + 1, rate)
-        block = simulation.advance_to(min(end, until))
-        if block.end != end:
-            journal.note(block.end, "stop")
-        yield from telemetry.take(block, simulation.faults.since(block.start))
+def heard(messages, entries):
+    """Give messages but those of the journal, whose entries are kept, and of the ground truth."""
+    for time, topic, values in messages:
+        if topic == "journal":
+            content = json.loads(values["content"])
+            entries.append(
+                JournalEntry(values["sequence"], content.pop("time"), values["kind"], content)
+            )
+        elif topic != "faults":
+            yield time, topic, values
 
 
 def act(simulation, number, value):
@@ -76,10 +71,7 @@ def again(entries):
     """Give the messages of a rerun, of entries that went through a bag; ground truth aside."""
     rerun = Rerun()
     for entry in entries:
-        content = json.loads(entry.text)
-        time = content.pop("time")
-        read = JournalEntry(entry.sequence, time, entry.kind, content)
-        yield from (item for item in rerun.do(read) if item[1] != "faults")
+        yield from (item for item in rerun.repeat(entry) if item[1] != "faults")
 
 
 def bits(items):
@@ -98,26 +90,21 @@ def bits(items):
     ),
 )
 def test_whatever_was_done_is_done_again(regime, steps):
-    journal = Journal()
-    simulation, telemetry = started({"regime": regime}, journal)
-    given_out = []
+    run, entries, given_out = started({"regime": regime}, Journal()), [], []
     for length, number, value in steps:
-        given_out += advance(simulation, telemetry, simulation.time + length, journal)
+        given_out += heard(run.advance_to(run.time + length), entries)
         with suppress(FaultError):  # it may be there already
-            act(simulation, number, value)
-    given_out += advance(simulation, telemetry, simulation.time + 31 * MILLISECOND, journal)
-    given_out += telemetry.flush()
-    journal.note(simulation.time, "end")
-    assert bits(again(journal.take())) == bits(given_out)
+            act(run.simulation, number, value)
+    given_out += heard(run.advance_to(run.time + 31 * MILLISECOND), entries)
+    given_out += heard(run.flush("end"), entries)
+    assert bits(again(entries)) == bits(given_out)
 
 
 def test_one_other_bit_in_a_command_gives_another_trajectory():
-    journal = Journal()
-    simulation, telemetry = started({}, journal)
-    simulation.apply(WeightOnBit(20.0))
-    given_out = [*advance(simulation, telemetry, 50 * MILLISECOND, journal), *telemetry.flush()]
-    journal.note(simulation.time, "end")
-    entries = journal.take()
+    run, entries = started({}, Journal()), []
+    run.simulation.apply(WeightOnBit(20.0))
+    messages = itertools.chain(run.advance_to(50 * MILLISECOND), run.flush("end"))
+    given_out = list(heard(messages, entries))
     assert bits(again(entries)) == bits(given_out)
     place = next(i for i, entry in enumerate(entries) if entry.kind == "weight_on_bit")
     entries[place] = JournalEntry(place, 0, "weight_on_bit", {"force": 20.000000000000004})
@@ -128,21 +115,21 @@ def test_entries_are_numbered_and_taken_once():
     journal = Journal()
     journal.note(0, "stop")
     journal.note(3, "stop")
-    assert [(entry.sequence, entry.time) for entry in journal.take()] == [(0, 0), (1, 3)]
+    assert [(entry.sequence, entry.time) for entry in journal.drain()] == [(0, 0), (1, 3)]
     journal.note(4, "stop")
-    assert [entry.sequence for entry in journal.take()] == [2]
+    assert [entry.sequence for entry in journal.drain()] == [2]
 
 
 def test_a_change_that_is_refused_is_not_noted():
     journal = Journal()
-    simulation, _ = started({}, journal)
+    simulation = started({}, journal).simulation
     simulation.inject(Fault("lost_preload"))
-    journal.take()
+    journal.drain()
     with pytest.raises(FaultError):
         simulation.inject(Fault("lost_preload"))
     with pytest.raises(FaultError):
         simulation.clear(99)
-    assert journal.take() == []
+    assert journal.drain() == []
 
 
 BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed": 0, "faults": []}
@@ -161,17 +148,17 @@ BEGIN = {"parameters": {**RATES, "regime": "free"}, "initial_phase": 0.0, "seed"
 )
 def test_an_entry_that_cannot_be_done_is_named(kind, time, content, reason):
     rerun = Rerun()
-    assert list(rerun.do(JournalEntry(0, 0, "begin", BEGIN))) == []
+    assert list(rerun.repeat(JournalEntry(0, 0, "begin", BEGIN))) == []
     with pytest.raises(JournalError, match=rf"^journal entry 1 \({kind}\) cannot be done: .*") as e:
-        list(rerun.do(JournalEntry(1, time, kind, content)))
+        list(rerun.repeat(JournalEntry(1, time, kind, content)))
     assert reason in str(e.value)
 
 
 def test_time_does_not_go_back_and_nothing_comes_before_the_beginning():
     rerun = Rerun()
     with pytest.raises(JournalError, match="nothing has begun"):
-        list(rerun.do(JournalEntry(0, 0, "stop", {})))
-    list(rerun.do(JournalEntry(0, 0, "begin", BEGIN)))
-    list(rerun.do(JournalEntry(1, 5, "stop", {})))
+        list(rerun.repeat(JournalEntry(0, 0, "stop", {})))
+    list(rerun.repeat(JournalEntry(0, 0, "begin", BEGIN)))
+    list(rerun.repeat(JournalEntry(1, 5, "stop", {})))
     with pytest.raises(JournalError, match="before that of the one before it"):
-        list(rerun.do(JournalEntry(2, 4, "stop", {})))
+        list(rerun.repeat(JournalEntry(2, 4, "stop", {})))

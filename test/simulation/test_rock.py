@@ -7,16 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rpud_sim.foundation.parameters import quantities
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.segment import IMPACT
-from rpud_sim.simulation import ParameterError, preset
+from rpud_sim.simulation import preset
 from rpud_sim.simulation.rock import (
-    ROCK_QUANTITIES,
-    SANDSTONE,
     Progress,
     RockParameters,
 )
 
+SANDSTONE = RockParameters(rock_model="specific_energy")
 SECOND = 1_000_000_000
 
 
@@ -113,7 +114,7 @@ def test_depth_of_a_run_is_its_energy(stops):
         for time in sorted({*times, 2 * SECOND}):
             seconds, rest = divmod(time, SECOND)
             engine.advance(seconds, rest / SECOND)
-            _, impacts = engine.take()
+            _, impacts = engine.drain()
             progress.add(impacts)
             energy += float(impacts["energy"].sum())
         return progress, energy
@@ -125,7 +126,7 @@ def test_depth_of_a_run_is_its_energy(stops):
     assert whole.depth > 0.0
 
 
-@pytest.mark.parametrize("name", ROCK_QUANTITIES)
+@pytest.mark.parametrize("name", quantities(RockParameters))
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1.0, "1", None, True])
 def test_a_parameter_outside_its_range_is_refused(name, value):
     with pytest.raises(ParameterError, match=f"^{name} = .* is outside its range"):

@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 from trajectories import rebuild
 
 from rpud_sim.model.drill import derive
-from rpud_sim.simulation import SEGMENT, preset
+from rpud_sim.model.segment import SEGMENT
+from rpud_sim.simulation import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.sampling import CHANNELS, Times, sample
 from rpud_sim.simulation.simulation import Simulation

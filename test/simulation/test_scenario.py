@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.foundation.yaml_files import MOST_BYTES
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 from rpud_sim.simulation.scenario import (
@@ -17,7 +18,6 @@ from rpud_sim.simulation.scenario import (
     parse_scenario,
     read_scenario,
 )
-from rpud_sim.simulation.yaml_files import MOST_BYTES
 
 EXAMPLE = Path(__file__).parents[2] / "config" / "faults.yaml"
 SECOND = 1_000_000_000

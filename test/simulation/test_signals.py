@@ -14,7 +14,7 @@ from rpud_sim.model.segment import IMPACT
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.faults import KINDS, Fault
-from rpud_sim.simulation.ledger import FaultRecord, Faults
+from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.simulation import Simulation
@@ -285,7 +285,7 @@ def test_faults_on_one_channel_act_in_the_order_of_injection():
     bias = Fault("bias", "reacting_force", 1.0)
     wrong = Fault("wrong", "reacting_force", 2.0)
     for order, value in (((bias, wrong), 22.0), ((wrong, bias), 21.0)):
-        faults = Faults()
+        faults = FaultLedger()
         for fault in order:
             faults.inject(0, fault)
         for records in (faults.active, faults.active[::-1]):

@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from trajectories import evaluate
 
-from rpud_sim.simulation import EVENT_ACTUATOR_IMPACT, ParameterError, Parameters, preset
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT
+from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration

@@ -14,11 +14,12 @@ from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
-from rpud_sim.simulation.rock import SANDSTONE
+from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 
+SANDSTONE = RockParameters(rock_model="specific_energy")
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 END = 80 * MILLISECOND
@@ -90,7 +91,7 @@ def test_where_a_caller_stops_changes_no_bit(regime, actuator, faults, given_com
             if time in given_commands:
                 simulation.apply(given_commands[time])
         segments.append(block.open_segment)
-        assert simulation.take_refusals() == []
+        assert simulation.drain_refusals() == []
         return (
             np.concatenate(segments),
             np.concatenate(impacts),
@@ -142,7 +143,7 @@ def test_at_one_instant_ends_come_before_beginnings():
     )
     simulation = Simulation(Parameters(), scenario=faults)
     simulation.advance_to(3 * SECOND)
-    assert simulation.take_refusals() == []
+    assert simulation.drain_refusals() == []
     assert spans(simulation) == [
         ("lost_preload", SECOND, 2 * SECOND),
         ("lost_preload", 2 * SECOND, None),
@@ -156,7 +157,7 @@ def test_an_injected_fault_makes_room_for_a_scheduled_one_at_the_instant_of_its_
     simulation.advance_to(SECOND)
     simulation.inject(Fault("free_mass_jammed"), SECOND)
     simulation.advance_to(2 * SECOND)
-    assert simulation.take_refusals() == []
+    assert simulation.drain_refusals() == []
     assert len(simulation.faults.active) == 1
 
 
@@ -169,10 +170,10 @@ def test_a_scheduled_fault_that_is_there_already_is_refused_and_told():
     )
     assert simulation.inject(Fault("free_mass_jammed")) == 1
     simulation.advance_to(3 * SECOND)
-    assert simulation.take_refusals() == [
+    assert simulation.drain_refusals() == [
         "scheduled fault refused: free_mass_jammed is already there as fault 1"
     ]
-    assert simulation.take_refusals() == []
+    assert simulation.drain_refusals() == []
     assert spans(simulation) == [
         ("free_mass_jammed", 0, None),
         ("lost_preload", 2 * SECOND, None),
@@ -184,7 +185,7 @@ def test_a_scheduled_fault_that_has_lost_its_sense_is_refused_and_told():
     simulation = Simulation(free, scenario=scenario(scheduled("drill_tool_binding", SECOND)))
     simulation.configure(Configuration(preset("free").replace(regime="drilling")))
     simulation.advance_to(2 * SECOND)
-    [refusal] = simulation.take_refusals()
+    [refusal] = simulation.drain_refusals()
     assert refusal.startswith("scheduled fault refused: drill_tool_binding cannot be honoured: ")
     assert simulation.faults.records == ()
 

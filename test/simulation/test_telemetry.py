@@ -28,6 +28,15 @@ def periods(rate, end=END):
     return list(itertools.takewhile(lambda time: time <= end, (boundary(n, rate) for n in numbers)))
 
 
+def made(telemetry_rate=100, sample_rate=50_000, block_duration=0.05, **options):
+    return Telemetry(telemetry_rate, sample_rate, block_duration, **options)
+
+
+def everything(telemetry, block, faults):
+    yield from telemetry.prompt(block, faults)
+    yield from telemetry.streams(block)
+
+
 def told(telemetry, times, faults=(), simulation=None):
     """Everything that goes out until the last of the times, as (time, message) by topic."""
     if simulation is None:
@@ -35,7 +44,9 @@ def told(telemetry, times, faults=(), simulation=None):
     found = {}
     for time in times:
         block = simulation.advance_to(time)
-        for out, topic, values in telemetry.take(block, simulation.faults.since(block.start)):
+        for out, topic, values in everything(
+            telemetry, block, simulation.faults.since(block.start)
+        ):
             assert block.start <= out <= block.end
             found.setdefault(topic, []).append((out, values))
     for out, topic, values in telemetry.flush():
@@ -50,8 +61,8 @@ def stamps(messages):
 @pytest.mark.parametrize("rate", [100, 333, 1000])
 def test_sensors_are_sampled_at_the_boundaries_alone(rate):
     times = sorted({*periods(rate), *range(7_654_321, END, 7_654_321), END})
-    telemetry = Telemetry(rate)
-    telemetry.begin(ORIGIN)
+    telemetry = made(rate)
+    telemetry.origin = ORIGIN
     found = told(telemetry, times)
     whole = Simulation(Parameters()).advance_to(END)
     due = periods(rate)
@@ -64,7 +75,7 @@ def test_sensors_are_sampled_at_the_boundaries_alone(rate):
 
 
 def test_every_impact_is_told_once_and_in_order():
-    found = told(Telemetry(), [*periods(100), END])["contact_force"]
+    found = told(made(), [*periods(100), END])["contact_force"]
     impacts = Simulation(Parameters()).advance_to(END).impacts
     assert [values["sequence"] for _, values in found] == list(range(len(impacts)))
     assert [values["peak_force"] for _, values in found] == impacts["peak_force"].tolist()
@@ -74,7 +85,7 @@ def test_every_impact_is_told_once_and_in_order():
 
 def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
     end = END - 3_210_987
-    found = told(Telemetry(100, 48_000, 0.03), [*periods(100, end), end])
+    found = told(made(100, 48_000, 0.03), [*periods(100, end), end])
     whole = Simulation(Parameters()).advance_to(end)
     ends = [30, 60, 90, 120, 150, 180]
     assert [time for time, _ in found["waveform"]] == [ms * MILLISECOND for ms in ends] + [end]
@@ -92,7 +103,7 @@ def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
 
 
 def test_there_is_nothing_left_after_the_rest():
-    telemetry = Telemetry()
+    telemetry = made()
     told(telemetry, [3 * MILLISECOND])
     assert list(telemetry.flush()) == []
 
@@ -111,14 +122,14 @@ FAULTS = (
 @given(st.lists(st.integers(1, END), max_size=20), st.sampled_from([(), FAULTS]))
 def test_what_is_told_does_not_depend_on_further_stops(stops, faults):
     def run(times):
-        found = told(Telemetry(), times, faults)
+        found = told(made(), times, faults)
         return {topic: [repr(values) for _, values in found[topic]] for topic in found}
 
     assert run(periods(100)) == run(sorted({*periods(100), *stops}))
 
 
 def test_faults_act_on_their_channel_and_the_ground_truth_stays():
-    healthy, faulty = (told(Telemetry(), periods(100), faults) for faults in ((), FAULTS[:-1]))
+    healthy, faulty = (told(made(), periods(100), faults) for faults in ((), FAULTS[:-1]))
     for topic in ("waveform", "trajectory", "joint_states"):
         assert repr(faulty[topic]) == repr(healthy[topic])
     silent = [time for time in periods(100) if 70 * MILLISECOND <= time < 130 * MILLISECOND]
@@ -143,8 +154,7 @@ def test_faults_act_on_their_channel_and_the_ground_truth_stays():
 
 def test_the_seed_draws_what_is_drawn():
     def run(seed):
-        telemetry = Telemetry()
-        telemetry.reseed(seed)
+        telemetry = made(seed=seed)
         return repr(told(telemetry, periods(100), FAULTS))
 
     assert run(3) == run(3)
@@ -153,7 +163,7 @@ def test_the_seed_draws_what_is_drawn():
 
 def test_what_nobody_wants_is_left_out_but_counted():
     heard = set()
-    telemetry = Telemetry(wanted=heard.__contains__)
+    telemetry = made(wanted=heard.__contains__)
     simulation = Simulation(Parameters())
     found = told(telemetry, periods(100, END // 2), simulation=simulation)
     assert set(found) == {*SENSORS, "contact_force"}
@@ -165,25 +175,11 @@ def test_what_nobody_wants_is_left_out_but_counted():
     assert len(more["joint_states"]) == 10
 
 
-def test_a_beginning_forgets_what_was_and_has_a_stamp_of_its_own():
-    telemetry = Telemetry()
-    told(telemetry, periods(100))
-    simulation = Simulation(Parameters())
-    list(telemetry.take(simulation.advance_to(MILLISECOND), ()))  # is still to be told
-    telemetry.begin(ORIGIN)
-    assert telemetry.origin == ORIGIN
-    assert list(telemetry.flush()) == []
-    found = told(telemetry, periods(100))
-    assert stamps(found["wrench"])[0] == ORIGIN + 10 * MILLISECOND
-    assert found["trajectory"][0][1]["sequence"] == 0
-    assert stamps(found["trajectory"])[0] == ORIGIN
-
-
 def test_a_move_changes_stamps_and_nothing_else():
-    telemetry = Telemetry()
+    telemetry = made()
     simulation = Simulation(Parameters())
     told(telemetry, periods(100, END // 2), simulation=simulation)
-    telemetry.move(ORIGIN)
+    telemetry.origin = ORIGIN
     found = told(telemetry, periods(100)[10:], simulation=simulation)
     assert stamps(found["wrench"])[0] == ORIGIN + END // 2 + 10 * MILLISECOND
     assert stamps(found["waveform"])[0] == ORIGIN + END // 2
@@ -192,13 +188,13 @@ def test_a_move_changes_stamps_and_nothing_else():
 
 
 def test_what_is_wanted_at_once_comes_before_the_streams():
-    telemetry, whole = Telemetry(), Telemetry()
+    telemetry, whole = made(), made()
     simulation = Simulation(Parameters())
     for time in periods(100):
         block = simulation.advance_to(time)
-        prompt = list(telemetry.take_prompt(block, ()))
-        streams = list(telemetry.take_streams(block))
+        prompt = list(telemetry.prompt(block, ()))
+        streams = list(telemetry.streams(block))
         assert {topic for _, topic, _ in prompt} <= {*SENSORS, "joint_states", "contact_force"}
         due = time % (50 * MILLISECOND) == 0
         assert [topic for _, topic, _ in streams] == ["waveform", "trajectory"] * due
-        assert repr([*prompt, *streams]) == repr(list(whole.take(block, ())))
+        assert repr([*prompt, *streams]) == repr(list(everything(whole, block, ())))

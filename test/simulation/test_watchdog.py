@@ -23,7 +23,7 @@ def test_the_share_goes_down_linearly_after_the_timeout():
 def test_any_command_brings_everything_back():
     watchdog = CommandWatchdog(0.5, 2.0)
     assert watchdog.share(2 * SECOND) < 1.0
-    watchdog.heard(2 * SECOND)
+    watchdog.reset(2 * SECOND)
     assert watchdog.share(2 * SECOND) == watchdog.share(2 * SECOND + SECOND // 2) == 1.0
     assert not watchdog.lost(2 * SECOND)
 
@@ -44,7 +44,7 @@ def test_without_a_ramp_there_is_nothing_at_once():
 @given(timeouts, ramps, times, st.lists(times, min_size=2, unique=True).map(sorted))
 def test_the_share_only_falls_from_one_to_nothing(timeout, ramp, last, moments):
     watchdog = CommandWatchdog(timeout, ramp)
-    watchdog.heard(last)
+    watchdog.reset(last)
     shares = [watchdog.share(last + moment) for moment in moments]
     assert shares == sorted(shares, reverse=True)
     assert all(0.0 <= share <= 1.0 for share in shares)

@@ -12,17 +12,24 @@ ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.skipif(
     not (ROOT / ".venv").exists(), reason="set up without make, as a ROS workspace"
 )
-shells = pytest.mark.parametrize("shell", ["bash", "zsh"])
+shells = pytest.mark.parametrize("shell", ["bash", "zsh", "dash", "sh"])
 
 
-def run(shell: str, script: str, **variables: str) -> subprocess.CompletedProcess:
-    """Run a script in a shell that knows nothing of ROS, in a folder elsewhere."""
+def run(
+    shell: str, script: str, root: Path = ROOT, **variables: str
+) -> subprocess.CompletedProcess:
+    """Run a script in a shell that knows nothing of ROS.
+
+    Bash and zsh start in a folder elsewhere; other shells know no other way than ./env.bash.
+    """
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")
-    environment = {"HOME": os.environ["HOME"], "PATH": os.defpath, "ENV": str(ROOT / "env.bash")}
+    known = shell in ("bash", "zsh")
+    file = str(root / "env.bash") if known else "./env.bash"
+    environment = {"HOME": os.environ["HOME"], "PATH": os.defpath, "ENV": file}
     return subprocess.run(
         [shell, "-c", script],
-        cwd="/",
+        cwd="/" if known else root,
         env={**environment, **variables},
         capture_output=True,
         text=True,
@@ -32,7 +39,8 @@ def run(shell: str, script: str, **variables: str) -> subprocess.CompletedProces
 
 @shells
 def test_sourcing_gives_the_commands_and_the_messages(shell):
-    result = run(shell, '. "$ENV"; command -v rpud drill_node recorder replayer')
+    commands = "rpud drill_node recorder replayer"
+    result = run(shell, f'. "$ENV"; for each in {commands}; do command -v $each; done')
     assert result.stderr == ""
     assert result.stdout.count("/lib/rpud_sim/") == 4
     result = run(shell, '. "$ENV"; python -c "import rclpy, rpud_msgs.msg, rpud_sim; print(1)"')
@@ -96,9 +104,17 @@ def test_discovery_is_left_to_the_profile_only_where_it_is_read(shell, own, expe
     assert run(shell, script, **own).stdout == f"{expected}\n"
 
 
-def test_sourcing_before_set_up_says_what_to_do(tmp_path):
+@shells
+def test_sourcing_before_set_up_says_what_to_do(shell, tmp_path):
     shutil.copy(ROOT / "env.bash", tmp_path)
     shutil.copytree(ROOT / "toolchain", tmp_path / "toolchain")
-    result = run("bash", '. "$ENV" || echo "code $?"', ENV=str(tmp_path / "env.bash"))
+    result = run(shell, '. "$ENV" || echo "code $?"', root=tmp_path)
     assert result.stdout == "code 1\n"
     assert result.stderr == "rpud_sim: not set up yet: run 'make setup' first\n"
+
+
+def test_a_shell_that_does_not_know_where_it_is_sourced_from_says_so():
+    result = run("dash", f'cd / && . "{ROOT}/env.bash" || echo "code $?"')
+    assert result.stdout == "code 1\n"
+    assert result.stderr.startswith("rpud_sim: this shell does not know where env.bash is")
+    assert len(result.stderr.splitlines()) == 1

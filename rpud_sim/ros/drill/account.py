@@ -1,4 +1,4 @@
-"""The account of a drilling: statistics of intervals and of all, and the reports of them."""
+"""Account of a drilling: statistics, and the reports of them."""
 
 from __future__ import annotations
 
@@ -6,33 +6,32 @@ import time
 
 from rclpy.node import Node
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.namesakes import Namesakes
-from rpud_sim.ros.drill.pacing import NANOSECONDS, NO_TIMING, Pacer
-from rpud_sim.ros.drill.parameters import Settings
+from rpud_sim.ros.drill.pacer import NO_TIMING, Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
-from rpud_sim.ros.drill.report import Report, report_to_diagnostics, report_to_status
+from rpud_sim.ros.drill.report import Report, report_to_diagnostics
 from rpud_sim.simulation.block import Block, join_blocks
-from rpud_sim.simulation.control import Control
-from rpud_sim.simulation.fields import drill_fields
-from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Statistics
 
 REPORT_PERIOD = 1.0  # of status and diagnostics [s]
-_TOGETHER = 20  # blocks that are counted at once: one by one would take most of the time anew
+_BATCH_SIZE = 20  # blocks that are counted at once: one by one would take most of the time
 _COMMAND_TOPICS = ("command/weight_on_bit", "command/drive")
 
 
 class Account:
-    """Reports every second and on demand, of the interval since the full report before.
+    """Statistics and reports, every second and on demand.
 
     Attributes:
-        scheduling: how the system schedules the drilling.
+        scheduling: how the system schedules the pacing thread.
 
     Args:
         node: for its name, its clock and the graph.
-        settings: of the node.
-        outputs: to publish with.
+        telemetry_rate: of the node [Hz].
+        publishers: to publish with.
         inbox: of commands.
         namesakes: of the node.
     """
@@ -40,15 +39,15 @@ class Account:
     def __init__(
         self,
         node: Node,
-        settings: Settings,
-        outputs: DrillPublishers,
+        telemetry_rate: int,
+        publishers: DrillPublishers,
         inbox: Inbox,
         namesakes: Namesakes,
     ) -> None:
         self.scheduling = "time-sharing"
         self._node = node
-        self._telemetry_rate = settings.telemetry_rate
-        self._outputs = outputs
+        self._telemetry_rate = telemetry_rate
+        self._publishers = publishers
         self._inbox = inbox
         self._namesakes = namesakes
         self._command_topics = [node.resolve_topic_name(topic) for topic in _COMMAND_TOPICS]
@@ -71,7 +70,7 @@ class Account:
         return totals
 
     def begin(self) -> None:
-        """Begin anew."""
+        """Count from zero."""
         self._blocks.clear()
         self._totals = Statistics()
         self._interval = Statistics()
@@ -81,7 +80,7 @@ class Account:
     def add(self, block: Block) -> None:
         """Add a block."""
         self._blocks.append(block)
-        if len(self._blocks) >= _TOGETHER:
+        if len(self._blocks) >= _BATCH_SIZE:
             self._count()
 
     def due(self) -> bool:
@@ -90,53 +89,57 @@ class Account:
 
     def refused_more(self) -> bool:
         """Whether commands were refused since the last report."""
-        return self._last is not None and self._inbox.rejected != self._last.commands_rejected
+        return self._last is not None and (
+            self._inbox.rejected != self._last.bookkeeping.commands_rejected
+        )
 
     def finish(self) -> None:
         """Make the next report a full one."""
         self._due = 0
 
-    def report(
-        self, state: str, simulation: Simulation, control: Control, pacer: Pacer | None = None
-    ) -> None:
+    def report(self, state: str, run: Run, pacer: Pacer | None = None) -> None:
         """Publish status and diagnostics.
 
         Args:
             state: one of the STATE constants of ``rpud_msgs/Status``.
-            simulation: that runs.
-            control: of its commands.
+            run: to report on.
             pacer: None before the start.
         """
         now = time.monotonic_ns()
         if self._last is None or now >= self._due or pacer is None:
             self._count()
-            timing = pacer.take() if pacer else NO_TIMING
+            timing = pacer.read() if pacer else NO_TIMING
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()
-            self._due = now + round(REPORT_PERIOD * NANOSECONDS)
+            self._due = now + round(REPORT_PERIOD * SECOND)
         else:
             timing, figures = self._last.timing, self._last.figures
-        self._last = Report(
-            state=state,
-            time=simulation.time,
-            regime=simulation.parameters.regime,
-            applied=simulation.applied,
+        bookkeeping = Bookkeeping(
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
+            commands_lost=run.control.commands_lost,
+            commanders=max(map(self._node.count_publishers, self._command_topics)),
+            deadlines_missed=timing.deadlines_missed,
+            messages_dropped=self._publishers.dropped,
+            real_time_factor=timing.real_time_factor,
+            lateness_max=timing.lateness_max,
+            lag=timing.lag,
+        )
+        status = run.status(state, bookkeeping)
+        self._last = Report(
+            time=run.time,
+            status=status[2],
+            bookkeeping=bookkeeping,
             requests_refused=self._inbox.requests_refused,
             last_refusal=self._inbox.last_refusal,
-            commands_lost=control.commands_lost,
-            commanders=max(map(self._node.count_publishers, self._command_topics)),
             namesakes=self._namesakes.count(),
-            messages_dropped=self._outputs.dropped,
-            **drill_fields(simulation),
             scheduling=self.scheduling,
             timing=timing,
             figures=figures,
         )
-        self._outputs.publish_status(report_to_status(self._last, self._outputs.origin))
-        self._outputs.publish_diagnostics(
+        self._publishers.publish([status])
+        self._publishers.publish_diagnostics(
             report_to_diagnostics(
                 self._last,
                 self._node.get_fully_qualified_name(),

@@ -1,13 +1,29 @@
-"""The drill: the managed node, and the executable `drill_node` of `ros2 run`."""
+"""Managed node of the drill.
+
+Publishers (docs/reference/topics.md): ``nodal_plane``, ``drill_tool``, ``reacting_force``,
+``wrench`` and ``joint_states`` at ``telemetry_rate``; ``contact_force`` for every impact on the
+drill tool; ``waveform`` and ``trajectory`` in blocks; ``journal`` and ``faults`` on change;
+``status`` and ``/diagnostics`` every second and on change; ``/clock`` with ``publish_clock``.
+
+Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
+(rpud_msgs/Drive). A command takes effect at the next block boundary; an invalid one is
+rejected, counted and logged.
+
+Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
+``simulation/get_state``, ``set_state``, ``step``, ``run_to`` and ``reset`` (rpud_msgs), those
+of a managed node, and those of ``simulation_interfaces`` if it is installed.
+
+Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``; those of ``CHANGEABLE`` may be
+set while it runs.
+"""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import gc
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import rclpy
@@ -17,57 +33,36 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rclpy.utilities import remove_ros_args
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.account import REPORT_PERIOD
-from rpud_sim.ros.drill.declaration import changed_values, check_changes, declare_settings
+from rpud_sim.ros.drill.configured_drill import ConfiguredDrill
+from rpud_sim.ros.drill.declaration import DrillParameters
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.fault_services import FaultServices
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.managed_node import ManagedNode, told
+from rpud_sim.ros.drill.managed_node import ManagedNode, log_exceptions
 from rpud_sim.ros.drill.namesakes import Namesakes
-from rpud_sim.ros.drill.pacing import NANOSECONDS
-from rpud_sim.ros.drill.parameters import CHANGEABLE, Settings
-from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import serve
-from rpud_sim.ros.starting import start_ros
+from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
-from rpud_sim.simulation import ParameterError
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.statistics import Statistics
-from rpud_sim.terminal import complain
+from rpud_sim.simulation.topics import TOPICS
 
 NAME = "drill_node"
-_ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their listeners [s]
 _THREADS = 3  # a step, a short request, and whatever else comes
 
 
 class DrillNode(ManagedNode):
-    """A drill in soft real time: a managed node that activates itself unless told otherwise.
-
-    Publishers (relative names; see the README for types and QoS): ``nodal_plane``, ``drill_tool``,
-    ``reacting_force``, ``wrench`` and ``joint_states`` at ``telemetry_rate``; ``contact_force`` for
-    every impact on the drill tool; ``waveform`` and ``trajectory`` in blocks; ``faults`` when one
-    begins or ends; ``status`` and ``/diagnostics`` every second and on change; ``/clock`` with
-    ``publish_clock``.
-
-    Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
-    (rpud_msgs/Drive). A command takes effect at the next block boundary; one that cannot be used is
-    refused, counted and logged, and changes nothing.
-
-    Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
-    ``simulation/get_state``, ``simulation/set_state``, ``simulation/step``, ``simulation/run_to``,
-    ``simulation/reset`` (rpud_msgs), those of a managed node, and where it is installed those of
-    ``simulation_interfaces``.
-
-    Parameters: those of ``rpud_sim.ros.drill.parameters.ALL_NAMES``; ``CHANGEABLE`` says which of
-    them may be set while it runs.
+    """A drill in soft real time: a managed node that activates itself by default.
 
     Drive and weight on bit are zero unless it is active. Simulation time begins when it is first
     activated, and ends when it is cleaned up.
@@ -82,264 +77,211 @@ class DrillNode(ManagedNode):
 
     def __init__(self, duration: float | None = None, **options: Any) -> None:
         super().__init__(NAME, **options)
-        self._settings = declare_settings(self)
-        self._end = sys.maxsize if duration is None else round(duration * NANOSECONDS)
+        self._drill_parameters = DrillParameters(self, self._apply_settings)
+        self.settings.read_scenario()  # a file that is missing ends the start, not the activation
+        self._end = sys.maxsize if duration is None else round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
         self._namesakes = Namesakes(self)
-        self._outputs: DrillPublishers | None = None
-        self._drilling: Drilling | None = None
-        self._started = False
+        self._drill: ConfiguredDrill | None = None
         self._quit = False
         self._sent: Counter[str] | None = None
-        self._gate = Gate(self, self._settings, self._inbox, self._now)
-        self._simulation_services = SimulationServices(
-            self, lambda: self.drilling, self._origin, self.refuse_request, self._ask_to_quit
-        )
+        self._gate = Gate(self, self.settings, self._inbox, self._now)
+        services = SimulationServices(self, self)
         if standard_services.INSTALLED:
-            StandardServices(self, self._simulation_services, self._settings.telemetry_rate)
-        FaultServices(self, lambda: self.drilling, self._origin, self.refuse_request)
-        self.create_timer(
-            REPORT_PERIOD, self._report_before_start, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._take_parameters)
+            StandardServices(self, services, self.settings.telemetry_rate)
+        FaultServices(self, self)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)
+        self.add_on_set_parameters_callback(self._check_use_sim_time)
 
     @property
     def settings(self) -> Settings:
-        """What it runs with."""
-        return self._settings
+        """Settings that its parameters hold."""
+        return self._drill_parameters.settings
 
     @property
     def drilling(self) -> Drilling | None:
-        """What it does since it was first activated, None before."""
-        return self._drilling if self._started else None
+        """The drilling, to be read; None before the first activation."""
+        return self._drill.drilling if self._drill and self._drill.pacing.started else None
 
     @property
     def report(self) -> Report | None:
         """The latest report, None before the first."""
-        return self._drilling.account.last if self._drilling else None
+        return self._drill.account.last if self._drill else None
 
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
-        return self._drilling.account.totals if self._drilling else Statistics()
+        return self._drill.account.totals if self._drill else Statistics()
 
     @property
     def finished(self) -> bool:
         """Whether there is nothing left to do."""
-        drilling = self.drilling
-        return self._quit or (drilling is not None and drilling.finished)
+        return self._quit or (self._drill is not None and self._drill.pacing.finished)
 
     @property
     def failure(self) -> BaseException | None:
-        """What ended the drilling before it was asked to stop, if anything did."""
-        return self._drilling.failure if self._drilling else None
+        """Error that ended the drilling, None without one."""
+        return self._drill.pacing.failure if self._drill else None
 
     @property
     def unheard(self) -> list[str]:
-        """Topics of its namespace that it publishes and nobody listens to."""
-        return self._outputs.unheard if self._outputs else []
+        """Topics of its namespace that have no subscriber."""
+        return self._drill.publishers.unheard if self._drill else []
 
     @property
     def sent(self) -> Mapping[str, int]:
-        """Messages of each topic of its namespace, by absolute name, since `count_sent`."""
-        return {
-            self.resolve_topic_name(name): count
-            for name, count in (self._sent or {}).items()
-            if not name.startswith("/")
-        }
+        """Messages of each topic of its namespace, by absolute name, since ``count_sent``."""
+        counts: Mapping[str, int] = self._sent or {}
+        return {self.resolve_topic_name(name): counts[name] for name in counts if name in TOPICS}
 
     def count_sent(self) -> None:
-        """Count what is sent from now on; all of it is sent, whether heard or not."""
+        """Count messages from now on; topics without a subscriber are published too."""
         self._sent = Counter()
-        if self._outputs is not None:
-            self._outputs.sent = self._sent
+        if self._drill is not None:
+            self._drill.publishers.sent = self._sent
+
+    def request(self, action: Callable[[Drilling], Any]) -> Any:
+        """Have something done between two blocks; return what it returns, raise what it raises.
+
+        Raises:
+            StoppedError: if the node has not been activated, or the drilling has ended.
+        """
+        if self._drill is None:
+            raise StoppedError("the node has not been activated")
+        return self._drill.pacing.request(action)
+
+    def quit(self) -> None:
+        """End the node."""
+        self._quit = True
 
     def prepare(self) -> None:
-        """Configure, if it shall do so by itself and has not yet: then its topics are there.
+        """Configure, with ``autostart`` and unless it has: its topics are there then.
 
         Raises:
             RuntimeError: if it cannot.
         """
-        if self._settings.autostart and self._outputs is None:
-            self._succeed(self.trigger_configure)
+        if self.settings.autostart and self._drill is None:
+            self.complete(self.trigger_configure)
 
     def start(self) -> None:
-        """Configure and activate, if it shall do so by itself.
+        """Configure and activate, with ``autostart``.
 
         Raises:
             RuntimeError: if it cannot.
         """
         self.prepare()
-        if self._settings.autostart:
-            self._succeed(self.trigger_activate)
+        if self.settings.autostart:
+            self.complete(self.trigger_activate)
         else:
             self.get_logger().info("waiting for the transitions configure and activate")
 
     def stop(self) -> None:
         """End the drilling, publish the last status, and let listeners have the last messages."""
-        if self._drilling is not None and self._outputs is not None:
-            self._drilling.stop()
-            self._outputs.wait_for_listeners(_ACKNOWLEDGEMENT)
+        if self._drill is not None:
+            self._drill.stop()
 
-    @told
+    @log_exceptions
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare everything; nothing moves yet."""
-        settings = self._settings
-        compile_kernels(settings.configuration.parameters, self.get_logger().info)
-        self._outputs = DrillPublishers(self, settings, self._sent)
-        self._drilling = Drilling(
-            self,
-            settings,
-            self._outputs,
-            self._inbox,
-            self._restore_parameters,
-            self._namesakes,
-            self._end,
+        compile_kernels(self.settings.configuration.parameters, self.get_logger().info)
+        restore = self._drill_parameters.restore
+        self._drill = ConfiguredDrill(
+            self, self.settings, self._inbox, self._namesakes, restore, self._end, self._sent
         )
-        self._drilling.announce()
-        # To look through all that lives by now, again and again, would make blocks late.
+        # A garbage collection of all that lives by now would make blocks late.
         gc.collect()
         gc.freeze()
         return TransitionCallbackReturn.SUCCESS
 
-    @told
+    @log_exceptions
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let commands act; simulation time begins, if this is the first time."""
-        drilling = self._drilling
-        if drilling is None:
-            return TransitionCallbackReturn.FAILURE
-        if self._started:
-            drilling.request(lambda: drilling.activate(True))
-        else:
-            drilling.start(self._settings)
-            self._started = True
+        assert self._drill is not None  # an inactive node is configured
+        self._drill.activate(self.settings)
         self._gate.open(True)
         self.get_logger().info("the drill is active")
         return TransitionCallbackReturn.SUCCESS
 
-    @told
+    @log_exceptions
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Make drive and weight on bit zero; the drill goes on without them."""
         self._gate.open(False)
-        drilling = self._drilling
-        if drilling is not None:
-            drilling.request(lambda: drilling.activate(False))
+        assert self._drill is not None
+        self._drill.deactivate()
         return TransitionCallbackReturn.SUCCESS
 
-    @told
+    @log_exceptions
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End the drilling, and take everything back."""
+        """End the drilling, and remove its publishers."""
         self._gate.open(False)
-        self._started = False  # or the end of the drilling would be the end of the process
-        self.stop()
-        if self._drilling is not None:
-            self._drilling.close()
-        if self._outputs is not None:
-            self._outputs.destroy()
-        self._drilling = self._outputs = None
+        drill, self._drill = self._drill, None  # or its end would be the end of the process
+        if drill is not None:
+            drill.destroy()
         gc.unfreeze()
         return TransitionCallbackReturn.SUCCESS
 
-    @told
+    @log_exceptions
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Take back what a transition that failed has left; it can be configured again."""
+        """Remove what a failed transition has left; it can be configured again."""
         return self.on_cleanup(state)
 
-    @told
+    @log_exceptions
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the drilling and the node."""
         self._gate.open(False)
         self._quit = True
         return TransitionCallbackReturn.SUCCESS
 
-    def _succeed(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
-        if trigger() != TransitionCallbackReturn.SUCCESS:
-            raise RuntimeError("the drill cannot be started; the log says why")
-
     def refuse_request(self, reason: str) -> None:
         """Count a request that is refused, and log why."""
         self._inbox.refuse_request(reason)
 
-    def _ask_to_quit(self) -> None:
-        self._quit = True
-
     def _report_before_start(self) -> None:
-        """Publish the status, as the drilling does once it has started, or at least count names."""
-        if self._started:
-            return
-        if self._drilling is None:
+        if self._drill is None:
             self._namesakes.count()
         else:
-            self._drilling.announce()
-
-    def _origin(self) -> int:
-        return self._outputs.origin if self._outputs else 0
+            self._drill.report_before_start()
 
     def _now(self) -> int:
-        """The stamp that a command has if it is given now [ns]."""
-        if self._settings.publish_clock and self._drilling is not None:
-            return self._origin() + self._drilling.simulation.time
+        if self.settings.publish_clock and self._drill is not None:
+            return self._drill.time
         return int(self.get_clock().now().nanoseconds)
 
-    def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
-        if self._drilling is not None and any(change.name == "use_sim_time" for change in changes):
-            reason = "use_sim_time is read-only until the drill is cleaned up"
-            return SetParametersResult(successful=False, reason=reason)
-        return check_changes(self._settings, changes)
+    def _check_use_sim_time(self, changes: list[Parameter]) -> SetParametersResult:
+        fixed = self._drill is not None and any(each.name == "use_sim_time" for each in changes)
+        reason = "use_sim_time is read-only until the drill is cleaned up" if fixed else ""
+        return SetParametersResult(successful=not fixed, reason=reason)
 
-    def _take_parameters(self, changes: list[Parameter]) -> None:
-        if not changed_values(changes):
-            return
-        # All of them: a reset may set others back at the same time.
-        values = {name: self.get_parameter(name).value for name in CHANGEABLE}
-        self._settings = self._gate.settings = self._settings.replace(values)
-        drilling = self.drilling
-        if drilling is not None and drilling.settings != self._settings:
+    def _apply_settings(self, settings: Settings) -> None:
+        self._gate.settings = settings
+        if self.drilling is not None and self.drilling.settings != settings:
             with contextlib.suppress(StoppedError):  # there is nothing left to change
-                drilling.request(lambda: drilling.configure(self._settings))
-
-    def _restore_parameters(self, settings: Settings) -> None:
-        """Set the parameters back to the settings with which the drill goes on after a reset."""
-        self.set_parameters_atomically(
-            [
-                Parameter(name, value=settings.value(name))
-                for name in CHANGEABLE
-                if self.get_parameter(name).value != settings.value(name)
-            ]
-        )
+                # By then the settings may be later ones, of a reset.
+                self.request(lambda drilling: drilling.configure(self.settings))
 
 
-def main() -> None:
-    """Run the executable until SIGINT or SIGTERM: exit 0, 1 after a failure, 2 for bad input."""
-    parser = argparse.ArgumentParser(
-        prog="drill_node",
-        description="A drill in soft real time.",
-        epilog="example: drill_node --ros-args -r __ns:=/rpud --params-file config/free.yaml",
-    )
-    try:
-        words = remove_ros_args(sys.argv)[1:]
-    except RuntimeError as error:  # RCLError
-        reason = str(error).partition(", at ")[0]
-        complain("drill_node", f"ROS arguments that cannot be used: {reason}")
-        sys.exit(2)
-    parser.parse_args(words)
-    sys.exit(_main())
+def drill(ros_arguments: Sequence[str]) -> None:
+    """Run a drill until SIGINT, SIGTERM or the end of its node.
 
+    Args:
+        ros_arguments: command line of ROS, with name, namespace and parameters of the node.
 
-def _main() -> int:
+    Raises:
+        ParameterError: if a parameter has a value that cannot be used.
+        StartError: if ROS or the node cannot start with the arguments.
+        RuntimeError: if the drill cannot start, or fails.
+    """
     with StopRequest() as stop:
         try:
-            start_ros(sys.argv)
-            node = DrillNode()
-        # StartError and rcl's errors are RuntimeErrors; ParameterException is of use_sim_time,
-        # which rclpy declares.
-        except (ParameterError, ParameterException, RuntimeError) as error:
-            complain("drill_node", error)
-            rclpy.try_shutdown()
-            return 2
-        try:
-            return spin(node, stop)
+            start_ros(ros_arguments)
+            try:
+                node = DrillNode()
+            # rcl's errors are RuntimeErrors; ParameterException is of use_sim_time, which rclpy
+            # declares.
+            except (ParameterException, RuntimeError) as error:
+                raise StartError(str(error)) from error
+            spin(node, stop)
         finally:
             rclpy.try_shutdown()
 
@@ -348,13 +290,16 @@ def spin(
     node: DrillNode,
     stop: StopRequest,
     show: Callable[[Report | None], None] = lambda report: None,
-) -> int:
-    """Drill until the stop is requested or the node has finished; return the exit code.
+) -> None:
+    """Drill until the stop is requested or the node has finished.
 
     Args:
-        node: that drills.
+        node: of the drill.
         stop: the request.
         show: called several times a second with the latest report.
+
+    Raises:
+        RuntimeError: if the drill cannot start, or fails.
     """
     executor = MultiThreadedExecutor(_THREADS)
     executor.add_node(node)
@@ -363,17 +308,8 @@ def spin(
         while not (stop.requested or node.finished):
             serve(executor, node.refuse_request)
             show(node.report)
-    except RuntimeError as error:
-        complain("drill_node", error)
-        return 1
     finally:
         node.stop()
         executor.shutdown(timeout_sec=1.0)
     if node.failure is not None:
-        complain("drill_node", node.failure)
-        return 1
-    return 0
-
-
-if __name__ == "__main__":
-    main()
+        raise RuntimeError(str(node.failure)) from node.failure

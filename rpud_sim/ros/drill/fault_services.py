@@ -11,39 +11,28 @@ from rclpy.parameter import Parameter
 from rpud_msgs.srv import ClearFault, InjectFault, ListFaults
 from std_srvs.srv import SetBool
 
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.drilling import Drilling
+from rpud_sim.ros.drill.host import DrillHost
 from rpud_sim.ros.drill.messages import message_to_fault, record_to_fault
-from rpud_sim.ros.drill.pacing import NANOSECONDS
 from rpud_sim.ros.requests import StoppedError
-from rpud_sim.simulation import ParameterError
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.faults import FaultError
 from rpud_sim.simulation.simulation import Simulation
 
-_NOT_ACTIVATED = "the node has not been activated"
-
 
 class FaultServices:
-    """``inject_fault``, ``clear_fault`` and ``list_faults``, and ``engage``, which is no fault.
+    """Services ``inject_fault``, ``clear_fault``, ``list_faults`` and ``engage``.
 
     Args:
         node: that owns them.
-        drilling: gives what they act on, None while there is nothing.
-        origin: gives the stamp of simulation time zero [ns].
-        refused: told the reason of each refusal.
+        host: whose drill they act on.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        drilling: Callable[[], Drilling | None],
-        origin: Callable[[], int],
-        refused: Callable[[str], None],
-    ) -> None:
+    def __init__(self, node: Node, host: DrillHost) -> None:
         self._node = node
-        self._drilling = drilling
-        self._origin = origin
-        self._refused = refused
+        self._host = host
         node.create_service(InjectFault, "inject_fault", self._on_inject)
         node.create_service(ClearFault, "clear_fault", self._on_clear)
         node.create_service(ListFaults, "list_faults", self._on_list)
@@ -52,11 +41,11 @@ class FaultServices:
     def _on_inject(
         self, request: InjectFault.Request, response: InjectFault.Response
     ) -> InjectFault.Response:
-        duration = request.duration.sec * NANOSECONDS + request.duration.nanosec
+        duration = join_seconds(request.duration.sec, request.duration.nanosec)
 
         def act(simulation: Simulation) -> None:
             if duration < 0:
-                raise FaultError(f"duration = {duration / NANOSECONDS:g} s is less than zero")
+                raise FaultError(f"duration = {duration / SECOND:g} s is less than zero")
             response.number = simulation.inject(message_to_fault(request.fault), duration)
 
         return self._answer(response, act)
@@ -75,16 +64,15 @@ class FaultServices:
     def _on_list(
         self, request: ListFaults.Request, response: ListFaults.Response
     ) -> ListFaults.Response:
-        def act(simulation: Simulation) -> None:
+        def act(drilling: Drilling) -> None:
+            run = drilling.run
             response.faults = [
-                record_to_fault(record, self._origin()) for record in simulation.faults.active
+                record_to_fault(record, run.origin) for record in run.simulation.faults.active
             ]
-            response.kinds = list(simulation.honoured_kinds())
+            response.kinds = list(run.simulation.honoured_kinds())
 
-        drilling = self._drilling()
-        if drilling is not None:
-            with contextlib.suppress(StoppedError):  # nothing lasts any more
-                drilling.request(lambda: act(drilling.simulation))
+        with contextlib.suppress(StoppedError):  # without a run there are no faults
+            self._host.request(act)
         response.channels = list(CHANNELS)
         return response
 
@@ -94,17 +82,14 @@ class FaultServices:
         response.success = result.successful
         response.message = result.reason
         if not result.successful:
-            self._refused(result.reason)
+            self._host.refuse_request(result.reason)
         return response
 
     def _answer(self, response: Any, act: Callable[[Simulation], None]) -> Any:
-        drilling = self._drilling()
         try:
-            if drilling is None:
-                raise StoppedError(_NOT_ACTIVATED)
-            drilling.request(lambda: drilling.act_on_faults(act))
+            self._host.request(lambda drilling: drilling.act(lambda run: act(run.simulation)))
             response.success = True
         except (ParameterError, StoppedError) as error:
-            self._refused(str(error))
+            self._host.refuse_request(str(error))
             response.message = str(error)
         return response

@@ -1,4 +1,4 @@
-"""The gate: commands are checked here once, and nowhere else."""
+"""Gate of the commands: they are checked here once."""
 
 from __future__ import annotations
 
@@ -12,23 +12,22 @@ from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.pacing import NANOSECONDS
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.ros.drill.publishers import COMMAND_QOS
-from rpud_sim.simulation import ParameterError
-from rpud_sim.simulation.actuator import check_drive
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Settings
 
 
 class Gate:
-    """Subscriptions to the commands: one that cannot be used is refused with a reason.
+    """Subscriptions to the commands; an invalid command is rejected with a reason.
 
     Args:
         node: that owns them.
         settings: of the node.
-        inbox: for what is taken, and the count of what is not.
-        now: the stamp that a command would have if it were given now [ns].
+        inbox: for accepted commands, and the count of rejected ones.
+        now: stamp of a command that is given now [ns].
     """
 
     def __init__(
@@ -48,7 +47,7 @@ class Gate:
             )
 
     def open(self, opened: bool) -> None:
-        """Take commands from now on, or refuse all of them."""
+        """Accept commands from now on, or reject all of them."""
         if opened:
             self._open.set()
         else:
@@ -77,15 +76,10 @@ class Gate:
             self._inbox.refuse(str(error))
 
     def _on_drive(self, message: DriveMessage) -> None:
-        configuration = self.settings.configuration
         try:
             self._check("drive", message.header.stamp)
             drive = Drive(message.enabled, message.voltage, message.frequency)
-            check_drive(
-                drive,
-                configuration.parameters.vibration_amplitude,
-                configuration.actuator.nominal_voltage,
-            )
+            self.settings.configuration.check_drive(drive)
             self._inbox.accept(drive)
         except ParameterError as error:
             self._inbox.refuse(str(error))
@@ -94,11 +88,11 @@ class Gate:
         if not self._open.is_set():
             raise ParameterError(f"{name}: the drill is not active")
         timeout = self.settings.command_timeout
-        given = stamp.sec * NANOSECONDS + stamp.nanosec
-        # A stamp of zero is none.
+        given = join_seconds(stamp.sec, stamp.nanosec)
+        # A stamp of zero means that there is none.
         if not (timeout and given):
             return
-        age = (self._now() - given) / NANOSECONDS
+        age = (self._now() - given) / SECOND
         if not -timeout <= age <= timeout:
             what = f"{age:.3f} s old" if age > 0 else f"{-age:.3f} s ahead of the drill's time"
             raise ParameterError(f"{name} is stale: its stamp is {what}; allowed is {timeout:g} s")

@@ -1,4 +1,4 @@
-"""Commands on their way from the executor's threads to the pacing thread; refusals counted."""
+"""Inbox of commands from the executor to the pacing thread, with counts of refusals."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ _MALFORMED_PERIOD = 10.0  # between two log lines about malformed commands [s]
 
 
 class Inbox:
-    """Checked commands in the order in which they came.
+    """Queue of checked commands in the order in which they came.
 
-    One thread puts in, another takes out; each of these is one atomic operation of a deque.
-    Requests of services are refused by any thread.
+    One thread appends, another drains; each of these is one atomic operation of a deque. Any thread
+    may refuse requests of services.
 
     Attributes:
-        accepted: commands that were taken, since the start.
+        accepted: commands that were drained, since the start.
         rejected: commands that were refused, since the start.
         requests_refused: requests of services that were refused, since the start.
-        last_refusal: why the latest of both was refused.
+        last_refusal: why the latest command or request was refused.
     """
 
     def __init__(self, logger: RcutilsLogger) -> None:
@@ -43,11 +43,11 @@ class Inbox:
         self.last_refusal = ""
 
     def notify(self, notify: Callable[[], None]) -> None:
-        """Call this from now on whenever there is news."""
+        """Call this from now on when a command is accepted or refused."""
         self._notify = notify
 
     def begin(self) -> None:
-        """Count from zero again, and forget what waits: it was meant for what was before."""
+        """Count from zero, and discard waiting commands: they were meant for the run before."""
         self._waiting.clear()
         self.accepted = 0
         self.rejected = 0
@@ -60,17 +60,17 @@ class Inbox:
         self._notify()
 
     def refuse(self, reason: str) -> None:
-        """Count a command that cannot be used and log why."""
+        """Count an invalid command, and log why."""
         self._reject(reason)
         self._log(f"command refused: {reason}")
 
     def refuse_malformed(self, reason: str) -> None:
-        """Count a command that cannot be read; log one in ten seconds."""
+        """Count a malformed command; log one in ten seconds."""
         self._reject(reason)
         self._logger.warning(f"command refused: {reason}", throttle_duration_sec=_MALFORMED_PERIOD)
 
     def refuse_request(self, reason: str) -> None:
-        """Count a service's request that cannot be met and log why; its client hears of it."""
+        """Count a service's request that is refused, and log why."""
         with self._counting:
             self.requests_refused += 1
             self.last_refusal = reason
@@ -82,7 +82,7 @@ class Inbox:
         self._notify()
 
     def _log(self, text: str) -> None:
-        """Log a refusal; of a flood, only the first ones."""
+        """Log a refusal, but at most ten in a second."""
         second = int(time.monotonic())
         if second != self._second:
             self._second = second
@@ -93,8 +93,8 @@ class Inbox:
         elif self._logged == _LOGGED_PER_SECOND + 1:
             self._logger.warning("more is refused in this second, and counted")
 
-    def take(self) -> list[WeightOnBit | Drive]:
-        """Return the commands that wait, in order; from now on they count as accepted."""
+    def drain(self) -> list[WeightOnBit | Drive]:
+        """Return the waiting commands in order, and count them as accepted."""
         commands = []
         while self._waiting:
             commands.append(self._waiting.popleft())

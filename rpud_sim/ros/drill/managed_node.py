@@ -1,8 +1,9 @@
-"""A managed node that answers requests for transitions and parameters, impossible ones too."""
+"""Managed node that answers every request for a transition or a parameter, impossible ones too."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from typing import Any, TypeVar
 
 from lifecycle_msgs.srv import ChangeState
@@ -12,8 +13,8 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.service import Service
 
+from rpud_sim.foundation.quantities import shown
 from rpud_sim.ros.serving import raised
-from rpud_sim.simulation import shown
 
 Node = TypeVar("Node", bound="ManagedNode")
 Transition = Callable[[Node, LifecycleState], TransitionCallbackReturn]
@@ -22,7 +23,7 @@ Refused = Callable[[str], None]
 
 
 class ManagedNode(LifecycleNode):
-    """rclpy's ``LifecycleNode``, but that what a client may ask for never ends the process."""
+    """rclpy's ``LifecycleNode`` whose process no client's request can end."""
 
     def create_service(
         self, srv_type: Any, srv_name: str, callback: Handler, **options: Any
@@ -30,13 +31,13 @@ class ManagedNode(LifecycleNode):
         """Create a service that always answers.
 
         A handler that raises an error answers with an empty response. Services that set parameters
-        refuse values of unknown types.
+        reject values of unknown types.
         """
         # rclpy raises ValueError out of the executor there.
-        guards = {SetParameters: _each_known, SetParametersAtomically: _all_known}
+        guards = {SetParameters: _each_of_known_type, SetParametersAtomically: _all_of_known_type}
         if srv_type in guards:
-            callback = _tells_refusals(guards[srv_type](callback), self.refuse_request)
-        answer = _always_answers(callback, srv_type, self.refuse_request)
+            callback = _reporting_refusals(guards[srv_type](callback), self.refuse_request)
+        answer = _always_answering(callback, srv_type, self.refuse_request)
         return super().create_service(srv_type, srv_name, answer, **options)
 
     def destroy_node(self) -> None:
@@ -44,8 +45,17 @@ class ManagedNode(LifecycleNode):
         self._state_machine.destroy_when_not_in_use()
         super().destroy_node()
 
+    def complete(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        """Do a transition.
+
+        Raises:
+            RuntimeError: if it fails.
+        """
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            raise RuntimeError("the drill cannot be started; the log says why")
+
     def refuse_request(self, reason: str) -> None:
-        """Hear why a client's request to set a parameter or to change the state was refused."""
+        """Log why a client's request to set a parameter or to change the state is rejected."""
         self.get_logger().warning(f"request refused: {reason}")
 
     # rclpy lets RCLError out of the executor when a client asks for a transition that the present
@@ -65,21 +75,21 @@ class ManagedNode(LifecycleNode):
         return change(self, request, response)
 
 
-def told(transition: Transition[Node]) -> Transition[Node]:
-    """Make a transition log what is raised in it, which rclpy would pass over in silence."""
+def log_exceptions(transition: Transition[Node]) -> Transition[Node]:
+    """Make a transition log its exceptions; rclpy would drop them."""
 
-    def tell(self: Node, state: LifecycleState) -> TransitionCallbackReturn:
+    @wraps(transition)
+    def logged(self: Node, state: LifecycleState) -> TransitionCallbackReturn:
         try:
             return transition(self, state)
         except Exception as error:
             self.get_logger().error(f"{transition.__name__}: {error or type(error).__name__}")
             return TransitionCallbackReturn.ERROR
 
-    tell.__name__, tell.__doc__ = transition.__name__, transition.__doc__
-    return tell
+    return logged
 
 
-def _always_answers(callback: Handler, srv_type: Any, refused: Refused) -> Handler:
+def _always_answering(callback: Handler, srv_type: Any, refused: Refused) -> Handler:
     def answer(request: Any, response: Any) -> Any:
         try:
             return callback(request, response)
@@ -90,7 +100,7 @@ def _always_answers(callback: Handler, srv_type: Any, refused: Refused) -> Handl
     return answer
 
 
-def _each_known(callback: Handler) -> Handler:
+def _each_of_known_type(callback: Handler) -> Handler:
     def answer(request: SetParameters.Request, response: SetParameters.Response) -> Any:
         for parameter in request.parameters:
             refused = _refused(parameter)
@@ -103,7 +113,7 @@ def _each_known(callback: Handler) -> Handler:
     return answer
 
 
-def _all_known(callback: Handler) -> Handler:
+def _all_of_known_type(callback: Handler) -> Handler:
     def answer(
         request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
     ) -> Any:
@@ -116,7 +126,7 @@ def _all_known(callback: Handler) -> Handler:
     return answer
 
 
-def _tells_refusals(callback: Handler, refused: Refused) -> Handler:
+def _reporting_refusals(callback: Handler, refused: Refused) -> Handler:
     def answer(request: Any, response: Any) -> Any:
         response = callback(request, response)
         results = getattr(response, "results", None)
@@ -129,7 +139,7 @@ def _tells_refusals(callback: Handler, refused: Refused) -> Handler:
 
 
 def _refused(parameter: ParameterMessage) -> SetParametersResult | None:
-    """The refusal of a parameter whose type rclpy does not know, None if it does."""
+    """Return the refusal of a parameter whose type rclpy does not know, None if it does."""
     number = parameter.value.type
     if number <= ParameterType.PARAMETER_STRING_ARRAY:
         return None

@@ -1,4 +1,4 @@
-"""From the plain fields of ``rpud_sim.simulation.fields`` to ROS messages.
+"""Conversions between plain fields of ``rpud_sim.simulation.fields`` and ROS messages.
 
 Stamps and origins, the stamp of simulation time zero, are integer nanoseconds.
 """
@@ -34,10 +34,10 @@ def nanoseconds_to_time(nanoseconds: int) -> Time:
 
 
 def message_to_fault(message: FaultMessage) -> Fault:
-    """Convert what shall be injected.
+    """Convert a fault to inject.
 
-    A magnitude of zero, what a message holds that nobody filled, stands for the kind's default
-    where zero is no magnitude of its own.
+    A magnitude of zero, which an unfilled message holds, stands for the kind's default unless the
+    kind permits zero.
 
     Raises:
         FaultError: if there is no such fault.

@@ -1,4 +1,4 @@
-"""Nodes with the drill's own name: each of them answers the requests that are meant for another."""
+"""Namesakes: other nodes of the drill's name, which would answer the same requests."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rclpy.node import Node
 
 _DISCOVERY = 0.6  # that the middleware may take to find another node of this machine [s]
 _ANSWER = 2.0  # that a node may take to answer; one that was killed never does [s]
-_LOOK = 0.01  # [s]
+_POLL_PERIOD = 0.01  # [s]
 
 
 class Namesakes:
-    """Counts the other nodes of a node's name, and warns when there are some.
+    """Count of the other nodes of a node's name, with a warning if there are some.
 
     Args:
         node: that has the name.
@@ -40,7 +40,7 @@ class Namesakes:
 
 
 class NamesakeSearch:
-    """Looks for a living drill of a name before a drill of that name is made.
+    """Search for a living drill of a name, before one of that name is made.
 
     Args:
         name: of the node to look for.
@@ -66,12 +66,12 @@ class NamesakeSearch:
         return f"{namespace.rstrip('/')}/{name}"
 
     def finish(self) -> bool:
-        """Tell whether such a drill is found 0.6 s after the start and answers; look no further."""
+        """Return whether such a drill is found within 0.6 s of the start and answers."""
         try:
             while not (found := self._name in self._node.get_node_names_and_namespaces()):
                 if time.monotonic() >= self._end:
                     break
-                time.sleep(_LOOK)
+                time.sleep(_POLL_PERIOD)
             return found and self._answers()
         finally:
             self._node.destroy_node()

@@ -16,9 +16,11 @@ from rpud_msgs.srv import (
     StepSimulation,
 )
 
-from rpud_sim.ros.drill.drilling import Drilling, InterruptedStepError
+from rpud_sim.foundation.time import SECOND, join_seconds
+from rpud_sim.ros.drill.drilling import Drilling
+from rpud_sim.ros.drill.host import DrillHost
 from rpud_sim.ros.drill.messages import nanoseconds_to_time
-from rpud_sim.ros.drill.pacing import NANOSECONDS
+from rpud_sim.ros.drill.time_control import InterruptedStepError, TimeControl
 from rpud_sim.ros.requests import StoppedError
 
 STOPPED = SimulationState.STATE_STOPPED
@@ -30,7 +32,7 @@ LONGEST_STEP = 1e6  # [s]; longer than any mission
 
 
 class RefusedError(Exception):
-    """A request that is refused, with the number of its result."""
+    """Refused request, with the number of its result."""
 
     def __init__(self, result: int, reason: str) -> None:
         super().__init__(reason)
@@ -44,25 +46,12 @@ class SimulationServices:
 
     Args:
         node: that owns them.
-        drilling: gives what is controlled, None while there is none.
-        origin: gives the stamp of simulation time zero [ns].
-        refused: told the reason of each refusal.
-        quit_node: ends the node.
+        host: whose drill they control.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        drilling: Callable[[], Drilling | None],
-        origin: Callable[[], int],
-        refused: Callable[[str], None],
-        quit_node: Callable[[], None],
-    ) -> None:
-        self._drilling = drilling
-        self._origin = origin
-        self._refused = refused
-        self._quit = quit_node
-        # A step takes its time: meanwhile the others must be answered.
+    def __init__(self, node: Node, host: DrillHost) -> None:
+        self._host = host
+        # A step takes long: meanwhile the other services must answer.
         self.stepping = MutuallyExclusiveCallbackGroup()
         for kind, name, handler, group in (
             (GetSimulationState, "get_state", self.get_state, None),
@@ -74,14 +63,14 @@ class SimulationServices:
             node.create_service(kind, f"simulation/{name}", handler, callback_group=group)
 
     def controls_time(self) -> bool:
-        """Whether the time can be paused and stepped, and is not that of another's ``/clock``."""
-        drilling = self._drilling()
+        """Return whether time can be paused and stepped: it follows no other ``/clock``."""
+        drilling = self._host.drilling
         return drilling is None or not drilling.follows_clock
 
     def get_state(self, request: Any, response: Any) -> Any:
-        """Answer which state it is in."""
-        drilling = self._drilling()
-        response.state.state = STOPPED if drilling is None else _state_of(drilling)
+        """Answer with the state."""
+        drilling = self._host.drilling
+        response.state.state = STOPPED if drilling is None else _state_of(drilling.time_control)
         response.result.result = Result.RESULT_OK
         return response
 
@@ -90,7 +79,7 @@ class SimulationServices:
         return self.answer(response, lambda: self._set_state(int(request.state.state)))
 
     def reset(self, scope: int, seed: int | None = None) -> None:
-        """Begin anew.
+        """Restart the time, the state or both.
 
         Raises:
             RefusedError: if that is not possible.
@@ -107,18 +96,18 @@ class SimulationServices:
                 Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: reset its source"
             )
 
-        def act() -> None:
+        def act(drilling: Drilling) -> None:
             if bits & whole.SCOPE_SPAWNED and not state:
-                drilling.act_on_faults(lambda simulation: simulation.clear_all())
+                drilling.act(lambda run: run.simulation.clear_all())
             drilling.reset(time=time, state=state, seed=seed)
 
-        drilling.request(act)
+        self._host.request(act)
 
     def step_until(self, until_of: Callable[[Drilling], int]) -> int:
         """Step to a simulation time [ns]; return the stamp that was reached.
 
         Args:
-            until_of: gives that time, called between two blocks; may raise RefusedError.
+            until_of: returns that time, called between two blocks; may raise ``RefusedError``.
 
         Raises:
             RefusedError: if that is not possible.
@@ -130,28 +119,30 @@ class SimulationServices:
                 Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: step its source"
             )
 
-        def begin() -> Any:
+        def begin(drilling: Drilling) -> Any:
+            control = drilling.time_control
             for holds, state in (
-                (drilling.playing, "playing"),
-                (drilling.at_start, "stopped"),
-                (drilling.stepping, "stepping already"),
+                (control.playing, "playing"),
+                (control.at_start, "stopped"),
+                (control.stepping, "stepping already"),
             ):
                 if holds:
                     raise RefusedError(Result.RESULT_OPERATION_FAILED, f"it is {state}, not paused")
             until = until_of(drilling)
-            now = drilling.simulation.time
-            if not now < until <= now + LONGEST_STEP * NANOSECONDS:
-                ahead = (until - now) / NANOSECONDS
+            now = drilling.run.time
+            if not now < until <= now + LONGEST_STEP * SECOND:
+                ahead = (until - now) / SECOND
                 raise RefusedError(
                     Result.RESULT_OPERATION_FAILED,
                     f"step = {ahead:g} s is outside its range (0, {LONGEST_STEP:g}] s",
                 )
             return drilling.step(until)
 
-        return self._origin() + drilling.wait(drilling.request(begin))
+        reached = self._host.request(begin)
+        return drilling.run.origin + int(reached)
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
-        """Fill the response with what comes of an action, and return it."""
+        """Fill the response with the result of an action, and return it."""
         try:
             act()
             response.result.result = Result.RESULT_OK
@@ -159,29 +150,29 @@ class SimulationServices:
             response.result.result = refused.result
             response.result.error_message = str(refused)
             if refused.result != SetSimulationState.Response.ALREADY_IN_TARGET_STATE:
-                self._refused(str(refused))
+                self._host.refuse_request(str(refused))
         except InterruptedStepError as error:
             response.result.result = Result.RESULT_OPERATION_FAILED
             response.result.error_message = f"interrupted: {error}"
         except StoppedError as error:
             response.result.result = Result.RESULT_INCORRECT_STATE
             response.result.error_message = str(error)
-            self._refused(str(error))
-        except Exception as error:  # a client must hear of it, whatever it is
+            self._host.refuse_request(str(error))
+        except Exception as error:  # the client must get an answer in any case
             response.result.result = Result.RESULT_OPERATION_FAILED
             response.result.error_message = str(error)
-            self._refused(str(error))
+            self._host.refuse_request(str(error))
         return response
 
     def _controlled(self) -> Drilling:
-        drilling = self._drilling()
+        drilling = self._host.drilling
         if drilling is None:
             raise RefusedError(Result.RESULT_INCORRECT_STATE, "the node has not been activated")
         return drilling
 
     def _set_state(self, state: int) -> None:
         if state == QUITTING:
-            self._quit()
+            self._host.quit()
             return
         if state not in (STOPPED, PLAYING, PAUSED):
             raise RefusedError(Result.RESULT_FEATURE_UNSUPPORTED, f"state {state} is unknown")
@@ -191,21 +182,21 @@ class SimulationServices:
                 Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: control its source"
             )
 
-        def act() -> None:
-            if _state_of(drilling) == state and not drilling.stepping:
+        def act(drilling: Drilling) -> None:
+            if _state_of(drilling.time_control) == state and not drilling.time_control.stepping:
                 already = SetSimulationState.Response.ALREADY_IN_TARGET_STATE
                 raise RefusedError(already, "it is in that state already")
             {STOPPED: drilling.halt, PLAYING: drilling.play, PAUSED: drilling.pause}[state]()
 
-        drilling.request(act)
+        self._host.request(act)
 
     def _on_step(
         self, request: StepSimulation.Request, response: StepSimulation.Response
     ) -> StepSimulation.Response:
-        length = request.duration.sec * NANOSECONDS + request.duration.nanosec
+        length = join_seconds(request.duration.sec, request.duration.nanosec)
 
         def act() -> None:
-            reached = self.step_until(lambda drilling: drilling.simulation.time + length)
+            reached = self.step_until(lambda drilling: drilling.run.time + length)
             response.time = nanoseconds_to_time(reached)
 
         return self.answer(response, act)
@@ -213,18 +204,18 @@ class SimulationServices:
     def _on_run_to(
         self, request: RunToTime.Request, response: RunToTime.Response
     ) -> RunToTime.Response:
-        stamp = request.time.sec * NANOSECONDS + request.time.nanosec
+        stamp = join_seconds(request.time.sec, request.time.nanosec)
 
         def until(drilling: Drilling) -> int:
-            now = self._origin() + drilling.simulation.time
-            given = f"time = {stamp / NANOSECONDS:.6f} s"
+            now = drilling.run.origin + drilling.run.time
+            given = f"time = {stamp / SECOND:.6f} s"
             if stamp <= now:
-                reason = f"{given} is not after the drill's time, {now / NANOSECONDS:.6f} s"
+                reason = f"{given} is not after the drill's time, {now / SECOND:.6f} s"
                 raise RefusedError(Result.RESULT_OPERATION_FAILED, reason)
-            if stamp > now + LONGEST_STEP * NANOSECONDS:
+            if stamp > now + LONGEST_STEP * SECOND:
                 reason = f"{given} is more than {LONGEST_STEP:g} s after the drill's time"
                 raise RefusedError(Result.RESULT_OPERATION_FAILED, reason)
-            return stamp - self._origin()
+            return stamp - drilling.run.origin
 
         def act() -> None:
             reached = self.step_until(until)
@@ -239,7 +230,7 @@ class SimulationServices:
         return self.answer(response, lambda: self.reset(int(request.scope), seed))
 
 
-def _state_of(drilling: Drilling) -> int:
-    if drilling.playing:
+def _state_of(control: TimeControl) -> int:
+    if control.playing:
         return PLAYING
-    return STOPPED if drilling.at_start else PAUSED
+    return STOPPED if control.at_start else PAUSED

@@ -35,7 +35,7 @@ _FEATURES = (
     "SIMULATION_RESET_SPAWNED",
     "SIMULATION_STATE_GETTING",
 )
-# Not of a drill that follows somebody's /clock.
+# Not of a drill that follows another's /clock.
 _FEATURES_OF_TIME = (
     "SIMULATION_RESET_TIME",
     "SIMULATION_STATE_SETTING",
@@ -56,7 +56,7 @@ class StandardServices:
 
     Args:
         node: that owns them.
-        services: that do the same under the drill's own names.
+        services: the drill's own, which do the work.
         rate: telemetry periods per second [Hz].
     """
 
@@ -94,7 +94,7 @@ class StandardServices:
 
     def _on_simulate_steps(self, goal: Any) -> Any:
         steps = int(goal.request.steps)
-        wanted = max(steps, 1)  # of no step at all the first one is refused
+        wanted = max(steps, 1)  # zero steps are refused as the first one is
         completed = 0
 
         def act() -> None:
@@ -119,8 +119,6 @@ class StandardServices:
 
     def _step(self, steps: int) -> None:
         def until(drilling: Drilling) -> int:
-            return boundary(
-                boundaries_until(drilling.simulation.time, self._rate) + steps, self._rate
-            )
+            return boundary(boundaries_until(drilling.run.time, self._rate) + steps, self._rate)
 
         self._services.step_until(until)

@@ -1,4 +1,4 @@
-"""Where the drill's time comes from: this machine's clock, or somebody's ``/clock``."""
+"""Source of the drill's time: this machine's clock, the drill itself, or another's ``/clock``."""
 
 from __future__ import annotations
 
@@ -11,22 +11,21 @@ from rclpy.node import Node
 
 
 class TimeSource:
-    """Stamps of simulation time zero, and the schedule of what comes after it.
+    """Stamp of simulation time zero, and the schedule of what comes after it.
 
     Args:
         node: whose clock it is; with its parameter ``use_sim_time`` it follows ``/clock``.
         publishes: whether the node itself is the source of ``/clock``.
-        wake: called when the time has moved.
     """
 
-    def __init__(self, node: Node, publishes: bool, wake: Callable[[], None]) -> None:
+    def __init__(self, node: Node, publishes: bool) -> None:
         self._clock = node.get_clock()
         self._logger = node.get_logger()
         self._publishes = publishes
         simulated = isinstance(self._clock, ROSClock) and self._clock.ros_time_is_active
         self._follows = simulated and not publishes
         self._origin = 0
-        self._wake = wake
+        self._notify: Callable[[], None] = lambda: None
         self._went_back = threading.Event()
         self._jumps = None
         if self._follows:
@@ -49,12 +48,16 @@ class TimeSource:
         """The time that a schedule follows [ns]; None for the monotonic clock."""
         return self._now if self._follows else None
 
+    def notify(self, notify: Callable[[], None]) -> None:
+        """Call this from now on when another's ``/clock`` has moved."""
+        self._notify = notify
+
     def wait(self, stop: threading.Event, serve: Callable[[], None]) -> int:
         """Wait until there is a time, and return the stamp of simulation time zero, now [ns].
 
         Args:
             stop: ends the wait.
-            serve: called again and again meanwhile.
+            serve: called repeatedly meanwhile.
         """
         if self._follows and self._now() == 0:
             self._logger.info("waiting for /clock, as use_sim_time is set")
@@ -63,7 +66,7 @@ class TimeSource:
         return self.begin()
 
     def begin(self, origin: int | None = None) -> int:
-        """Begin anew, and return the stamp of simulation time zero [ns].
+        """Begin again, and return the stamp of simulation time zero [ns].
 
         Args:
             origin: that stamp; now if None, which is zero where the node is the source.
@@ -94,4 +97,4 @@ class TimeSource:
     def _on_jump(self, jump: TimeJump) -> None:
         if jump.delta.nanoseconds < 0:
             self._went_back.set()
-        self._wake()
+        self._notify()

@@ -1,4 +1,4 @@
-"""How much a recorder may write."""
+"""Room on the disk for a bag."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 
 from rpud_sim.bag import BagError
 
-_RESERVE = 32 * 2**20  # bytes that are left on the disk: also for what is in memory at a look
-_PERIOD = 0.1  # s between two looks at the disk
+_RESERVE = 32 * 2**20  # bytes to leave free: also for data in memory at the time of a check
+_CHECK_PERIOD = 0.1  # of the free space [s]
 
 
 class DiskRoom:
-    """Tells why the next message must not be written, if so.
+    """Limit of a bag: by its size and by the free space of its disk.
 
     Args:
         path: of the bag.
@@ -23,20 +23,25 @@ class DiskRoom:
     def __init__(self, path: Path, limit: int | None) -> None:
         self._path = path
         self._limit = limit
-        self._looked = float("-inf")
-        self._free = 0  # bytes, by the last look
+        self._checked = float("-inf")
+        self._free = 0  # bytes, at the last check
         self._size = 0  # the bag's at that time
 
     def refusal(self, closed_size: int, size: int) -> str:
-        """Say why there is no room for `size` bytes more; empty where there is.
+        """Return why there is no room for a message, empty if there is.
 
-        `closed_size` are the bag's bytes, were it closed now. Raises BagError.
+        Args:
+            closed_size: bytes of the bag if it were closed now.
+            size: bytes of the message.
+
+        Raises:
+            BagError: if the disk cannot be read.
         """
         if self._limit is not None and closed_size + size > self._limit:
             return f"it has reached --max-disk {self._limit} bytes"
         now = time.monotonic()
-        if now >= self._looked + _PERIOD:
-            self._looked = now
+        if now >= self._checked + _CHECK_PERIOD:
+            self._checked = now
             try:
                 disk = os.statvfs(self._path)
             except OSError as error:

@@ -1,4 +1,4 @@
-"""Asks drills for their parameters and scenario while their topics are recorded; never waits."""
+"""Inquiry into recorded drills: their parameters and scenario, without waiting."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
 from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
-from rpud_sim.ros.record.guard import NetworkGuard
 from rpud_sim.ros.record.journal_scenario import scenario_text
+from rpud_sim.ros.record.network_guard import NetworkGuard
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _STATUS = "rpud_msgs/msg/Status"
@@ -29,13 +29,13 @@ _JOURNAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class DrillInquiry:
     """Finds the drills of recorded topics, and makes the manifest of each.
 
-    A drill is a node that publishes a Status; one that starts again answers again. Its scenario is
-    what its journal says of it: no file is read, as a stranger could name any. The node
-    that asks needs no executor: `poll` takes the answers that have come.
+    A drill is a node that publishes a Status; a restarted one is asked again. Its scenario comes
+    from its journal: no file is read, as a stranger could name any. The node needs no executor:
+    ``poll`` reads the answers that have come.
 
     Args:
-        node: which asks.
-        guard: for what arrives.
+        node: that asks.
+        guard: of what arrives.
         wants: whether the drill that publishes on a topic belongs to the recording.
         command: command line of the recorder.
     """
@@ -54,14 +54,14 @@ class DrillInquiry:
         self._known: set[tuple[int, ...]] = set()  # publishers of a status
         self._questions: list[_Questions] = []
 
-    def look(self) -> None:
-        """Find drills that have appeared, and begin to ask them."""
+    def discover(self) -> None:
+        """Find new drills, and begin to ask them."""
         for topic, types in self._node.get_topic_names_and_types():
             if _STATUS not in types or not self._wants(topic):
                 continue
             for endpoint in self._node.get_publishers_info_by_topic(topic):
                 publisher = tuple(endpoint.endpoint_gid)
-                # Discovery tells of a publisher before it tells of its node.
+                # Discovery finds a publisher before its node.
                 if publisher in self._known or endpoint.node_name.startswith("_NODE_NAME_UNKNOWN"):
                     continue
                 self._known.add(publisher)
@@ -69,7 +69,7 @@ class DrillInquiry:
                 self._questions.append(_Questions(self._node, name))
 
     def poll(self) -> list[Manifest]:
-        """Give the manifests of the drills that have answered since the last call."""
+        """Return the manifests of the drills that have answered since the last call."""
         answered = []
         for questions in self._questions:
             with self._guard(f"an answer of {questions.name}"):
@@ -81,7 +81,7 @@ class DrillInquiry:
         return [self._manifest(questions) for questions in answered]
 
     def finish(self) -> list[Manifest]:
-        """Give the manifests of the drills that did not answer; one without a drill if none did."""
+        """Return the manifests of drills without an answer; without any drill, an empty one."""
         silent = [self._manifest(questions) for questions in self._questions]
         for questions in self._questions:
             questions.close()
@@ -109,7 +109,7 @@ class _Question:
     number: int | None = None  # of the request, None until it is sent
 
     def poll(self) -> Any:
-        """Send the request as soon as somebody is there; give the response when it has come."""
+        """Send the request once the service is there; return the response once it has come."""
         if self.number is None:
             if self.client.service_is_ready():
                 with self.client.handle:
@@ -121,7 +121,7 @@ class _Question:
 
 
 class _Questions:
-    """Which parameters a node has, then their values, and its scenario if it has one."""
+    """Questions to one node: names of parameters, their values, and the scenario if it has one."""
 
     def __init__(self, node: Node, name: str) -> None:
         self.name = name
@@ -133,19 +133,19 @@ class _Questions:
         )
         self._begun: str | None = None  # scenario of the journal's latest beginning
         self._journal: Subscription | None = None
-        self._entry: Any = None  # the type of its messages, where it is installed
+        self._entry: Any = None  # type of its messages, if installed
         with suppress(UnknownTypeError):
             self._entry = message_class(_ENTRY)
 
     @property
     def scenario(self) -> str | None:
-        """Scenario of the drill: empty where it has none, None where it is unknown."""
+        """Scenario of the drill: empty if it has none, None if it is unknown."""
         if self.parameters is not None and not self.parameters.get("scenario"):
             return ""
         return self._begun
 
     def poll(self) -> bool:
-        """Go on; tell whether all is answered. An answer that cannot be used is the last one."""
+        """Go on; return whether all is answered. After an invalid answer nothing more is asked."""
         response = self._question.poll() if self._question else None
         if response is not None:
             self._stop_asking()
@@ -180,7 +180,7 @@ class _Questions:
     def _read_journal(self) -> None:
         if self._journal is None:
             topic = f"{self.name.rpartition('/')[0]}/journal"
-            # A subscription alone would make a topic of it.
+            # A subscription alone would create the topic.
             if self._entry is None or not self._node.count_publishers(topic):
                 return
             self._journal = self._node.create_subscription(
@@ -199,5 +199,5 @@ class _Questions:
 
 
 def _plain(value: Any) -> Any:
-    """Give an array as the list that JSON has for it."""
+    """Return an array as a list, as JSON has it."""
     return value if value is None or isinstance(value, bool | int | float | str) else list(value)

@@ -1,4 +1,4 @@
-"""What becomes of messages that are taken: written, kept for a snapshot, or left out in a pause."""
+"""Intake of received messages: written, kept for a snapshot, or discarded in a pause."""
 
 from __future__ import annotations
 
@@ -7,15 +7,19 @@ from collections import Counter, deque
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.latched import LatchedMessages
-from rpud_sim.ros.record.recording import Declaration, MessageQueue
+from rpud_sim.ros.record.message_queue import Declaration, MessageQueue
 
 
 class Intake:
-    """Stands before the queue of messages to write. For use by one thread.
+    """Filter before the queue of messages to write. For use by one thread.
 
-    In a pause messages are left out. With `snapshot_size` the latest are kept, of as many bytes,
-    and `snapshot` has them written. Either way what latched topics say last is written too, as if
-    received when the recording goes on, or as the first of a snapshot.
+    A pause discards messages. With ``snapshot_size`` the latest messages are kept until
+    ``snapshot`` writes them. In both cases the last messages of latched topics are written too: as
+    received at the end of the pause, or at the beginning of the snapshot.
+
+    Attributes:
+        refused: messages of each topic that did not fit into the queue.
+        accepted: messages that the queue holds or held.
 
     Args:
         messages: the queue.
@@ -27,19 +31,17 @@ class Intake:
         self, messages: MessageQueue, *, paused: bool = False, snapshot_size: int | None = None
     ) -> None:
         self.refused: Counter[str] = Counter()
-        """Messages of each topic for which the queue had no room."""
         self.accepted = 0
-        """Messages that the queue took."""
         self._messages = messages
         self._paused = paused
         self._limit = snapshot_size
         self._kept: deque[Message] = deque()
         self._kept_size = 0
-        self._left_out = LatchedMessages()
+        self._discarded = LatchedMessages()
 
     @property
     def paused(self) -> bool:
-        """Whether messages are left out."""
+        """Whether messages are discarded."""
         return self._paused
 
     @property
@@ -48,14 +50,14 @@ class Intake:
         return self._limit is not None
 
     def declare(self, declaration: Declaration) -> None:
-        """Make a topic known before its first message."""
-        self._left_out.declare(declaration.topic)
+        """Declare a topic, before its first message."""
+        self._discarded.declare(declaration.topic)
         self._messages.declare(declaration)
 
     def put(self, message: Message) -> None:
-        """Take a message."""
+        """Write, keep or discard a message."""
         if self._paused:
-            self._left_out.note(message)
+            self._discarded.note(message)
         elif self._limit is None:
             self._write(message)
         else:
@@ -64,28 +66,28 @@ class Intake:
             while self._kept_size > self._limit:
                 oldest = self._kept.popleft()
                 self._kept_size -= len(oldest.data)
-                self._left_out.note(oldest)
+                self._discarded.note(oldest)
 
     def pause(self) -> None:
-        """Leave out what comes from now on."""
+        """Discard messages from now on."""
         self._paused = True
 
     def resume(self) -> None:
-        """Go on."""
+        """Write messages again, first the last ones of latched topics."""
         if not self._paused:
             return
         self._paused = False
         if self._limit is None:
-            for message in self._left_out.at(time.time_ns()):
+            for message in self._discarded.at(time.time_ns()):
                 self._write(message)
-            self._left_out.clear()
+            self._discarded.clear()
 
     def snapshot(self) -> int:
-        """Have what is kept written; give the number of messages."""
+        """Write the kept messages; return how many."""
         if not self._kept:
             return 0
-        messages = [*self._left_out.at(self._kept[0].log_time), *self._kept]
-        self._left_out.clear()
+        messages = [*self._discarded.at(self._kept[0].log_time), *self._kept]
+        self._discarded.clear()
         self._kept.clear()
         self._kept_size = 0
         for message in messages:
@@ -93,7 +95,7 @@ class Intake:
         return len(messages)
 
     def split(self) -> None:
-        """Have the next message written to a new file."""
+        """Write the next message to a new file."""
         self._messages.split()
 
     def _write(self, message: Message) -> None:

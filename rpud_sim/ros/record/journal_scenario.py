@@ -1,4 +1,4 @@
-"""The scenario of a drill, as the journal holds it. No numba, so that the recorder starts soon."""
+"""Scenario of a drill from its journal. No numba, so that the recorder starts soon."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-_NANOSECONDS = 1_000_000_000
+from rpud_sim.foundation.time import SECOND
 
 
 def scenario_text(content: str) -> str:
-    """Give the scenario of a journal's entry `begin`, as a scenario file has it, all drawn.
+    """Return the scenario of a journal's entry ``begin`` as the text of a file, all faults drawn.
 
-    `content` is that of the entry. The text is one JSON object, which YAML reads too; it is empty
-    where no fault was planned. Raises ValueError where `content` is of no such entry.
+    The text is one JSON object, which YAML reads too; it is empty if no fault was planned.
+
+    Args:
+        content: of the entry.
+
+    Raises:
+        ValueError: if the content is not that of such an entry.
     """
     try:
         faults = [_planned(entry) for entry in json.loads(content)["faults"]]
@@ -25,11 +30,11 @@ def scenario_text(content: str) -> str:
 
 def _planned(entry: Mapping[str, Any]) -> dict[str, Any]:
     onset, clear = entry["onset"], entry["clear"]
-    planned: dict[str, Any] = {"kind": str(entry["kind"]), "onset": int(onset) / _NANOSECONDS}
+    planned: dict[str, Any] = {"kind": str(entry["kind"]), "onset": int(onset) / SECOND}
     if entry["channel"]:
         planned["channel"] = str(entry["channel"])
     if clear is not None:
-        planned["duration"] = (int(clear) - int(onset)) / _NANOSECONDS
+        planned["duration"] = (int(clear) - int(onset)) / SECOND
     if math.isfinite(entry["magnitude"]):
         planned["magnitude"] = float(entry["magnitude"])
     return planned

@@ -1,4 +1,4 @@
-"""QoS that a user asks for in place of what publishers offer: a file as rosbag2 takes it."""
+"""QoS overrides: a file in rosbag2's format, in place of what publishers offer."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ from rclpy.qos import (
     ReliabilityPolicy,
 )
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.qos import RECORDING_DEPTH
 
 _SIZE_LIMIT = 1_000_000  # bytes
-# What PyYAML lets through where a text is not what its tag says, such as `!!timestamp 1`.
+# PyYAML raises these for a text that does not fit its tag, such as ``!!timestamp 1``.
 _YAML_ERRORS = (AttributeError, LookupError, RecursionError, TypeError, ValueError)
 _DURATION_LIMIT = 2**31 - 1  # s
 
 
 class QosOverrideError(ValueError):
-    """The file of overrides cannot be used; the text names the file, the topic and the policy."""
+    """Invalid file of overrides; the text names the file, the topic and the policy."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def _flag(value: Any) -> bool:
 def _duration(value: Any) -> Duration:
     parts = value if isinstance(value, Mapping) else {}
     seconds, nanoseconds = parts.get("sec"), parts.get("nsec")
-    for part, most in ((seconds, _DURATION_LIMIT), (nanoseconds, 10**9 - 1)):
+    for part, most in ((seconds, _DURATION_LIMIT), (nanoseconds, SECOND - 1)):
         if not isinstance(part, int) or isinstance(part, bool) or not 0 <= part <= most:
             raise ValueError(
                 f"{value!r:.80}; it must be sec from 0 to {_DURATION_LIMIT} "
@@ -79,10 +80,12 @@ _READERS: Mapping[str, Callable[[Any], Any]] = {
 
 
 def read_qos_overrides(path: str) -> dict[str, QoSProfile]:
-    """Read the profile of each topic that the YAML file at `path` names.
+    """Read the profile of each topic in a YAML file.
 
-    A policy that is not named is the middleware's default, and the depth RECORDING_DEPTH. Raises
-    QosOverrideError.
+    A missing policy is the middleware's default, a missing depth ``RECORDING_DEPTH``.
+
+    Raises:
+        QosOverrideError: if the file cannot be used.
     """
     try:
         if Path(path).stat().st_size > _SIZE_LIMIT:

@@ -1,21 +1,21 @@
-"""What a recorder says of itself: while it records, and at its end."""
+"""Texts of a recorder: progress while it records, and a summary at its end."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Mapping
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import Losses
+from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.terminal import printable
 
 _PERIOD = 1.0  # s
 
 
 class RecordProgress:
-    """Gives the text of a progress line, once a second."""
+    """Progress of a recording, as one line a second."""
 
     def __init__(self) -> None:
         self._began = self._shown = time.monotonic()
@@ -24,11 +24,18 @@ class RecordProgress:
 
     @property
     def is_due(self) -> bool:
-        """Whether a second has passed."""
+        """Whether a second has passed since the last text."""
         return time.monotonic() >= self._shown + _PERIOD
 
     def text(self, count: int, size: int, losses: Mapping[str, Losses], paused: bool) -> str:
-        """Tell of `count` messages and `size` bytes so far, and of both since the last text."""
+        """Return the progress so far, with rates since the last text.
+
+        Args:
+            count: messages so far.
+            size: of the bag so far [bytes].
+            losses: of each topic.
+            paused: whether the recording is paused.
+        """
         now = time.monotonic()
         period = max(now - self._shown, 1e-9)
         parts = [
@@ -45,7 +52,7 @@ class RecordProgress:
 
 
 def summary(node: Recorder, bag: BagWriter, seconds: float) -> str:
-    """Tell what was recorded, what was lost, and what was left out."""
+    """Return the summary of a recording that took that long [s]: recorded, lost, left out."""
     files = f" in {bag.file_count} files" if bag.file_count > 1 else ""
     lines = [
         f"recorded {bag.message_count} messages on {node.topic_count} topics in {seconds:.1f} s "
@@ -67,19 +74,24 @@ def summary(node: Recorder, bag: BagWriter, seconds: float) -> str:
 
 
 def lost_text(name: str, losses: Losses) -> str:
-    """Tell of one topic how many messages were lost, and how."""
+    """Return the number of lost messages of a topic, by cause."""
     parts = {
         "on the way": losses.transport,
         "for which the queue (--max-cache-size) had no room": losses.queue,
         "damaged": losses.damaged,
     }
     known = {what: count for what, count in parts.items() if count}
-    told = ", ".join(f"{count} {what}" for what, count in known.items())
-    return f"lost {sum(known.values())} messages on {name}: {told}"
+    causes = ", ".join(f"{count} {what}" for what, count in known.items())
+    return f"lost {sum(known.values())} messages on {name}: {causes}"
 
 
 def late_text(exposure: float, max_loss: float) -> str:
-    """Tell that data was on the disk later than `max_loss`; all in seconds. Empty where not."""
+    """Return a warning if data reached the disk too late; empty if it did not.
+
+    Args:
+        exposure: longest time from the receipt of a message to the disk [s].
+        max_loss: the bound that was requested [s].
+    """
     if exposure <= max_loss:
         return ""
     return (
@@ -89,24 +101,19 @@ def late_text(exposure: float, max_loss: float) -> str:
 
 
 def failure(node: Recorder, *, allow_empty: bool) -> str:
-    """Tell why the bag is not what was asked for, in one line; empty where it is."""
+    """Return why the bag is not as requested, in one line; empty if it is."""
     reasons = []
-    there = [name for name, _ in node.get_topic_names_and_types()]
+    known = [name for name, _ in node.get_topic_names_and_types()]
     if not allow_empty:
         if node.missing:
-            named = (name + _nearest(name, there) for name in node.missing)
+            named = (name + suggestion(name, known) for name in node.missing)
             reasons.append(f"never appeared: {', '.join(named)}")
         elif not node.taken:
             prefix = node.get_namespace()
-            spaces = sorted({name.rpartition("/")[0] for name in there if name.count("/") > 1})
-            hint = "" if node.topic_count else _nearest(prefix, spaces)
+            spaces = sorted({name.rpartition("/")[0] for name in known if name.count("/") > 1})
+            hint = "" if node.topic_count else suggestion(prefix, spaces)
             reasons.append(f"nothing came on {node.topic_count} topics in {prefix}{hint}")
     if node.further_types:
         topics = ", ".join(node.further_types)
         reasons.append(f"topics with further types, which are not in the bag: {topics}")
     return "; ".join(reasons)
-
-
-def _nearest(name: str, names: Sequence[str]) -> str:
-    near = get_close_matches(name, names, n=1)
-    return f" (did you mean {near[0]}?)" if near else ""

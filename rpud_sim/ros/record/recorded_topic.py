@@ -1,4 +1,4 @@
-"""One topic that is recorded: what arrived on it, what is lost, what is damaged."""
+"""Recorded topic: its subscription, and its received, lost and damaged messages."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.bag import Message
+from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.ros.qos import RECORDING_DEPTH
 
@@ -22,9 +23,9 @@ _AHEAD = 86_400_000_000_000  # that the clock of a publisher may be off ours [ns
 
 
 def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
-    """Tell whether these cannot be a message and its times [ns since the epoch].
+    """Return whether these cannot be a message and its times [ns since the epoch].
 
-    The middleware gives such ones out of shared memory that a killed process has left behind.
+    The middleware delivers such messages from shared memory that a killed process has left behind.
     """
     now = time.time_ns()
     # A computer without a battery for its clock may live in 1970 as a whole.
@@ -35,12 +36,20 @@ def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
 
 @dataclass
 class RecordedTopic:
-    """A topic and what is known of it.
+    """Topic with its subscription and its counts.
 
-    `numbered` is whether the middleware numbers its messages, `unheard` whether a publisher is
-    known that an override keeps out. `renewals` counts subscriptions that were made as a publisher
-    was not heard. `heard` is when a message came last, `unmatched` since when fewer publishers are
-    connected than there are, both by the monotonic clock [s].
+    Attributes:
+        request: QoS of the subscription.
+        gaps: of the middleware's sequence numbers.
+        endpoints: publishers that were found last.
+        declared: whether the bag has its declaration.
+        numbered: whether the middleware numbers its messages.
+        incompatible: whether an override keeps a publisher from connecting.
+        further_types: other types of the topic, which are not recorded.
+        damaged: messages that were damaged.
+        received_at: when a message came last, by the monotonic clock [s].
+        unmatched: since when fewer publishers are connected than there are, by that clock [s].
+        renewals: subscriptions that were renewed as a publisher was silent.
     """
 
     name: str
@@ -52,17 +61,21 @@ class RecordedTopic:
     endpoints: list[TopicEndpointInfo] = field(default_factory=list)
     declared: bool = False
     numbered: bool = True
-    unheard: bool = False
+    incompatible: bool = False
     further_types: set[str] = field(default_factory=set)
     damaged: int = 0
-    heard: float = float("-inf")
+    received_at: float = float("-inf")
     unmatched: float | None = None
     renewals: int = 0
     _uncounted: int = 0  # damaged messages whose numbers are a gap in the next ones
     _latest: dict[tuple[int, int | None], None] = field(default_factory=dict)
 
+    def losses(self, refused: int) -> Losses:
+        """Return the losses; ``refused`` are messages that did not fit into the queue."""
+        return Losses(self.gaps.missing if self.numbered else None, refused, self.damaged)
+
     def misses(self, offers: Sequence[QoSProfile]) -> bool:
-        """Tell whether a publisher of those that offer this should be connected by now."""
+        """Return whether a publisher of these offers should have connected by now, and has not."""
         fitting = sum(
             qos_check_compatible(offer, self.request)[0] != QoSCompatibility.ERROR
             for offer in offers
@@ -78,9 +91,12 @@ class RecordedTopic:
         return False
 
     def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
-        """Give the message that was taken with that information; None where it is no new one.
+        """Return the message that came with this information; None for a damaged or repeated one.
 
-        `counts` is whether a gap before it is a loss.
+        Args:
+            data: serialized message.
+            info: of the middleware.
+            counts: whether a gap before it is a loss.
         """
         log_time = info["received_timestamp"] or time.time_ns()
         publish_time = info["source_timestamp"]
@@ -91,12 +107,12 @@ class RecordedTopic:
         number = info["publication_sequence_number"]
         if self._is_repeated(publish_time, number):
             return None
-        self.heard = time.monotonic()
+        self.received_at = time.monotonic()
         self._note(number, counts)
         return Message(self.name, log_time, publish_time, data)
 
     def _is_repeated(self, publish_time: int, number: int | None) -> bool:
-        """Tell whether a latched message came before, ahead of a renewed subscription."""
+        """Return whether a latched message came before, to an earlier subscription."""
         if self.request.durability != DurabilityPolicy.TRANSIENT_LOCAL:
             return False
         if (publish_time, number) in self._latest:

@@ -1,106 +1,116 @@
-"""The recorder: `rpud record`, and the executable `recorder` of `ros2 run`."""
+"""Recording of ROS topics into a bag, until its duration is over or a signal stops it."""
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.qos import QoSProfile
-from rclpy.utilities import remove_ros_args
 
-from rpud_sim.bag import BagError, BagWriter
-from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
+from rpud_sim.bag import BagWriter
+from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest
-from rpud_sim.bag.recovery import RECORDING_RECORD
-from rpud_sim.ros.arguments import MAX_CACHE_SIZE, add_record_arguments
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.record.disk_room import DiskRoom
 from rpud_sim.ros.record.drill_inquiry import DrillInquiry
 from rpud_sim.ros.record.intake import Intake
-from rpud_sim.ros.record.progress import ProgressLine
-from rpud_sim.ros.record.qos_overrides import QosOverrideError, read_qos_overrides
+from rpud_sim.ros.record.message_queue import MessageQueue, NamedRecord
+from rpud_sim.ros.record.qos_overrides import read_qos_overrides
+from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.record_report import RecordProgress, failure, late_text, summary
 from rpud_sim.ros.record.recorder_node import Recorder
 from rpud_sim.ros.record.recorder_services import RecorderServices
-from rpud_sim.ros.record.recording import MessageQueue, NamedRecord, WritingThread
-from rpud_sim.ros.record.selection import TopicSelection
-from rpud_sim.ros.starting import StartError, start_ros
+from rpud_sim.ros.record.topic_selection import TopicSelection
+from rpud_sim.ros.record.writing_thread import WritingThread
+from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest
-from rpud_sim.terminal import complain, printable
 
 SKIPPED_RECORD = "rpud_skipped"
 """Metadata record of topics that could not be recorded, with the reasons."""
 
-_TAKE_PERIOD = 0.005  # s; messages carry the time at which the middleware received them
+_POLL_PERIOD = 0.005  # s; messages carry the time at which the middleware received them
 _GRAPH_PERIOD = 0.25  # s
-_DISCOVERY = 3.5  # s until it calls itself ready; the middleware announces itself every 3 s
-_SETTLING = 0.5  # s without a new topic after which it calls itself ready
-_DRAIN = 0.1  # s in which messages on their way still arrive after a stop
+_DISCOVERY_TIME = 3.5  # s until it is ready; the middleware announces itself every 3 s
+_SETTLING_TIME = 0.5  # s without a new topic until it is ready
+_DRAIN_TIME = 0.1  # s in which messages on their way still arrive after a stop
 
 
-def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -> int:
-    """Record until the duration is over or a signal asks to stop; give the exit code."""
+@dataclass(frozen=True)
+class RecordResult:
+    """Result of a recording.
+
+    Attributes:
+        summary: what was recorded, lost and left out; lines of text.
+        failure: why the bag is not as requested, in one line; empty where it is.
+    """
+
+    summary: str
+    failure: str
+
+
+def record(
+    options: RecordOptions, ros_arguments: Sequence[str], show: Callable[[str], None]
+) -> RecordResult:
+    """Record until the duration is over or a signal stops it, and return the result.
+
+    Args:
+        options: of the recording.
+        ros_arguments: command line of ROS.
+        show: called with a line about the progress, once a second.
+
+    Raises:
+        BagError: if the bag cannot be written.
+        QosOverrideError: if the file of the overrides cannot be used.
+        StartError: if ROS cannot start, or a name cannot be one of ROS.
+    """
     with StopRequest() as stop:
         try:
-            start_ros(ros_arguments or [])
-            return _record(arguments, stop)
+            start_ros(ros_arguments)
+            return _record(options, stop, show)
         except NameValidationException as error:
-            what, name, *_ = str(error).splitlines()  # below them it points at the character
-            return _fail(f"{what} {name.strip()}", 2)
-        except (QosOverrideError, ParameterException, StartError) as error:
-            return _fail(str(error), 2)
-        except BagError as error:
-            return _fail(str(error), 1)
+            raise name_error(error) from error
+        except ParameterException as error:
+            raise StartError(str(error)) from error
         finally:
             rclpy.try_shutdown()
 
 
-def main() -> None:
-    """Run the executable; ROS arguments follow `--ros-args`."""
-    parser = argparse.ArgumentParser(prog="recorder", description=__doc__)
-    add_record_arguments(parser)
-    try:
-        words = remove_ros_args(sys.argv)[1:]
-    except RuntimeError as error:
-        parser.error(str(error))
-    sys.exit(run(parser.parse_args(words), sys.argv))
-
-
-def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
-    cache_size = int(arguments.max_cache_size)
-    # A snapshot comes all at once, with what is latched beside it, and perhaps another behind it.
-    waiting = max(2 * cache_size, MAX_CACHE_SIZE) if arguments.snapshot_mode else cache_size
-    messages = MessageQueue(waiting)
+def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], None]) -> RecordResult:
+    size = options.max_cache_size
+    # A snapshot is queued at once, with the latched messages, and another may follow it.
+    capacity = max(2 * size, RecordOptions.max_cache_size) if options.snapshot_mode else size
+    messages = MessageQueue(capacity)
     intake = Intake(
         messages,
-        paused=arguments.start_paused,
-        snapshot_size=cache_size if arguments.snapshot_mode else None,
+        paused=options.start_paused,
+        snapshot_size=size if options.snapshot_mode else None,
     )
-    node = _node(arguments, intake)
+    node = _node(options, intake)
     with BagWriter(
-        arguments.out,
-        compression=arguments.compression,
-        max_file_size=arguments.max_bag_size and int(arguments.max_bag_size),
-        max_file_duration=arguments.max_bag_duration,
+        options.out,
+        compression=options.compression,
+        max_file_size=options.max_bag_size,
+        max_file_duration=options.max_bag_duration,
         reserved=True,
     ) as bag:
-        bag.add_record(RECORDING_RECORD, {"max_loss": str(arguments.max_loss)})
-        room = DiskRoom(bag.path, arguments.max_disk and int(arguments.max_disk))
-        writing = WritingThread(messages, bag, arguments.max_loss, stop.request, room)
+        bag.add_record(RECORDING_RECORD, {"max_loss": str(options.max_loss)})
+        room = DiskRoom(bag.path, options.max_disk)
+        writing = WritingThread(messages, bag, options.max_loss, stop.request, room)
         writing.start()
-        if arguments.until_eof:
+        if options.until_eof:
             threading.Thread(target=_wait_for_eof, args=(stop,), daemon=True).start()
         began = time.monotonic()
         try:
-            ready = arguments.ready_fd
-            _Collection(node, intake, messages, bag, stop, ready).run(arguments.duration)
+            collection = _Collection(node, intake, messages, bag, stop, options.ready_fd)
+            collection.run(options.duration, show)
         finally:
             messages.close()
             writing.join()
@@ -110,24 +120,20 @@ def _record(arguments: argparse.Namespace, stop: StopRequest) -> int:
                 bag.add_record(SKIPPED_RECORD, node.skipped)
     if writing.error is not None:
         raise writing.error
-    print(summary(node, bag, time.monotonic() - began), flush=True)
-    if late := late_text(writing.exposure, arguments.max_loss):
-        print(late, flush=True)
+    lines = [summary(node, bag, time.monotonic() - began)]
+    if late := late_text(writing.exposure, options.max_loss):
+        lines.append(late)
     if writing.refusal:
-        return _fail(f"stopped with a whole bag: {writing.refusal}", 1)
-    if reason := failure(node, allow_empty=arguments.allow_empty):
-        return _fail(reason, 1)
-    return 0
+        return RecordResult("\n".join(lines), f"stopped with a whole bag: {writing.refusal}")
+    return RecordResult("\n".join(lines), failure(node, allow_empty=options.allow_empty))
 
 
-def _node(arguments: argparse.Namespace, intake: Intake) -> Recorder:
+def _node(options: RecordOptions, intake: Intake) -> Recorder:
     overrides: dict[str, QoSProfile] = {}
-    if arguments.qos_profile_overrides_path is not None:
-        overrides = read_qos_overrides(arguments.qos_profile_overrides_path)
-    selection = TopicSelection(
-        arguments.topics, arguments.regex, arguments.exclude, arguments.everything
-    )
-    return Recorder(intake, selection, arguments.namespace, overrides)
+    if options.qos_profile_overrides_path is not None:
+        overrides = read_qos_overrides(options.qos_profile_overrides_path)
+    selection = TopicSelection(options.topics, options.regex, options.exclude, options.everything)
+    return Recorder(intake, selection, options.namespace, overrides)
 
 
 def _wait_for_eof(stop: StopRequest) -> None:
@@ -137,7 +143,7 @@ def _wait_for_eof(stop: StopRequest) -> None:
 
 
 class _Collection:
-    """The loop that takes messages, follows the graph and serves requests, until the end."""
+    """Loop that collects messages, follows the graph and serves requests, until the end."""
 
     def __init__(
         self,
@@ -158,54 +164,58 @@ class _Collection:
         self._services = RecorderServices(node, node.guard, intake, lambda: _take_all(node))
         self._losses = node.losses
 
-    def run(self, duration: float | None) -> None:
-        """Record for `duration` [s] or until the stop is requested."""
-        with ProgressLine(printable(self._bag.path.name)) as line:
-            self._collect(duration, line)
+    def run(self, duration: float | None, show: Callable[[str], None]) -> None:
+        """Record for a duration [s] or until the stop is requested.
+
+        Args:
+            duration: from when it is ready [s]; None for no limit.
+            show: called with a line about the progress, once a second.
+        """
+        self._collect(duration, show)
         _drain(self._node)
         self._node.finish()
         self._keep(self._inquiry.finish())
 
-    def _collect(self, duration: float | None, line: ProgressLine) -> None:
+    def _collect(self, duration: float | None, show: Callable[[str], None]) -> None:
         node = self._node
         progress = RecordProgress()
-        looked = float("-inf")
-        ready_at = time.monotonic() + _DISCOVERY
+        followed_at = float("-inf")
+        ready_at = time.monotonic() + _DISCOVERY_TIME
         ready = False
         while not self._stop.requested:
             now = time.monotonic()
-            if now >= looked + _GRAPH_PERIOD:
-                looked = now
+            if now >= followed_at + _GRAPH_PERIOD:
+                followed_at = now
                 self._keep_losses()
                 with node.guard("a node of the graph"):
-                    self._inquiry.look()
+                    self._inquiry.discover()
                 with node.guard("a topic of the graph"):
                     if node.discover() and not ready:
-                        ready_at = now if node.complete else now + _SETTLING
-            more = node.take()
+                        ready_at = now if node.complete else now + _SETTLING_TIME
+            more = node.receive()
             self._services.serve()
             self._keep(self._inquiry.poll())
             if not ready and now >= ready_at:
                 ready = True
                 where = printable(self._bag.path)
                 node.get_logger().info(f"recording {node.topic_count} topics to {where}")
-                self._tell_ready()
+                self._signal_ready()
             if duration is not None and now >= ready_at + duration:
                 return
-            if line.is_due and progress.is_due:
+            if progress.is_due:
                 count, paused = self._intake.accepted, self._intake.paused
-                line.show(progress.text(count, self._bag.size, node.losses, paused))
+                show(progress.text(count, self._bag.size, node.losses, paused))
             if not more:
-                self._stop.wait(_TAKE_PERIOD)
+                self._stop.wait(_POLL_PERIOD)
 
-    def _tell_ready(self) -> None:
-        """Write one line to who started this one and waits for it."""
+    def _signal_ready(self) -> None:
+        """Write one line to the process that waits for this one, if there is any."""
         if self._ready_fd is not None:
-            with suppress(OSError):  # it may have ended
+            with suppress(OSError):  # that process may have ended
                 os.write(self._ready_fd, b"recording\n")
 
     def _keep_losses(self) -> None:
-        """Put new losses into the bag before its end, should that never come."""
+        """Write new losses into the bag now: a crash would lose those written at its end."""
         losses = self._node.losses
         if losses != self._losses and any(item.total != 0 for item in losses.values()):
             self._losses = losses
@@ -217,17 +227,12 @@ class _Collection:
 
 
 def _drain(node: Recorder) -> None:
-    """Take all that the middleware had received when the stop came, or receives right after it."""
-    time.sleep(_DRAIN)
+    """Collect what the middleware had received at the stop, or receives right after it."""
+    time.sleep(_DRAIN_TIME)
     _take_all(node)
 
 
 def _take_all(node: Recorder) -> None:
     until = time.time_ns()
-    while node.take(until):
+    while node.receive(until):
         pass
-
-
-def _fail(message: str, code: int) -> int:
-    complain("rpud record", message)
-    return code

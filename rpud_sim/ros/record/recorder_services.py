@@ -1,4 +1,4 @@
-"""Services of the recorder: of rosbag2's types where these are installed, else of others."""
+"""Services of the recorder: of rosbag2's types if these are installed, else of others."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from rpud_sim.ros.record.guard import NetworkGuard
 from rpud_sim.ros.record.intake import Intake
+from rpud_sim.ros.record.network_guard import NetworkGuard
 
 
 class RecorderServices:
-    """Pauses, resumes, splits and takes snapshots when somebody asks for it.
+    """Services that pause, resume and split a recording, and write snapshots.
 
-    Services: `~/pause`, `~/resume`, `~/toggle_paused`, `~/is_paused`, `~/split_bagfile`,
-    `~/snapshot`, of the types of rosbag2_interfaces, else std_srvs/Trigger and rpud_msgs/IsPaused.
-    The node needs no executor: `serve` does what was asked for since.
+    Services: ``~/pause``, ``~/resume``, ``~/toggle_paused``, ``~/is_paused``, ``~/split_bagfile``,
+    ``~/snapshot``, of the types of rosbag2_interfaces, else std_srvs/Trigger and
+    rpud_msgs/IsPaused. The node needs no executor: ``serve`` does waiting requests.
 
     Args:
-        node: whose services they are.
-        guard: for what arrives.
-        intake: what they act on.
-        catch_up: gives the intake all that was received before a request.
+        node: that owns them.
+        guard: of what arrives.
+        intake: that they act on.
+        catch_up: hands the intake all that was received before a request.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class RecorderServices:
             if service is None:
                 continue
             name = "".join(f"_{letter.lower()}" if letter.isupper() else letter for letter in kind)
-            # `serve` takes the requests, so nothing ever calls the callback.
+            # ``serve`` takes the requests, so nothing ever calls the callback.
             handle = node.create_service(service, f"~/{name[1:]}", lambda _, response: response)
             self._services.append((service, handle, action))
 
@@ -95,9 +95,9 @@ class RecorderServices:
 
 
 def service_type(kind: str) -> Any:
-    """Give the type of a service of rosbag2, or what stands for it where that is not installed.
+    """Return the type of a service of rosbag2, or its substitute if that is not installed.
 
-    None where that is not installed either.
+    None if neither is installed.
     """
     for package in ("rosbag2_interfaces", "rpud_msgs"):
         with suppress(ImportError, AttributeError):

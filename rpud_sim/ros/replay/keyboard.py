@@ -1,4 +1,4 @@
-"""Keys of a terminal, one by one, without echo."""
+"""Keyboard: keys of a terminal, one by one, without echo."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Keyboard:
     """Reads keys while it is entered, if standard input is a terminal with this program in front.
 
     A program in the background must not touch its terminal: it would be stopped. The terminal is
-    put back at the end, and set anew when the program is continued in front.
+    restored at the end, and set again when the program continues in front.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class Keyboard:
         return self._terminal is not None and _in_front(self._terminal)
 
     def read(self, seconds: float) -> list[str]:
-        """Wait at most `seconds` for keys: characters, `up`, `down`, `right` and `left`."""
+        """Wait for keys [s at most]: characters, ``up``, ``down``, ``right`` and ``left``."""
         terminal = self._terminal if self.active else None
         waiting = [] if terminal is None else [terminal]
         if not select.select(waiting, [], [], seconds)[0] or terminal is None or not self.active:

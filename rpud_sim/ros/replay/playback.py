@@ -1,25 +1,26 @@
-"""Messages of a bag when they are due, under control. No ROS, no thread; times are nanoseconds."""
+"""Playback of a bag: messages when they are due, under control. No ROS, no thread; times in ns."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from typing import Protocol
 
 from rpud_sim.bag import Message
-from rpud_sim.ros.arguments import FASTEST_RATE
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.lateness import Lateness
-from rpud_sim.ros.replay.replaying import Timeline
+from rpud_sim.ros.replay.replay_options import RATE
+from rpud_sim.ros.replay.timeline import Timeline
 
-NANOSECONDS = 1_000_000_000
-_BEHIND = NANOSECONDS // 20  # later than this, messages come as fast as they can
-_LOOP_PAUSE = NANOSECONDS // 10  # between two passes, so that a bag of one message is no flood
+_BEHIND = SECOND // 20  # later than this, messages come as fast as they can
+_LOOP_PAUSE = SECOND // 10  # between two passes, so that a bag of one message is no flood
 
 
 class RefusedError(Exception):
-    """A request does not fit the state of the replay, which it leaves as it was."""
+    """Request that the state of the replay does not permit; it changes nothing."""
 
 
 class Messages(Protocol):
@@ -30,14 +31,14 @@ class Messages(Protocol):
     def __next__(self) -> Message: ...
 
     def close(self) -> None:
-        """Read no further."""
+        """End reading."""
 
 
 class Outputs(Protocol):
-    """Where a playback goes."""
+    """Publishers of a playback."""
 
     def publish(self, message: Message, *, hurried: bool) -> None:
-        """Publish a message; where it is `hurried`, nothing but the listeners paces it."""
+        """Publish a message; if ``hurried``, only its subscribers pace it."""
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns]."""
@@ -45,9 +46,15 @@ class Outputs(Protocol):
 
 @dataclass(frozen=True)
 class Plan:
-    """What is played: the bag's times from `first` to `last` [ns], once or in a `loop`.
+    """Plan of a playback.
 
-    `tick` is the period of the clock's messages [ns of real time], None for none.
+    Args:
+        first: time of the bag at which it begins [ns].
+        last: time of the bag at which it ends [ns].
+        rate: bag time over real time.
+        paused: whether it begins with a pause.
+        loop: whether it repeats.
+        tick: period of the messages on ``/clock`` [ns of real time]; None for none.
     """
 
     first: int
@@ -95,18 +102,18 @@ class Playback:
 
     @property
     def rate(self) -> float:
-        """How many times as fast as real time it moves when it is not paused."""
+        """Bag time over real time, outside of pauses."""
         return self._timeline.rate
 
     @property
     def position(self) -> int:
-        """Where in the bag it is [ns]; never beyond a message that is still to be published."""
+        """Position in the bag [ns]; never beyond a message that is still to be published."""
         position = self._timeline.position_at(self._clock())
         following = self._next  # another thread may ask
         return position if following is None else min(position, following.log_time)
 
     def begin(self) -> None:
-        """Start at the plan's first time, now: what is due first has been read."""
+        """Start at the plan's first time, now, when its first message is read."""
         self._open(self._plan.first)
         now = self._clock()
         self._timeline = self._timeline.seek(now, self._plan.first)
@@ -114,10 +121,10 @@ class Playback:
             self._tick = now
 
     def advance(self) -> float | None:
-        """Do what is due, if it is one message or tick; tell when to come again.
+        """Publish one message or tick if it is due; return the time until the next call [s].
 
-        Returns the time until then [s]: 0 for at once, infinite for when something has changed;
-        None at the end. Raises what reading or publishing raises.
+        Zero is at once, infinity is after the next request, None is the end. Errors of reading and
+        publishing are raised.
         """
         if self._stopped:
             return None
@@ -132,7 +139,7 @@ class Playback:
         earliest = min(due, self._tick)
         now = self._clock()
         if now < earliest:
-            return (earliest - now) / NANOSECONDS
+            return (earliest - now) / SECOND
         if self._tick <= due:
             # A tick comes before the messages of its time, however late both are.
             self._outputs.publish_clock(self._timeline.position_at(round(self._tick)))
@@ -143,21 +150,21 @@ class Playback:
         return 0.0
 
     def stop(self) -> None:
-        """End it; any thread may ask for that."""
+        """End the playback; any thread may call this."""
         self._stopped = True
 
     def close(self) -> None:
-        """Read no further."""
+        """End reading."""
         if self._messages is not None:
             self._messages.close()
 
     def pause(self) -> None:
-        """Stand still; without effect when it does."""
+        """Pause, unless it is paused."""
         self._hold()
         self._timeline = self._timeline.pause(self._clock())
 
     def resume(self) -> None:
-        """Go on; without effect when it does."""
+        """Resume, if it is paused."""
         self._timeline = self._timeline.resume(self._clock())
 
     def toggle_paused(self) -> None:
@@ -165,13 +172,15 @@ class Playback:
         self.resume() if self.paused else self.pause()
 
     def set_rate(self, rate: float) -> None:
-        """Move `rate` times as fast as real time.
+        """Set bag time over real time.
 
         Raises:
-            RefusedError: if it is not above 0 and at most `FASTEST_RATE`.
+            RefusedError: if it is outside the range of ``RATE``.
         """
-        if not (isfinite(rate) and 0 < rate <= FASTEST_RATE):
-            raise RefusedError(f"rate = {rate:g} is outside its range (0, {FASTEST_RATE:g}]")
+        try:
+            RATE.check("rate", rate)
+        except ParameterError as error:
+            raise RefusedError(str(error)) from None
         self._hold()
         self._timeline = self._timeline.with_rate(self._clock(), rate)
 
@@ -184,15 +193,14 @@ class Playback:
         first, last = self._plan.first, self._plan.last
         if position > last:
             raise RefusedError(
-                f"time = {position / NANOSECONDS:.3f} s is after the last, "
-                f"{last / NANOSECONDS:.3f} s"
+                f"time = {position / SECOND:.3f} s is after the last, {last / SECOND:.3f} s"
             )
         position = max(first, position)
         self._open(position)
         self._timeline = self._timeline.seek(self._clock(), position)
 
     def play_next(self) -> None:
-        """Publish the next message now, and stand at its time.
+        """Publish the next message now; its time is the position then.
 
         Raises:
             RefusedError: if it is not paused, or there is no next message.
@@ -208,7 +216,7 @@ class Playback:
         self._publish_next(hurried=True)
 
     def burst(self, count: int) -> int:
-        """Publish the next `count` messages now, all for 0; return how many there were.
+        """Publish the next messages now, all for a count of 0; return how many.
 
         Raises:
             RefusedError: if it is not paused.
@@ -245,7 +253,7 @@ class Playback:
         self._take_next()
 
     def _hold(self) -> None:
-        """Put a timeline that messages are behind back to them."""
+        """Move the timeline back to the next message, if that is late."""
         now = self._clock()
         position = self.position
         if position < self._timeline.position_at(now):

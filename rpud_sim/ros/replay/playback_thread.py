@@ -1,4 +1,4 @@
-"""The thread that plays: it sleeps until something is due, or somebody asks for something."""
+"""Thread of a playback: it sleeps until a message is due or a request comes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LONGEST_SLEEP = 3600.0  # s; the system call refuses more than some decades
 
 
 class PlaybackThread:
-    """Plays in a thread of its own; any thread may `do` something with the playback there."""
+    """Thread that plays; other threads reach the playback by ``do``."""
 
     def __init__(self, playback: Playback) -> None:
         self._playback = playback
@@ -27,7 +27,7 @@ class PlaybackThread:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
+        """Whether it is still playing."""
         return self._thread.is_alive()
 
     def do(self, action: Callable[[Playback], Result]) -> Result:
@@ -39,7 +39,7 @@ class PlaybackThread:
         return self._requests.do(lambda: action(self._playback))
 
     def stop(self) -> None:
-        """Ask for the end."""
+        """End the playback."""
         self._playback.stop()
         self._wake.set()
 

@@ -1,4 +1,4 @@
-"""Messages that are read before they are wanted, by a thread, in bounded memory."""
+"""Iterator whose messages a thread reads ahead, in bounded memory."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ _BATCHES = 16
 
 
 class ReadAhead:
-    """Iterates over messages that a thread reads in advance.
+    """Iterator over messages that a thread reads in advance.
 
-    At most about 4,000 messages wait, and of large ones no more than fit into 16 MiB and a message
-    for each of its batches. What reading raises is raised where the messages end. While it is open
-    nobody else may read from the same files.
+    At most about 4,000 messages wait, or 16 MiB and one message for each of 16 batches. An error of
+    reading is raised after the last message. While it is open no one else may read the same files.
     """
 
     def __init__(self, messages: Iterable[Message]) -> None:
@@ -26,26 +25,26 @@ class ReadAhead:
         self._room = threading.Semaphore(_BATCHES)
         self._filled = threading.Semaphore(0)
         self._closed = False
-        self._given = self._give()
+        self._iterator = self._iterate()
         self._thread = threading.Thread(target=self._read, args=(messages,), daemon=True)
         self._thread.start()
 
     def __iter__(self) -> ReadAhead:
-        """Give the iterator itself."""
+        """Return the iterator itself."""
         return self
 
     def __next__(self) -> Message:
-        """Give the next message; wait until it is read."""
-        return next(self._given)
+        """Return the next message; wait until it is read."""
+        return next(self._iterator)
 
     def close(self) -> None:
-        """End reading, and wait until nothing is read any more."""
+        """End reading, and wait until the thread has ended."""
         self._closed = True
-        self._given.close()
+        self._iterator.close()
         self._room.release()
         self._thread.join()
 
-    def _give(self) -> Generator[Message, None, None]:
+    def _iterate(self) -> Generator[Message, None, None]:
         while True:
             self._filled.acquire()
             batch = self._batches.popleft()

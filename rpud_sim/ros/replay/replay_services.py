@@ -1,4 +1,4 @@
-"""Services that control a replay, those of `ros2 bag play` where its interfaces are installed."""
+"""Services that control a replay: those of ``ros2 bag play`` if its interfaces are installed."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from typing import Any
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from rpud_sim.ros.replay.playback import NANOSECONDS, Playback, RefusedError
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.replay.playback import Playback, RefusedError
 from rpud_sim.ros.replay.playback_thread import PlaybackThread
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import raised
 
 
 def _seek(playback: Playback, request: Any) -> None:
-    playback.seek(int(request.time.sec) * NANOSECONDS + int(request.time.nanosec))
+    playback.seek(int(request.time.sec) * SECOND + int(request.time.nanosec))
 
 
 def _play(playback: Playback, request: Any) -> None:
     raise RefusedError("the replay has begun")
 
 
-# What they return are fields of the response.
+# They return fields of the response.
 _ACTIONS: dict[str, Callable[[Playback, Any], dict[str, Any] | None]] = {
     "pause": lambda playback, request: playback.pause(),
     "resume": lambda playback, request: playback.resume(),
@@ -41,18 +42,18 @@ _ACTIONS: dict[str, Callable[[Playback, Any], dict[str, Any] | None]] = {
 
 
 class ReplayServices:
-    """Services below the node's name, with the names and meanings that `ros2 bag play` has.
+    """Services below the node's name, with the names and meanings of ``ros2 bag play``.
 
-    They are `pause`, `resume`, `toggle_paused`, `is_paused`, `get_rate`, `set_rate`, `seek`,
-    `play_next`, `burst`, `stop` and `play`. Where the package rosbag2_interfaces is installed the
-    types are its own. Elsewhere they are std_srvs/Trigger and those of rpud_msgs, which also say
-    why something is refused, and there is no `play`: it is refused while a replay runs, and the
-    program ends with its replay.
+    They are ``pause``, ``resume``, ``toggle_paused``, ``is_paused``, ``get_rate``, ``set_rate``,
+    ``seek``, ``play_next``, ``burst``, ``stop`` and ``play``, of the types of rosbag2_interfaces.
+    Without that package the types are std_srvs/Trigger and those of rpud_msgs, which also return
+    the reason of a refusal. There is no ``play`` then: a running replay refuses it, and the program
+    ends with its replay.
 
     Args:
         node: that owns them.
         thread: that plays.
-        failed: called with one line where a request raises an error.
+        failed: called with one line if a request raises an error.
     """
 
     def __init__(self, node: Node, thread: PlaybackThread, failed: Callable[[str], None]) -> None:
@@ -84,7 +85,7 @@ class ReplayServices:
 
 
 def service_types() -> dict[str, Any]:
-    """Give the types of the services by their names, of the packages that are installed."""
+    """Return the types of the services by name, of the installed packages."""
     if rosbag2 := _installed("rosbag2_interfaces.srv"):
         return {name: getattr(rosbag2, _type_name(name)) for name in _ACTIONS}
     types = dict.fromkeys(("pause", "resume", "toggle_paused", "play_next", "stop"), Trigger)

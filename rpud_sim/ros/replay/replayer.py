@@ -1,145 +1,135 @@
-"""The replayer: `rpud replay`, and the executable `replayer` of `ros2 run`."""
+"""Replay of a bag, until its end or until a signal stops it."""
 
 from __future__ import annotations
 
-import argparse
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import rclpy
 from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.utilities import remove_ros_args
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, BagReader, TopicSummary
-from rpud_sim.ros.arguments import DISCOVERY_TIME, add_replay_arguments
-from rpud_sim.ros.replay.playback import NANOSECONDS, Plan, Playback
+from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.foundation.quantities import suggestion
+from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.replay.playback import Plan, Playback
 from rpud_sim.ros.replay.playback_thread import PlaybackThread
 from rpud_sim.ros.replay.read_ahead import ReadAhead
-from rpud_sim.ros.replay.replay_console import ReplayConsole
+from rpud_sim.ros.replay.replay_console import MakeBar, ReplayConsole
+from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replay_services import ReplayServices
 from rpud_sim.ros.replay.replayer_node import Replayer
 from rpud_sim.ros.serving import serve
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
-from rpud_sim.terminal import complain, printable
 
-_SETTLING = 0.2  # s from a publisher's match to the subscriber's own
-_LOOK_PERIOD = 0.01  # s
-_ACKNOWLEDGEMENT = 5.0  # s that reliable subscribers have after the last message
-_SWITCH_INTERVAL = 1e-4  # s after which Python's other threads let the one that plays go on
-
-
-class _UsageError(Exception):
-    """Arguments do not fit the bag."""
+_SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
+_POLL_PERIOD = 0.01  # s
+_ACKNOWLEDGEMENT_TIME = 5.0  # s that reliable subscribers have after the last message
+_SWITCH_INTERVAL = 1e-4  # s after which Python's other threads let the playback thread go on
 
 
-def run(arguments: argparse.Namespace, ros_arguments: list[str] | None = None) -> int:
-    """Replay until the end of the bag or until a signal asks to stop; give the exit code."""
-    with StopRequest() as stop:
-        try:
-            with rpud_sim.bag.open(arguments.bag) as bag:
-                topics = _chosen(bag, arguments)
-                start_ros(ros_arguments or [])
-                try:
-                    return _replay(bag, topics, arguments, stop)
-                finally:
-                    rclpy.try_shutdown()
-        except BagError as error:
-            return _fail(str(error), 1)
-        except (_UsageError, ParameterException, StartError) as error:
-            return _fail(str(error), 2)
+class OptionError(ValueError):
+    """Options that do not fit the bag; the message is one line."""
 
 
-def main() -> None:
-    """Run the executable; ROS arguments follow `--ros-args`."""
-    parser = argparse.ArgumentParser(prog="replayer", description=__doc__)
-    add_replay_arguments(parser)
-    words, ros_arguments = _without_ros_arguments(sys.argv[1:])
-    try:
-        remove_ros_args(ros_arguments)
-    except RuntimeError as error:
-        parser.error(str(error))
-    sys.exit(run(parser.parse_args(words), ros_arguments))
+class ReplayError(RuntimeError):
+    """Bag of which no topic can be replayed; the message is one line."""
 
 
-def _without_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:
-    """Split words into our own and those from `--ros-args` to `--`.
+def replay(options: ReplayOptions, ros_arguments: Sequence[str], make_bar: MakeBar) -> str:
+    """Replay to the end of the bag or until a signal stops it, and return a summary.
 
-    rclpy would take the rules of our own --remap for ROS arguments as well.
+    Args:
+        options: of the replay.
+        ros_arguments: command line of ROS.
+        make_bar: returns the bar that shows the progress.
+
+    Raises:
+        BagError: if the bag cannot be read.
+        OptionError: if the options do not fit the bag.
+        ReplayError: if no topic of the bag can be replayed.
+        StartError: if ROS cannot start.
     """
-    own, ros = list(words), []
-    while "--ros-args" in own:
-        begin = own.index("--ros-args")
-        end = own.index("--", begin) + 1 if "--" in own[begin:] else len(own)
-        ros += own[begin:end]
-        del own[begin:end]
-    return own, ros
+    with StopRequest() as stop, rpud_sim.bag.open(options.bag) as bag:
+        topics = _chosen_topics(bag, options)
+        try:
+            start_ros(ros_arguments)
+            return _replay(bag, topics, options, stop, make_bar)
+        except ParameterException as error:
+            raise StartError(str(error)) from error
+        finally:
+            rclpy.try_shutdown()
 
 
-def _chosen(bag: BagReader, arguments: argparse.Namespace) -> list[TopicSummary]:
-    """Check the arguments against the bag, and give the topics that have something to replay."""
-    duration = bag.duration / NANOSECONDS
-    if arguments.start > duration:
-        raise _UsageError(
-            f"--start is {arguments.start:g} s; it must be from 0 to {duration:.3f} s, "
+def _chosen_topics(bag: BagReader, options: ReplayOptions) -> list[TopicSummary]:
+    """Check the options against the bag, and return the topics that have messages to replay."""
+    duration = bag.duration / SECOND
+    if options.start > duration:
+        raise OptionError(
+            f"--start is {options.start:g} s; it must be from 0 to {duration:.3f} s, "
             f"the duration of {bag.path}"
         )
     named = {
-        "--topics": arguments.topics or (),
-        "--exclude": arguments.exclude,
-        "--remap": [rule.partition(":=")[0] for rule in arguments.remap],
+        "--topics": options.topics or (),
+        "--exclude": options.exclude,
+        "--remap": [rule.partition(":=")[0] for rule in options.remap],
     }
     held = [summary.topic.name for summary in bag.topics]
     for option, names in named.items():
         for name in names:
             if name not in held:
                 has = ", ".join(held) or "no topics"
-                raise _UsageError(f"{option} names {name}; {bag.path} has {has}")
+                hint = suggestion(name, held)
+                raise OptionError(f"{option} names {name}{hint}; {bag.path} has {has}")
     return [
         summary
         for summary in bag.topics
         if summary.message_count
-        and (arguments.topics is None or summary.topic.name in arguments.topics)
-        and summary.topic.name not in arguments.exclude
+        and (options.topics is None or summary.topic.name in options.topics)
+        and summary.topic.name not in options.exclude
     ]
 
 
-def _plan(bag: BagReader, arguments: argparse.Namespace) -> Plan:
-    first = bag.start_time + round(arguments.start * NANOSECONDS)
+def _plan(bag: BagReader, options: ReplayOptions) -> Plan:
+    first = bag.start_time + round(options.start * SECOND)
     last = bag.end_time
-    if arguments.duration is not None:
-        last = min(last, first + round(arguments.duration * NANOSECONDS))
+    if options.duration is not None:
+        last = min(last, first + round(options.duration * SECOND))
     return Plan(
         first=first,
         last=last,
-        rate=arguments.rate,
-        paused=arguments.start_paused,
-        loop=arguments.loop,
-        tick=None if arguments.clock is None else NANOSECONDS / arguments.clock,
+        rate=options.rate,
+        paused=options.start_paused,
+        loop=options.loop,
+        tick=None if options.clock is None else SECOND / options.clock,
     )
 
 
 def _replay(
-    bag: BagReader, topics: list[TopicSummary], arguments: argparse.Namespace, stop: StopRequest
-) -> int:
-    node = Replayer(topics, with_clock=arguments.clock is not None, remappings=arguments.remap)
+    bag: BagReader,
+    topics: list[TopicSummary],
+    options: ReplayOptions,
+    stop: StopRequest,
+    make_bar: MakeBar,
+) -> str:
+    node = Replayer(topics, with_clock=options.clock is not None, remappings=options.remap)
     if not node.topic_names:
         if topics:
-            return _fail(f"nothing of {bag.path} can be replayed here", 1)
-        print(f"{printable(bag.path)} has no messages to replay")
-        return 0
+            raise ReplayError(f"nothing of {bag.path} can be replayed here")
+        return f"{printable(bag.path)} has no messages to replay"
     node.get_logger().info(
         f"replaying {printable(bag.path)}: {len(node.topic_names)} topics, "
-        f"{bag.duration / 1e9:.1f} s at {arguments.rate:g} times real time"
+        f"{bag.duration / SECOND:.1f} s at {options.rate:g} times real time"
     )
-    _await_subscribers(node, stop, patient=arguments.wait_for_subscribers)
+    _await_subscribers(node, stop, patient=options.wait_for_subscribers)
     began = time.monotonic()
-    plan = _plan(bag, arguments)
+    plan = _plan(bag, options)
 
     def read(position: int) -> ReadAhead:
         return ReadAhead(bag.messages(node.topic_names, position - bag.start_time))
@@ -147,53 +137,47 @@ def _replay(
     playback = Playback(read, plan, node)
     thread = PlaybackThread(playback)
     ReplayServices(node, thread, node.count_failure)
+    bar = make_bar(title=printable(bag.path.name), total=(plan.last - plan.first) / SECOND)
+    keys = not options.disable_keyboard_controls
     with (
         _quick_switches(),
         _spinning(node),
-        ReplayConsole(
-            thread,
-            plan,
-            printable(bag.path.name),
-            node.get_logger(),
-            keys=not arguments.disable_keyboard_controls,
-        ) as console,
+        ReplayConsole(thread, plan, bar, node.get_logger(), keys=keys) as console,
     ):
         while thread.running and not stop.requested:
-            console.look(playback)
+            console.update(playback)
         thread.stop()
         thread.join()
         if not stop.requested:
-            for name in node.wait_for_acknowledgement(_ACKNOWLEDGEMENT):
+            for name in node.wait_for_acknowledgement(_ACKNOWLEDGEMENT_TIME):
                 node.get_logger().warning(f"a subscriber of {name} has not confirmed all messages")
-            # What is sent best effort is confirmed by nobody, and may still be on its way.
-            stop.wait(_SETTLING)
+            # Best-effort messages have no acknowledgement, and may still be on their way.
+            stop.wait(_SETTLING_TIME)
     failures = f", {node.failures} requests failed" if node.failures else ""
-    print(
+    return (
         f"replayed {playback.published} messages in {time.monotonic() - began:.1f} s, "
-        f"{playback.lateness}{failures}",
-        flush=True,
+        f"{playback.lateness}{failures}"
     )
-    return 0
 
 
 def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> None:
     deadline = time.monotonic() + DISCOVERY_TIME
-    told = False
+    logged = False
     while node.unheard:
         if time.monotonic() >= deadline:
             if not patient:
                 break
-            if not told:
+            if not logged:
                 node.get_logger().info(f"waiting for subscribers of {', '.join(node.unheard)}")
-                told = True
-        if stop.wait(_LOOK_PERIOD):
+                logged = True
+        if stop.wait(_POLL_PERIOD):
             return
-    stop.wait(_SETTLING)
+    stop.wait(_SETTLING_TIME)
 
 
 @contextmanager
 def _spinning(node: Replayer) -> Iterator[None]:
-    """Answer the node's services meanwhile, in a thread."""
+    """Spin a node in a thread, so that its services answer during the replay."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     ended = threading.Event()
@@ -221,8 +205,3 @@ def _quick_switches() -> Iterator[None]:
         yield
     finally:
         sys.setswitchinterval(before)
-
-
-def _fail(message: str, code: int) -> int:
-    complain("rpud replay", message)
-    return code

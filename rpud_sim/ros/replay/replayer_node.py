@@ -1,4 +1,4 @@
-"""The replayer's node: it publishes serialized messages as their first publishers did."""
+"""Node of the replayer: it publishes serialized messages as their recorded publishers did."""
 
 from __future__ import annotations
 
@@ -15,22 +15,28 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from rosgraph_msgs.msg import Clock
 
 from rpud_sim.bag import Message, Topic, TopicSummary
+from rpud_sim.foundation.terminal import printable
+from rpud_sim.foundation.time import split_seconds
 from rpud_sim.ros.qos import REPLAY_DEPTH, replay_offer
 from rpud_sim.ros.types import UnknownTypeError, message_class
-from rpud_sim.terminal import printable
 
 CLOCK = "/clock"
-_LONGEST_WAIT = 5_000_000_000  # for listeners of a replay in a hurry [ns]
+_LONGEST_WAIT = 5_000_000_000  # for subscribers of a fast replay [ns]
 
 
 class Replayer(Node):
     """Publishes messages of a bag.
 
-    Publishers: `topics`, with their types and the QoS they were offered with, under other names by
-    `remappings` as `OLD:=NEW`; /clock where `with_clock`. Topics are left out, with a warning,
-    whose name is none in ROS, or whose type is not installed, not the only one, or not that of the
-    topic with which they would share a name.
-    Services: those of `ReplayServices`, from when it is given a playback to control.
+    Publishers: the topics, with their types and their recorded QoS, and ``/clock`` if requested. A
+    topic is skipped with a warning if its name is invalid in ROS, if its type is not installed or
+    not the only one, or if it would share its name with a topic of another type.
+
+    Services: those of ``ReplayServices``.
+
+    Args:
+        topics: to publish.
+        with_clock: whether to publish ``/clock``.
+        remappings: other names of topics, as ``OLD:=NEW``.
     """
 
     def __init__(
@@ -49,8 +55,8 @@ class Replayer(Node):
         self._failures = 0
         self._replayed: dict[str, Publisher] = {}
         self._types: dict[str, str] = {}  # by the names that they are published with
-        self._hurried: dict[str, int] = {}  # messages that nobody may have confirmed
-        self._room: dict[str, float] = {}  # how many of them there may be
+        self._hurried: dict[str, int] = {}  # messages that may be unacknowledged
+        self._room: dict[str, float] = {}  # most of them that may be
         self._clock_message = Clock()
         self._clock_publisher: Publisher | None = None
         if with_clock:
@@ -80,11 +86,11 @@ class Replayer(Node):
                 self.get_logger().warning(printable(reason))
                 continue
             self._hurried[name] = 0
-            # Of a latched topic only the last ones are meant to be kept.
+            # A latched topic keeps only its last messages.
             latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
             self._room[name] = inf if latched else min(offer.depth, REPLAY_DEPTH) // 2
 
-    def _await_listeners(self, name: str) -> None:
+    def _wait_for_subscribers(self, name: str) -> None:
         if not self._replayed[name].wait_for_all_acked(Duration(nanoseconds=_LONGEST_WAIT)):
             self._room[name] = inf
             self.get_logger().warning(
@@ -103,22 +109,22 @@ class Replayer(Node):
 
     @property
     def failures(self) -> int:
-        """How often something that arrived from the network raised an error."""
+        """Number of requests that raised an error."""
         return self._failures
 
     def count_failure(self, reason: str) -> None:
-        """Count something that arrived and raised an error, and log why, once a second at most."""
+        """Count a request that raised an error, and log why, once a second at most."""
         self._failures += 1
         self.get_logger().warning(f"request failed: {reason}", throttle_duration_sec=1.0)
 
     @property
     def topic_names(self) -> list[str]:
-        """The topics that are replayed."""
+        """Names of the replayed topics."""
         return list(self._replayed)
 
     @property
     def unheard(self) -> list[str]:
-        """The topics that have no subscriber now."""
+        """Names of the replayed topics without a subscriber."""
         return [
             name
             for name, publisher in self._replayed.items()
@@ -128,8 +134,8 @@ class Replayer(Node):
     def publish(self, message: Message, *, hurried: bool = False) -> None:
         """Publish a message as it was serialized.
 
-        Where messages are `hurried`, reliable listeners are given the time to have them all before
-        the oldest would be overwritten.
+        If messages are ``hurried``, it waits for reliable subscribers before the oldest message
+        that they lack would be overwritten.
         """
         self._replayed[message.topic].publish(message.data)
         if not hurried:
@@ -138,17 +144,17 @@ class Replayer(Node):
         self._hurried[message.topic] += 1
         if self._hurried[message.topic] >= self._room[message.topic]:
             self._hurried[message.topic] = 0
-            self._await_listeners(message.topic)
+            self._wait_for_subscribers(message.topic)
 
     def publish_clock(self, bag_time: int) -> None:
-        """Publish the bag's time [ns] on /clock."""
+        """Publish the bag's time [ns] on ``/clock``."""
         assert self._clock_publisher is not None
         stamp = self._clock_message.clock
-        stamp.sec, stamp.nanosec = divmod(bag_time, 1_000_000_000)
+        stamp.sec, stamp.nanosec = split_seconds(bag_time)
         self._clock_publisher.publish(self._clock_message)
 
     def wait_for_acknowledgement(self, seconds: float) -> list[str]:
-        """Wait until reliable subscribers have all messages; name the topics where some lack."""
+        """Wait until reliable subscribers have all messages; return topics where some lack."""
         deadline = time.monotonic() + seconds
         lacking = []
         for name, publisher in self._replayed.items():

@@ -7,13 +7,11 @@ from rclpy.parameter import Parameter
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.namesakes import Namesakes
-from rpud_sim.ros.drill.pacing import Pacer
-from rpud_sim.ros.drill.parameters import Settings
+from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
-from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
-from rpud_sim.simulation.control import Control
-from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.statistics import Statistics
 
 SECOND = 1_000_000_000
@@ -26,20 +24,23 @@ class Drill:
     def __init__(self, node):
         self.node = node
         self.inbox = Inbox(node.get_logger())
-        self.outputs = DrillPublishers(node, Settings())
-        self.simulation = Simulation(Parameters())
-        self.control = Control(self.simulation.applied, 0.0, 0.5)
+        self.outputs = DrillPublishers(node, publish_clock=False)
+        self.blocks = []
+        self.account = Account(node, 100, self.outputs, self.inbox, Namesakes(node))
+        self.run = Run(Beginning(Settings(telemetry_rate=1, block_duration=1.0)), on_block=self.add)
         self.pacer = Pacer(100)
-        self.account = Account(node, Settings(), self.outputs, self.inbox, Namesakes(node))
+
+    def add(self, block):
+        self.blocks.append(block)
+        self.account.add(block)
 
     def advance(self, time):
-        block = self.simulation.advance_to(time)
-        self.account.add(block)
+        list(self.run.advance_to(time))
         self.pacer.finish(time)
-        return block
+        return self.blocks[-1]
 
     def report(self):
-        self.account.report("running", self.simulation, self.control, self.pacer)
+        self.account.report("running", self.run, self.pacer)
         return self.account.last
 
 
@@ -62,24 +63,24 @@ def figures(*blocks):
 def test_the_first_report_comes_before_the_start(drill):
     assert drill.account.last is None
     assert not drill.account.refused_more()
-    drill.account.report("inactive", drill.simulation, drill.control)
+    drill.account.report("inactive", drill.run)
     report = drill.account.last
-    assert (report.state, report.time) == ("inactive", 0)
+    assert (report.status["state"], report.time) == ("inactive", 0)
     assert report.timing.blocks == 0
     assert drill.account.refused_more() is False
 
 
 def test_a_report_tells_of_the_drill(drill):
     block = drill.advance(SECOND)
-    drill.control.take(WeightOnBit(30.0), drill.simulation)
+    drill.run.control.apply(WeightOnBit(30.0))
     report = drill.report()
     assert report.time == SECOND
-    assert report.impacts == drill.simulation.impact_count >= len(block.impacts) > 0
-    assert report.applied.weight_on_bit == WeightOnBit(30.0)
-    assert report.regime == "drilling"
+    assert report.status["impacts"] == drill.run.simulation.impact_count >= len(block.impacts) > 0
+    assert report.status["weight_on_bit"] == 30.0
+    assert report.status["regime"] == "drilling"
     assert report.timing.blocks == 1
     assert report.figures == figures(block)
-    assert (report.commanders, report.messages_dropped) == (0, 0)
+    assert (report.bookkeeping.commanders, report.bookkeeping.messages_dropped) == (0, 0)
 
 
 def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(drill):
@@ -107,12 +108,12 @@ def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(
 def test_commands_are_counted_and_refusals_call_for_a_report(drill):
     drill.report()
     drill.inbox.accept(WeightOnBit(1.0))
-    drill.inbox.take()
+    drill.inbox.drain()
     assert not drill.account.refused_more()
     drill.inbox.refuse("for a reason")
     assert drill.account.refused_more()
     report = drill.report()
-    assert (report.commands_accepted, report.commands_rejected) == (1, 1)
+    assert (report.bookkeeping.commands_accepted, report.bookkeeping.commands_rejected) == (1, 1)
     assert not drill.account.refused_more()
 
 
@@ -123,16 +124,16 @@ def test_a_new_beginning_counts_from_zero(drill):
     drill.account.begin()
     assert drill.account.due()
     assert drill.account.totals.figures()["events"] == 0
-    assert drill.report().commands_rejected == 0
+    assert drill.report().bookkeeping.commands_rejected == 0
 
 
 def test_lost_commands_are_told(drill):
-    drill.control.set(0.1, 0.1)
+    drill.run.control.set(0.1, 0.1)
     drill.advance(SECOND)
-    drill.control.act(drill.simulation)
+    drill.run.control.act()
     report = drill.report()
-    assert report.commands_lost
-    assert report.applied.weight_on_bit == WeightOnBit(0.0)
+    assert report.bookkeeping.commands_lost
+    assert report.status["weight_on_bit"] == 0.0
 
 
 def test_commanders_are_counted_on_the_topic_that_has_most(drill):
@@ -144,7 +145,7 @@ def test_commanders_are_counted_on_the_topic_that_has_most(drill):
         drill.node.create_publisher(WeightOnBitMessage, "command/weight_on_bit", 1),
         drill.node.create_publisher(Drive, "command/drive", 1),
     ]
-    assert drill.report().commanders == 2
+    assert drill.report().bookkeeping.commanders == 2
     for publisher in publishers:
         drill.node.destroy_publisher(publisher)
 
@@ -162,7 +163,7 @@ def test_commanders_of_a_remapped_topic_are_counted():
     try:
         drill = Drill(node)
         publisher = node.create_publisher(Drive, "/arm/drive", 1)
-        assert drill.report().commanders == 1
+        assert drill.report().bookkeeping.commanders == 1
         node.destroy_publisher(publisher)
     finally:
         node.destroy_node()

@@ -14,8 +14,8 @@ from std_msgs.msg import Header
 
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.parameters import Settings
 from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Settings
 
 SECOND = 1_000_000_000
 NOW = 1000 * SECOND
@@ -60,7 +60,9 @@ class Commander:
         """Give a command, and give back what was taken of it, or why it was refused."""
         taken, refused = [], len(self.inbox.reasons)
         self.publishers[type(message)].publish(message)
-        self.until(lambda: taken.extend(self.inbox.take()) or taken or self.inbox.reasons[refused:])
+        self.until(
+            lambda: taken.extend(self.inbox.drain()) or taken or self.inbox.reasons[refused:]
+        )
         return taken[0] if taken else self.inbox.reasons[-1]
 
     def close(self):

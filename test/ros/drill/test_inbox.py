@@ -19,8 +19,8 @@ def test_commands_come_out_once_in_the_order_in_which_they_came():
     commands = [WeightOnBit(1.0), Drive(False, 0.0, 0.0), WeightOnBit(2.0)]
     for command in commands:
         inbox.accept(command)
-    assert inbox.take() == commands
-    assert inbox.take() == []
+    assert inbox.drain() == commands
+    assert inbox.drain() == []
     assert (inbox.accepted, inbox.rejected) == (3, 0)
 
 
@@ -28,7 +28,7 @@ def test_a_refusal_is_counted_and_logged_with_its_reason():
     log = Log()
     inbox = Inbox(log)
     inbox.refuse("weight_on_bit = -1 N is outside its range [0, 1000] N")
-    assert inbox.take() == []
+    assert inbox.drain() == []
     assert (inbox.accepted, inbox.rejected) == (0, 1)
     assert log.lines == ["command refused: weight_on_bit = -1 N is outside its range [0, 1000] N"]
 
@@ -67,11 +67,11 @@ def test_whoever_takes_is_woken_by_every_command_and_every_refusal():
 def test_a_new_beginning_forgets_what_waits_and_what_was_counted():
     inbox = Inbox(Log())
     inbox.accept(WeightOnBit(1.0))
-    inbox.take()
+    inbox.drain()
     inbox.refuse("for a reason")
     inbox.accept(WeightOnBit(2.0))
     inbox.begin()
-    assert inbox.take() == []
+    assert inbox.drain() == []
     assert (inbox.accepted, inbox.rejected) == (0, 0)
 
 
@@ -87,7 +87,7 @@ def test_nothing_is_lost_between_two_threads():
     filler.start()
     taken = []
     while filler.is_alive() or len(taken) < len(forces):
-        taken += inbox.take()
+        taken += inbox.drain()
     filler.join()
     assert taken == forces
     assert inbox.accepted == len(forces)

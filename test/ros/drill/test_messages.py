@@ -25,19 +25,21 @@ from sensor_msgs.msg import JointState
 from trajectories import arrays_of, rebuild
 
 from rpud_sim.bag.encoder import Encoder
+from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.ros.drill import messages
 from rpud_sim.ros.drill.messages import filled
 from rpud_sim.ros.types import members_of
-from rpud_sim.simulation import CONSTANTS, SEGMENT, fields, preset
+from rpud_sim.simulation import fields, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
-from rpud_sim.simulation.ledger import Faults
-from rpud_sim.simulation.rock import SANDSTONE
+from rpud_sim.simulation.ledger import FaultLedger
+from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.simulation import Simulation
 
+SANDSTONE = RockParameters(rock_model="specific_energy")
 SECOND = 1_000_000_000
 ORIGIN = 1_795_251_166_866_606_964
 RATE = 50_000
@@ -267,7 +269,7 @@ def test_the_status_says_how_the_drill_is():
     )
     simulation.advance_to(SECOND)
     simulation.inject(Fault("lost_preload"))
-    status = filled(Status(), fields.drill_fields(simulation))
+    status = filled(Status(), fields.status_fields(simulation, 0, "running", fields.Bookkeeping()))
     assert status.impacts == simulation.impact_count > 50
     assert status.vibration_amplitude == simulation.actuator.amplitude > 0.0
     assert status.resonance_frequency == 16000.0
@@ -279,14 +281,17 @@ def test_the_status_says_how_the_drill_is():
 
 
 def test_what_the_drill_does_not_have_is_not_a_number():
-    status = filled(Status(), fields.drill_fields(Simulation(preset("drilling"))))
+    status = filled(
+        Status(),
+        fields.status_fields(Simulation(preset("drilling")), 0, "running", fields.Bookkeeping()),
+    )
     assert math.isnan(status.electrical_power)
     assert math.isnan(status.depth)
     assert math.isnan(status.penetration_rate)
 
 
 def test_the_ledger_is_said_record_by_record():
-    ledger = Faults()
+    ledger = FaultLedger()
     ledger.inject(3, Fault("bias", "wrench", 2.5))
     ledger.inject(5, Fault("free_mass_jammed"))
     ledger.clear(SECOND + 4, 1)

@@ -1,19 +1,20 @@
 """What the drill says arrives: block by block, with faults where there are some, and in time."""
 
-import itertools
 import time
 
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rpud_msgs.msg import ContactForce, Faults, NodalPlane, ReactingForce, Trajectory
 
-from rpud_sim.ros.drill.parameters import Settings
-from rpud_sim.ros.drill.publishers import CONTACT_FORCE_QOS, TELEMETRY_QOS, TOPICS, DrillPublishers
+from rpud_sim.ros.drill.publishers import CLOCK, DrillPublishers
 from rpud_sim.simulation import Parameters
+from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
@@ -34,10 +35,14 @@ class Listener:
         self.node = rclpy.create_node("listener")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
-        self.outputs = DrillPublishers(self.drill, Settings().replace(changes))
-        self.outputs.begin(ORIGIN)
-        self.simulation = Simulation(Parameters())
-        self.numbers = itertools.count(1)
+        settings = Settings().replace(changes)
+        self.outputs = DrillPublishers(self.drill, settings.publish_clock)
+        self.settings = settings
+        self.begin(ORIGIN)
+
+    def begin(self, origin):
+        self.run = Run(Beginning(self.settings), wanted=self.outputs.wanted)
+        self.run.begin(origin)
 
     def hear(self, kind, topic, qos=PLENTY):
         heard = []
@@ -53,10 +58,8 @@ class Listener:
             self.executor.spin_once(timeout_sec=0.05)
 
     def go_on(self, blocks):
-        for number in itertools.islice(self.numbers, blocks):
-            block = self.simulation.advance_to(number * 10 * MILLISECOND)
-            self.outputs.publish_block(block, self.simulation.faults.since(block.start))
-            self.outputs.publish_streams(block)
+        for _ in range(blocks):
+            self.outputs.publish(self.run.advance_to(self.run.next_boundary))
 
     def close(self):
         self.executor.shutdown()
@@ -82,9 +85,11 @@ def listener():
 
 def test_every_topic_is_offered_reliably(listener):
     drill = listener(publish_clock=True).drill
-    for topic, (_, qos) in {**TOPICS, "/clock": (None, TELEMETRY_QOS)}.items():
-        [offer] = drill.get_publishers_info_by_topic(topic)
-        assert offer.qos_profile.reliability == qos.reliability
+    for name, topic in {**TOPICS, "/clock": CLOCK}.items():
+        [offer] = drill.get_publishers_info_by_topic(name)
+        assert offer.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        latched = offer.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        assert latched == topic.latched
     assert drill.count_publishers("/clock") == 1
 
 
@@ -110,10 +115,10 @@ def test_the_wire_says_what_faults_make_of_a_signal(listener):
     forces = drill.hear(ReactingForce, "reacting_force")
     planes = drill.hear(NodalPlane, "nodal_plane")
     drill.go_on(5)
-    drill.simulation.inject(Fault("off", "nodal_plane"), 50 * MILLISECOND)
-    number = drill.simulation.inject(Fault("bias", "reacting_force", 1000.0))
+    drill.run.simulation.inject(Fault("off", "nodal_plane"), 50 * MILLISECOND)
+    number = drill.run.simulation.inject(Fault("bias", "reacting_force", 1000.0))
     drill.go_on(5)
-    drill.simulation.clear(number)
+    drill.run.simulation.clear(number)
     drill.go_on(5)
     drill.until(lambda: len(forces) == 15)
     biased = [message.force > 500.0 for message in forces]
@@ -129,60 +134,54 @@ def test_a_stream_comes_in_blocks_and_its_rest_when_it_is_asked_for(listener):
     found = drill.hear(Trajectory, "trajectory")
     drill.go_on(7)
     drill.until(lambda: len(found) == 1)
-    drill.outputs.flush()
+    drill.outputs.publish(drill.run.flush())
     drill.until(lambda: len(found) == 2)
     assert found[1].sequence == len(found[0].duration)
     assert nanoseconds(found[0].origin) == ORIGIN
 
 
-def test_faults_are_told_when_they_change_and_to_whoever_comes_later(listener):
+def test_faults_are_published_when_they_change_and_to_subscribers_that_come_later(listener):
     drill = listener()
-    ledger = drill.simulation.faults
     early = drill.hear(Faults, "faults", LATCHED)
-    drill.outputs.publish_faults(ledger, 0)
-    drill.outputs.publish_faults(ledger, 5)
-    drill.simulation.inject(Fault("lost_preload"))
-    drill.outputs.publish_faults(ledger, 7)
-    drill.outputs.publish_faults(ledger, 8)
+    drill.go_on(2)
+    drill.run.simulation.inject(Fault("lost_preload"))
+    drill.outputs.publish(drill.run.changes())
+    drill.outputs.publish(drill.run.changes())
     drill.until(lambda: len(early) == 2)
     assert [len(message.faults) for message in early] == [0, 1]
     late = drill.hear(Faults, "faults", LATCHED)
     drill.until(lambda: late)
     assert late == early[1:]
     # With another origin the same faults have other stamps.
-    drill.outputs.move(0)
-    drill.outputs.publish_faults(ledger, 9)
+    drill.run.place(0)
+    drill.outputs.publish(drill.run.changes())
     drill.until(lambda: len(early) == 3)
-    assert nanoseconds(early[2].header.stamp) == 9
-    assert nanoseconds(early[1].faults[0].onset) == ORIGIN
-    assert nanoseconds(early[2].faults[0].onset) == 0
+    assert nanoseconds(early[2].header.stamp) == 20 * MILLISECOND
+    assert nanoseconds(early[1].faults[0].onset) == ORIGIN + 20 * MILLISECOND
+    assert nanoseconds(early[2].faults[0].onset) == 20 * MILLISECOND
 
 
-def test_a_beginning_has_new_stamps_and_tells_faults_anew(listener):
+def test_another_run_has_stamps_of_its_own_and_publishes_its_faults(listener):
     drill = listener()
     forces = drill.hear(ReactingForce, "reacting_force")
-    told = drill.hear(Faults, "faults", LATCHED)
-    drill.outputs.publish_faults(drill.simulation.faults, 0)
+    faults = drill.hear(Faults, "faults", LATCHED)
     drill.go_on(3)
-    drill.outputs.begin(2 * ORIGIN // 3)
-    assert drill.outputs.origin == 2 * ORIGIN // 3
-    drill.simulation, drill.numbers = Simulation(Parameters()), itertools.count(1)
-    drill.outputs.publish_faults(drill.simulation.faults, 0)
+    drill.begin(2 * ORIGIN // 3)
     drill.go_on(1)
-    drill.until(lambda: len(forces) == 4 and len(told) == 2)
+    drill.until(lambda: len(forces) == 4 and len(faults) == 2)
     assert nanoseconds(forces[3].header.stamp) == 2 * ORIGIN // 3 + 10 * MILLISECOND
 
 
 def test_patient_publishers_lose_nothing_that_a_slow_listener_wants(listener):
     drill = listener()
-    depth = CONTACT_FORCE_QOS.depth
+    depth = TOPICS["contact_force"].depth
     heard = drill.hear(ContactForce, "contact_force", QoSProfile(depth=10 * depth))
     drill.outputs.patient = True
     blocks = 0
-    while drill.simulation.impact_count < 1.5 * depth:  # as fast as it goes
+    while drill.run.simulation.impact_count < 1.5 * depth:  # as fast as it goes
         drill.go_on(50)
         blocks += 50
-    drill.outputs.wait_for_listeners(10.0)
+    drill.outputs.wait_for_subscribers(10.0)
     # It has not been asked for any of them until now.
     sent = len(Simulation(Parameters()).advance_to(blocks * 10 * MILLISECOND).impacts)
     assert sent > depth

@@ -64,7 +64,7 @@ def clocked(node):
 
 def test_of_itself_time_is_the_machine_s(node):
     drill = node(False)
-    source = TimeSource(drill, False, lambda: None)
+    source = TimeSource(drill, False)
     assert not source.follows
     assert source.schedule is None
     before = time.time_ns()
@@ -77,7 +77,7 @@ def test_of_itself_time_is_the_machine_s(node):
 
 @pytest.mark.parametrize("use_sim_time", [False, True])
 def test_the_source_of_the_clock_begins_at_zero_and_follows_nobody(node, use_sim_time):
-    source = TimeSource(node(use_sim_time), True, lambda: None)
+    source = TimeSource(node(use_sim_time), True)
     assert not source.follows
     assert source.wait(threading.Event(), lambda: None) == 0
     assert source.begin() == 0
@@ -86,7 +86,7 @@ def test_the_source_of_the_clock_begins_at_zero_and_follows_nobody(node, use_sim
 
 
 def test_a_follower_waits_for_the_first_time_and_serves_meanwhile(clocked):
-    source = TimeSource(clocked.node, False, lambda: None)
+    source = TimeSource(clocked.node, False)
     assert source.follows
     served, found = threading.Event(), []
     waiter = threading.Thread(
@@ -102,7 +102,7 @@ def test_a_follower_waits_for_the_first_time_and_serves_meanwhile(clocked):
 
 
 def test_a_follower_that_is_stopped_waits_no_more(clocked):
-    source = TimeSource(clocked.node, False, lambda: None)
+    source = TimeSource(clocked.node, False)
     stop = threading.Event()
     stop.set()
     assert source.wait(stop, lambda: None) == 0
@@ -110,7 +110,7 @@ def test_a_follower_that_is_stopped_waits_no_more(clocked):
 
 
 def test_the_schedule_of_a_follower_is_the_clock_from_its_beginning_on(clocked):
-    source = TimeSource(clocked.node, False, lambda: None)
+    source = TimeSource(clocked.node, False)
     clocked.tell(7 * SECOND)
     assert source.begin() == 7 * SECOND
     clocked.tell(9 * SECOND)
@@ -124,7 +124,8 @@ def test_the_schedule_of_a_follower_is_the_clock_from_its_beginning_on(clocked):
 
 def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_beginning(clocked):
     woken = []
-    source = TimeSource(clocked.node, False, lambda: woken.append(True))
+    source = TimeSource(clocked.node, False)
+    source.notify(lambda: woken.append(True))
     clocked.tell(7 * SECOND)
     source.begin()
     before = len(woken)
@@ -141,7 +142,8 @@ def test_every_jump_wakes_and_one_back_is_remembered_until_the_next_beginning(cl
 
 def test_who_has_stopped_listening_is_woken_no_more(clocked):
     woken = []
-    source = TimeSource(clocked.node, False, lambda: woken.append(True))
+    source = TimeSource(clocked.node, False)
+    source.notify(lambda: woken.append(True))
     source.close()
     clocked.tell(7 * SECOND)
     assert woken == []

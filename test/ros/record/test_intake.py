@@ -6,7 +6,7 @@ from sample_bags import CHAT, START, STRING_DEFINITION, TALK
 
 from rpud_sim.bag import Message, QosProfile
 from rpud_sim.ros.record.intake import Intake
-from rpud_sim.ros.record.recording import Declaration, MessageQueue, Split
+from rpud_sim.ros.record.message_queue import Declaration, MessageQueue, Split
 
 LATCHED = dataclasses.replace(CHAT, offered_qos=(QosProfile(durability="transient_local"),))
 

@@ -6,7 +6,9 @@ import pytest
 import yaml
 
 from rpud_sim.ros.record.journal_scenario import scenario_text
-from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario import parse_scenario
 
 FAULTS = [
@@ -17,11 +19,9 @@ FAULTS = [
 
 
 def content(faults):
-    journal = Journal()
     scenario = parse_scenario({"seed": 3, "faults": faults}, "x.yaml")
-    journal.begin({}, 0.0, 3, scenario)
-    [entry] = journal.take()
-    return scenario, entry.text
+    beginning = Beginning(Settings(), seed=3, scenario=scenario)
+    return scenario, JournalEntry(0, 0, "begin", beginning.to_journal()).text
 
 
 def test_it_is_a_scenario_again_with_what_was_drawn():

@@ -13,10 +13,10 @@ from support import until
 from rpud_sim.bag import Message
 from rpud_sim.bag.losses import Losses
 from rpud_sim.ros.record.intake import Intake
+from rpud_sim.ros.record.message_queue import Declaration, MessageQueue
 from rpud_sim.ros.record.record_report import failure, lost_text
 from rpud_sim.ros.record.recorder_node import Recorder
-from rpud_sim.ros.record.recording import Declaration, MessageQueue
-from rpud_sim.ros.record.selection import TopicSelection
+from rpud_sim.ros.record.topic_selection import TopicSelection
 
 RELIABLE = QoSProfile(depth=100)
 SENSOR = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -70,7 +70,7 @@ def take(recorder, messages, count):
     taken = []
 
     def condition():
-        recorder.take()
+        recorder.receive()
         recorder.finish()
         taken.extend(items(messages))
         return len(taken) >= count
@@ -155,7 +155,7 @@ def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(pee
     for number in range(99):
         publishers[number % 3].publish(Int32(data=number))
         if number % 10 == 0:
-            recorder.take()
+            recorder.receive()
     taken = take(recorder, messages, 102)
     times = [item.log_time for item in taken if isinstance(item, Message)]
     assert len(times) == 99
@@ -171,11 +171,11 @@ def test_what_the_queue_refuses_is_counted_for_its_topic(peer, record):
         until(lambda publisher=publisher: publisher.get_subscription_count() == 1)
     for number in range(25):
         publishers["a"].publish(Int32(data=number))
-    until(lambda: recorder.take() or publishers["a"].wait_for_all_acked())
+    until(lambda: recorder.receive() or publishers["a"].wait_for_all_acked())
     for number in range(25):
         publishers["b"].publish(Int32(data=number))
     publishers["b"].wait_for_all_acked()
-    until(lambda: not recorder.take() and recorder.losses["/rpud/b"].queue == 20)
+    until(lambda: not recorder.receive() and recorder.losses["/rpud/b"].queue == 20)
     assert recorder.losses == {"/rpud/a": Losses(0, 0), "/rpud/b": Losses(0, 20)}
     assert sum(isinstance(item, Message) for item in items(messages)) == 30
 
@@ -302,8 +302,10 @@ def test_what_is_too_short_for_a_message_is_counted_and_not_recorded(peer, recor
     publisher.publish(b"\x00\x01\x00")
     publisher.publish(Int32(data=2))
     publisher.publish(b"")
-    until(lambda: recorder.take() or (recorder.taken == 2 and recorder.losses["/rpud/a"].damaged))
-    until(lambda: recorder.take() or recorder.losses["/rpud/a"] == Losses(0, 0, 2))
+    until(
+        lambda: recorder.receive() or (recorder.taken == 2 and recorder.losses["/rpud/a"].damaged)
+    )
+    until(lambda: recorder.receive() or recorder.losses["/rpud/a"] == Losses(0, 0, 2))
     recorded = [item for item in items(messages) if isinstance(item, Message)]
     assert [message.data[4] for message in recorded] == [1, 2]
     assert "lost 2 messages on /rpud/a: 2 damaged" in lost_text("/rpud/a", Losses(0, 0, 2))
@@ -333,7 +335,7 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
     assert failure(there, allow_empty=False) == "nothing came on 1 topics in /rpud"
     until(lambda: publisher.get_subscription_count() == 1)
     publisher.publish(Int32(data=1))
-    until(lambda: there.take() or there.taken)
+    until(lambda: there.receive() or there.taken)
     assert failure(there, allow_empty=False) == ""
 
 
@@ -345,13 +347,13 @@ def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, cap
     until(discovered(recorder, 2))
     until(lambda: all(each.get_subscription_count() == 1 for each in (silent, talking)))
     silent.publish(Int32(data=1))
-    until(lambda: recorder.take() or recorder.taken == 1)
+    until(lambda: recorder.receive() or recorder.taken == 1)
     began = time.monotonic()
     until(lambda: time.monotonic() > began + 2.2)
 
     def renewed():
         talking.publish(Int32(data=2))
-        recorder.take()
+        recorder.receive()
         recorder.discover()
         return recorder.renewals
 
@@ -366,6 +368,6 @@ def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, cap
         return [item.data[4] for item in recorded if item.topic == "/rpud/silent"]
 
     found = []
-    until(lambda: recorder.take() or found.extend(numbers(messages)) or 3 in found)
+    until(lambda: recorder.receive() or found.extend(numbers(messages)) or 3 in found)
     assert found == [1, 3]  # what is latched came again, and is no new message
     assert recorder.losses["/rpud/silent"].total == 0

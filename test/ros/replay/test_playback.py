@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.bag import BagFormatError, Message
-from rpud_sim.ros.replay.playback import FASTEST_RATE, Plan, Playback, RefusedError
+from rpud_sim.ros.replay.playback import Plan, Playback, RefusedError
+from rpud_sim.ros.replay.replay_options import RATE
 
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
@@ -120,7 +121,7 @@ def test_another_rate_holds_from_then_on():
     assert stage.playback.rate == 0.1
 
 
-@pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * FASTEST_RATE])
+@pytest.mark.parametrize("rate", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * RATE.maximum])
 def test_an_impossible_rate_is_refused_and_changes_nothing(rate):
     stage = Stage([0, SECOND])
     with pytest.raises(RefusedError, match=r"rate = .* is outside its range \(0, 1e\+06\]"):
@@ -235,7 +236,7 @@ def test_without_a_seek_nothing_goes_back_and_nothing_is_lost_or_early(offsets, 
     act = {
         "pause": playback.pause,
         "resume": playback.resume,
-        "faster": lambda: playback.set_rate(min(FASTEST_RATE, playback.rate * 3)),
+        "faster": lambda: playback.set_rate(min(RATE.maximum, playback.rate * 3)),
         "slower": lambda: playback.set_rate(playback.rate / 3),
         "busy": lambda: setattr(stage, "now", stage.now + 2 * SECOND),
         "next": lambda: playback.burst(1) if playback.paused else None,
@@ -250,7 +251,7 @@ def test_without_a_seek_nothing_goes_back_and_nothing_is_lost_or_early(offsets, 
         if change not in ("busy", "next"):
             assert playback.position == before
         last = playback.position
-    playback.set_rate(FASTEST_RATE)
+    playback.set_rate(RATE.maximum)
     playback.resume()
     stage.run()
     assert [offset for offset, _ in stage.sent] == sorted(offsets)

@@ -1,0 +1,26 @@
+"""Commands a weight on bit of 30 N and waits until the drill has applied it: plain rclpy."""
+
+import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rpud_msgs.msg import Status, WeightOnBit
+
+WEIGHT = 30.0  # on bit [N]
+
+statuses = []
+rclpy.init()
+node = rclpy.create_node("press_harder", namespace="/rpud")
+# The drill latches its status: a late subscriber gets the last one at once.
+latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+node.create_subscription(Status, "status", statuses.append, latched)
+commands = node.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
+
+# ROS drops a message that nobody subscribes to, so the command waits for the running drill.
+while not statuses or not commands.get_subscription_count():
+    rclpy.spin_once(node, timeout_sec=0.1)
+commands.publish(WeightOnBit(force=WEIGHT))
+while statuses[-1].weight_on_bit != WEIGHT:
+    rclpy.spin_once(node)
+print(f"weight on bit is {statuses[-1].weight_on_bit} N after {statuses[-1].impacts} impacts")
+
+node.destroy_node()
+rclpy.shutdown()

@@ -1,1 +1,0 @@
-"""Numbers, plots and reports from trajectories and bags."""

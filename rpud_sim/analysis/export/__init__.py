@@ -1,1 +1,0 @@
-"""The tables of a bag as files for other programs: Parquet, CSV, NumPy."""

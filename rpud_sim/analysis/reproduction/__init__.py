@@ -1,1 +1,0 @@
-"""The paper reproduced: every figure and number, with intervals, under every reading."""

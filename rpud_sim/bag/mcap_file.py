@@ -1,0 +1,215 @@
+"""One MCAP file: its topics, records and messages. Times are integer nanoseconds."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
+from functools import cached_property, lru_cache, partial
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.records import Channel, Metadata, Schema
+
+from rpud_sim.bag.errors import BagError, BagFormatError, reading
+from rpud_sim.bag.latched import REPEATED_KEY
+from rpud_sim.bag.mcap_index import MessageTimes, check_ends, complete_statistics, read_summary
+from rpud_sim.bag.messages import Message, Source, chunk_messages, unchunked_messages
+from rpud_sim.bag.metadata import Topic, load_offered_qos
+from rpud_sim.bag.records import parse, read_record
+from rpud_sim.bag.topic_summary import TopicSummary
+
+RECORDS_LIMIT = 64 * 2**20
+"""Greatest size of all metadata records of one name together [bytes]."""
+
+_COMMENT = re.compile(r"#.*")
+_NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
+
+
+class McapFile:
+    """Open MCAP file with its summary section.
+
+    Args:
+        path: of the file.
+        repeats: whether to include messages that the file repeats of the previous one.
+        shown: name of the file in errors; None for ``path``.
+
+    Raises:
+        BagNotFoundError: if the file does not exist.
+        BagFormatError: if it is damaged or incomplete.
+    """
+
+    def __init__(self, path: Path, *, repeats: bool = True, shown: Path | None = None) -> None:
+        self._path = path
+        self._shown = shown or path
+        self._repeats = repeats
+        with reading(self._shown):
+            self._stream: BinaryIO = path.open("rb")
+        try:
+            with reading(self._shown):
+                self.size = os.fstat(self._stream.fileno()).st_size
+                check_ends(self._stream, self.size, self._shown)
+                self._index = read_summary(self._stream, self.size)
+                self.statistics = complete_statistics(self._index)
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def __enter__(self) -> McapFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()
+
+    @cached_property
+    def channels(self) -> dict[int, Channel]:
+        """Channels by their numbers."""
+        return {
+            number: channel
+            for number, channel in self._index.channels.items()
+            if self._repeats or REPEATED_KEY not in channel.metadata
+        }
+
+    @property
+    def schemas(self) -> dict[int, Schema]:
+        """Schemas by their numbers."""
+        return self._index.schemas
+
+    @property
+    def message_count(self) -> int:
+        """Messages of the channels."""
+        counts = self.statistics.channel_message_counts
+        left_out = self._index.channels.keys() - self.channels.keys()
+        return self.statistics.message_count - sum(counts.get(number, 0) for number in left_out)
+
+    @property
+    def start_time(self) -> int:
+        """Log time of the first message [ns]."""
+        return self.statistics.message_start_time
+
+    @property
+    def end_time(self) -> int:
+        """Log time of the last message [ns]."""
+        return self.statistics.message_end_time
+
+    @property
+    def compressions(self) -> set[str]:
+        """Compressions of the chunks; an empty text for those without."""
+        return {index.compression for index in self._index.chunk_indexes}
+
+    @cached_property
+    def topic_channels(self) -> dict[str, list[Channel]]:
+        """Channels of each topic; each publisher may have had its own."""
+        found: dict[str, list[Channel]] = {}
+        for channel in self.channels.values():
+            found.setdefault(channel.topic, []).append(channel)
+        return found
+
+    def records(self, name: str) -> Iterator[dict[str, str]]:
+        """Yield the metadata records of one name in their order.
+
+        Raises:
+            BagFormatError: if one is damaged, or they have more than ``RECORDS_LIMIT`` bytes.
+        """
+        offsets = {index.offset for index in self._index.metadata_indexes if index.name == name}
+        total = 0
+        with self._reading():
+            for offset in sorted(offsets):
+                found = read_record(self._stream, offset, self.size)
+                record = parse(found)
+                total += len(found.content)
+                if not isinstance(record, Metadata):
+                    raise BagFormatError("a metadata record is not where it should be")
+                if total > RECORDS_LIMIT:
+                    raise BagFormatError(f"the records {name} have more than {RECORDS_LIMIT} bytes")
+                if record.name == name:
+                    yield record.metadata
+
+    def topic(self, name: str) -> TopicSummary:
+        """Return the summary of one topic.
+
+        Raises:
+            BagFormatError: if its declaration or an index is damaged.
+        """
+        with self._reading():
+            channels = self.topic_channels[name]
+            schema = self._index.schemas.get(channels[0].schema_id, _NO_SCHEMA)
+            first, last = self._times.span({channel.id for channel in channels})
+            counts = self.statistics.channel_message_counts
+            return TopicSummary(
+                topic=Topic(
+                    name=name,
+                    type=schema.name,
+                    type_hash=channels[0].metadata.get("topic_type_hash", ""),
+                    offered_qos=_offered_qos(channels[0].metadata.get("offered_qos_profiles", "")),
+                    serialization_format=channels[0].message_encoding,
+                ),
+                message_count=sum(counts.get(channel.id, 0) for channel in channels),
+                first_time=first,
+                last_time=last,
+                definition=self._definitions.get(schema.id),
+                kinds=frozenset(map(self._kind, channels)),
+            )
+
+    def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
+        """Yield the chunks that may hold messages of ``topics`` from ``start_time`` [ns] on."""
+        wanted = {
+            number: channel.topic
+            for number, channel in self.channels.items()
+            if topics is None or channel.topic in topics
+        }
+        if not self._index.chunk_indexes:
+            read = partial(unchunked_messages, self._path, self.size, wanted, start_time)
+            yield Source(self.start_time, 0, partial(self._guarded, read))
+        for index in self._index.chunk_indexes:
+            channels = index.message_index_offsets.keys()
+            if index.message_end_time < start_time or (channels and channels.isdisjoint(wanted)):
+                continue
+            yield Source(
+                index.message_start_time,
+                index.uncompressed_size,
+                partial(
+                    self._guarded, partial(chunk_messages, self._stream, index, wanted, start_time)
+                ),
+            )
+
+    def _guarded(self, read: Callable[[], Iterator[Message]]) -> Iterator[Message]:
+        with self._reading():
+            yield from read()
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        if self._stream.closed:
+            raise BagError(f"{self._shown} was closed; open the bag again")
+        with reading(self._shown):
+            yield
+
+    @cached_property
+    def _times(self) -> MessageTimes:
+        return MessageTimes(self._stream, self.size, self._index.chunk_indexes)
+
+    @cached_property
+    def _definitions(self) -> dict[int, str]:
+        """Readable ``ros2msg`` texts of the schemas, by their numbers."""
+        texts = {}
+        for number, schema in self._index.schemas.items():
+            if schema.encoding == "ros2msg":
+                with suppress(UnicodeDecodeError):
+                    texts[number] = schema.data.decode()
+        return texts
+
+    def _kind(self, channel: Channel) -> tuple[str, str, str]:
+        schema = self._index.schemas.get(channel.schema_id, _NO_SCHEMA)
+        text = self._definitions.get(schema.id, "")
+        return channel.message_encoding, schema.name, _without_comments(text)
+
+
+# Thousands of channels share a few texts.
+_offered_qos = lru_cache(maxsize=1024)(load_offered_qos)
+
+
+@lru_cache(maxsize=1024)
+def _without_comments(definition: str) -> str:
+    """Return the parts of a definition that matter, with single blanks."""
+    return " ".join(_COMMENT.sub("", definition).split())

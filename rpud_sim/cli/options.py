@@ -1,0 +1,161 @@
+"""Arguments of all programs: one parser, checked numbers, and arguments that commands share."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import re
+from typing import Any, NoReturn, TypeVar
+
+from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.terminal import printable
+
+LONGEST = 1e9
+"""Greatest number of seconds that an option accepts: thirty years."""
+
+POSITIVE_SECONDS = Quantity("s", "a duration", 0.0, LONGEST, exclusive=True)
+SECONDS = Quantity("s", "a duration or an offset", 0.0, LONGEST)
+BYTES = Quantity("bytes", "a size", 1.0, 1e18, whole=True)
+
+_Options = TypeVar("_Options")
+
+
+class Parser(argparse.ArgumentParser):
+    """Parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with 2."""
+        self.exit(2, f"{self.prog}: {printable(message)}; see {self.prog} --help\n")
+
+
+class Number(argparse.Action):
+    """Argument that is a number in a range.
+
+    Args:
+        quantity: unit and range; a number outside raises ParameterError, which names the option.
+        arguments: as of ``argparse.Action``.
+        options: as of ``argparse.Action``.
+    """
+
+    def __init__(self, *arguments: Any, quantity: Quantity, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._quantity = quantity
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Check the number and keep it."""
+        name = self.option_strings[-1]
+        setattr(namespace, self.dest, self._quantity.check(name, _parse_number(values)))
+
+
+def _parse_number(text: Any) -> Any:
+    """Return the number that a text says; the text itself where it says none."""
+    for kind in (int, float):  # integers first: a float would round a long seed
+        try:
+            return kind(text)
+        except ValueError:
+            pass
+    return text
+
+
+def pattern(text: str) -> re.Pattern[str]:
+    """Return a regular expression; a type for argparse."""
+    try:
+        return re.compile(text)
+    except (re.error, RecursionError, OverflowError) as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no regular expression: {error}") from error
+
+
+def options_from(arguments: argparse.Namespace, kind: type[_Options]) -> _Options:
+    """Return the options of a dataclass, from arguments with the names of its fields."""
+    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
+    return kind(**{field.name: getattr(arguments, field.name) for field in fields})
+
+
+def split_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:
+    """Return the words of a program itself, and those for ROS, from ``--ros-args`` to ``--``.
+
+    rclpy would also read an option ``--remap`` of the program as its own.
+    """
+    own, ros = list(words), []
+    while "--ros-args" in own:
+        begin = own.index("--ros-args")
+        end = own.index("--", begin) + 1 if "--" in own[begin:] else len(own)
+        ros += own[begin:end]
+        del own[begin:end]
+    return own, ros
+
+
+def add_bag_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare BAG."""
+    parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
+
+
+def add_json_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare --json."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def add_range_arguments(parser: argparse.ArgumentParser, verb: str, longest: float) -> None:
+    """Declare --start and --duration of a part of a bag.
+
+    Args:
+        parser: of the command.
+        verb: what the command does with the part.
+        longest: greatest number of seconds.
+    """
+    parser.add_argument(
+        "--start",
+        action=Number,
+        quantity=dataclasses.replace(SECONDS, maximum=longest),
+        default=0.0,
+        metavar="S",
+        help="skip that many seconds of the bag (default: 0)",
+    )
+    parser.add_argument(
+        "--duration",
+        action=Number,
+        quantity=dataclasses.replace(POSITIVE_SECONDS, maximum=longest),
+        metavar="S",
+        help=f"{verb} at most that many seconds (default: to the end)",
+    )
+
+
+def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare --regime, --config and --set."""
+    parser.add_argument(
+        "--regime",
+        choices=("free", "drilling"),
+        help="free is Table 1 of the paper, drilling is Table 2 with 10 N (default: drilling)",
+    )
+    parser.add_argument(
+        "--config", metavar="FILE", help="a ROS parameter file, such as config/drilling.yaml"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="assignments",
+        help="set one parameter, in SI units; can be repeated",
+    )
+
+
+def chosen_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the parameters that were given, by name: the file's, then --regime, then each --set.
+
+    Raises:
+        ParameterError: if the file or an assignment cannot be read.
+    """
+    from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
+
+    values = read_parameter_file(arguments.config) if arguments.config else {}
+    if arguments.regime:
+        values["regime"] = arguments.regime
+    values.update(parse_assignment(text) for text in arguments.assignments)
+    return values

@@ -1,0 +1,174 @@
+"""Start and end of a program: exit codes, errors in one line, signals and standard streams."""
+
+from __future__ import annotations
+
+import enum
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, NoReturn
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.terminal import complain
+
+TRACEBACK = "RPUD_TRACEBACK"
+"""Environment variable: where it is set, an unexpected error shows its traceback."""
+
+_RETRY_DELAY = 0.01  # s
+_OPTIONAL_MODULES = ("pyarrow",)  # of pip; every other module that is missing belongs to ROS
+
+
+class ExitCode(enum.IntEnum):
+    """Exit codes of all programs."""
+
+    DONE = 0
+    FAILED = 1
+    USAGE = 2
+    """A wrong call: an argument, a parameter or a file of parameters cannot be used."""
+    INCOMPLETE = 3
+    """Done, but a part is damaged, lost or different."""
+    INTERRUPTED = 130
+    """Ended by Ctrl-C, as shells count it."""
+
+
+class CommandError(Exception):
+    """Expected end of a command: one line and an exit code.
+
+    Args:
+        reason: one line for the user.
+        code: exit code.
+    """
+
+    def __init__(self, reason: object, code: ExitCode = ExitCode.FAILED) -> None:
+        super().__init__(str(reason))
+        self.code = code
+
+
+@contextmanager
+def failing(*errors: type[Exception], code: ExitCode = ExitCode.FAILED) -> Iterator[None]:
+    """Turn errors of these types into a CommandError with this exit code."""
+    try:
+        yield
+    except errors as error:
+        raise CommandError(error, code) from error
+
+
+def report_errors(program: str, run: Callable[[], int]) -> int:
+    """Run a command and return its exit code; print an expected error as one line.
+
+    Args:
+        program: name that begins the line.
+        run: returns the exit code.
+    """
+    try:
+        return run()
+    except ParameterError as error:
+        complain(program, error)
+        return ExitCode.USAGE
+    except CommandError as error:
+        complain(program, error)
+        return error.code
+
+
+def run_program(program: str, run: Callable[[], Any]) -> NoReturn:
+    """Run a program and exit with its code; an unexpected error becomes one line as well.
+
+    Args:
+        program: name that begins the line.
+        run: returns the exit code, or raises SystemExit.
+    """
+    _open_streams()
+    interrupt = _Interrupt()
+    try:
+        code = run()
+    except SystemExit as end:
+        code = end.code
+    except BrokenPipeError:  # the reader of our output has gone, as `head` does
+        code = ExitCode.DONE
+    except KeyboardInterrupt:
+        code = ExitCode.INTERRUPTED
+    except Exception as error:
+        # An import that is interrupted may end in any error.
+        code = ExitCode.INTERRUPTED if interrupt.seen else _report_unexpected(program, error)
+    sys.exit(_flush(program, code))
+
+
+def _report_unexpected(program: str, error: Exception) -> ExitCode:
+    if os.environ.get(TRACEBACK):
+        import traceback  # only when it is needed, for it slows every start
+
+        traceback.print_exception(error)
+    missing = (error.name or "") if isinstance(error, ModuleNotFoundError) else ""
+    if missing in _OPTIONAL_MODULES:
+        reason = f"needs the Python module {missing}: pip install {missing}"
+    elif missing and not missing.startswith("rpud_sim"):
+        reason = f"needs the Python module {missing}; source ROS 2 Jazzy or env.bash first"
+    elif isinstance(error, OSError):
+        cause = error.strerror or str(error)  # Parquet's have no number
+        reason = f"{error.filename}: {cause}" if error.filename else cause
+    else:
+        text = f"{type(error).__name__}: {error}"
+        reason = f"unexpected {text:.500} ({TRACEBACK}=1 shows where)"
+    complain(program, reason)
+    return ExitCode.FAILED
+
+
+def _flush(program: str, code: Any) -> Any:
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        # Python flushes once more when it ends; what is left must go somewhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if code or isinstance(error, BrokenPipeError):
+            return code
+        complain(program, error.strerror)
+        return ExitCode.FAILED
+    return code
+
+
+def _open_streams() -> None:
+    """Open the standard streams that are closed, and let all of them accept every text.
+
+    Otherwise the next file that is opened would get the number of a closed stream.
+    """
+    for number, mode in ((0, os.O_RDONLY), (1, os.O_RDONLY), (2, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, mode)  # standard output is not writable, and fails when used
+    if sys.stdout is None:
+        sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115 - until the process ends
+    if sys.stderr is None:
+        sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # tests replace them
+            stream.reconfigure(errors="backslashreplace")
+
+
+class _Interrupt:
+    """Handler of SIGINT that raises KeyboardInterrupt.
+
+    Attributes:
+        seen: whether there was a SIGINT.
+    """
+
+    def __init__(self) -> None:
+        self.seen = False
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, self._handle)
+            signal.signal(signal.SIGALRM, self._handle)
+            sys.unraisablehook = self._retry
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.seen = True
+        raise KeyboardInterrupt
+
+    def _retry(self, unraisable: Any) -> None:
+        """Raise it once more where it came in a place that nothing can be raised from."""
+        if isinstance(unraisable.exc_value, KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, _RETRY_DELAY)  # not at once: it would come in here
+        else:
+            sys.__unraisablehook__(unraisable)

@@ -1,0 +1,1 @@
+"""Foundation of all packages: quantities and their checks, parameters, time, files, terminal."""

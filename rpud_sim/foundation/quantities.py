@@ -1,0 +1,177 @@
+"""Allowed values: numbers with unit and range, choices, flags and texts, each with its check."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import reprlib
+from collections.abc import Iterable
+from typing import Any
+
+
+class ParameterError(ValueError):
+    """Unusable parameter; the text names parameter, value, unit and allowed range."""
+
+
+def shown(value: Any) -> str:
+    """Return any value as short text on one line."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # an integer with more digits than Python writes
+        return "a number too long to show"
+
+
+def shown_name(name: Any) -> str:
+    """Return a user's name as short text on one line, in quotes unless it is a plain name."""
+    plain = isinstance(name, str) and name.isprintable() and len(name) <= 60
+    return name if plain else shown(name)
+
+
+def suggestion(name: Any, known: Iterable[str]) -> str:
+    """Return `` (did you mean x?)`` with the nearest known name; empty if none is near.
+
+    It is for messages that list the known names anyway, and stricter than `did_you_mean`: names of
+    topics begin alike.
+    """
+    known = list(known)
+    near = isinstance(name, str)
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.8) if near else []
+    return f" (did you mean {close[0]}?)" if close else ""
+
+
+def did_you_mean(name: Any, known: Iterable[str]) -> str:
+    """Return a hint for an unknown name: the nearest known one, or all of them."""
+    known = list(known)
+    close = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
+    return f"did you mean {close[0]}?" if close else f"known are {', '.join(known)}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """Number with its unit, meaning and allowed range.
+
+    Args:
+        unit: SI unit, empty for a pure number.
+        description: one phrase, with the paper's symbol.
+        minimum: least allowed value.
+        maximum: greatest allowed value.
+        exclusive: whether the minimum itself is forbidden.
+        below: whether the maximum itself is forbidden.
+        whole: whether only whole numbers are allowed.
+    """
+
+    unit: str
+    description: str
+    minimum: float
+    maximum: float
+    exclusive: bool = False
+    below: bool = False
+    whole: bool = False
+
+    @property
+    def range(self) -> str:
+        """The allowed range as text, for example ``(0, 100] kg``."""
+        left = "(" if self.exclusive else "["
+        right = ")" if self.below else "]"
+        return f"{left}{self.minimum:g}, {self.maximum:g}{right} {self.unit}".rstrip()
+
+    def check(self, name: str, value: Any) -> Any:
+        """Return the value as a float, or as an integer where only whole numbers are allowed.
+
+        Raises:
+            ParameterError: if it is no finite number inside the range, or not whole.
+        """
+        number = math.nan
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            try:
+                number = float(value)
+            except OverflowError:
+                number = math.inf
+        above = number > self.minimum if self.exclusive else number >= self.minimum
+        under = number < self.maximum if self.below else number <= self.maximum
+        unit = f" {self.unit}" if self.unit else ""
+        if not (math.isfinite(number) and above and under):
+            text = f"{number:g}" if isinstance(value, float) else shown(value)
+            raise ParameterError(f"{name} = {text}{unit} is outside its range {self.range}")
+        if not self.whole:
+            return number
+        if not number.is_integer():
+            raise ParameterError(f"{name} = {number:g}{unit} is not a whole number")
+        return int(value)
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice:
+    """One of several words.
+
+    Args:
+        description: one phrase.
+        choices: the words.
+    """
+
+    description: str
+    choices: tuple[str, ...]
+
+    @property
+    def range(self) -> str:
+        """The allowed words as text, for example ``one of free, drilling``."""
+        return f"one of {', '.join(self.choices)}"
+
+    def check(self, name: str, value: Any) -> str:
+        """Return the value.
+
+        Raises:
+            ParameterError: if it is none of the words.
+        """
+        if not (isinstance(value, str) and value in self.choices):
+            raise ParameterError(f"{name} = {shown(value)} is not {self.range}")
+        return value
+
+
+@dataclasses.dataclass(frozen=True)
+class Flag:
+    """A truth value.
+
+    Args:
+        description: one phrase.
+    """
+
+    description: str
+    range: str = dataclasses.field(default="true or false", init=False)
+
+    def check(self, name: str, value: Any) -> bool:
+        """Return the value.
+
+        Raises:
+            ParameterError: if it is neither true nor false.
+        """
+        if not isinstance(value, bool):
+            raise ParameterError(f"{name} = {shown(value)} is not true or false")
+        return value
+
+
+@dataclasses.dataclass(frozen=True)
+class Text:
+    """A text.
+
+    Args:
+        description: one phrase.
+        range: which texts are allowed, in words.
+    """
+
+    description: str
+    range: str
+
+    def check(self, name: str, value: Any) -> str:
+        """Return the value.
+
+        Raises:
+            ParameterError: if it is no text.
+        """
+        if not isinstance(value, str):
+            raise ParameterError(f"{name} = {shown(value)} is not a text")
+        return value
+
+
+Allowed = Quantity | Choice | Flag | Text

@@ -1,0 +1,50 @@
+"""Folders and files that appear under their names only when they are complete."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+UNFINISHED = ".unfinished"
+"""Suffix of the name of a file until it is complete."""
+
+
+@contextmanager
+def whole_folder(out: str | os.PathLike[str]) -> Iterator[Path]:
+    """Context with a new folder, which is renamed to ``out`` at its end; deleted after an error.
+
+    Raises:
+        FileExistsError: with the name, if ``out`` or ``out`` with ``.part``, its name until then,
+            exists.
+        OSError: if the folder cannot be made.
+    """
+    whole = Path(os.path.abspath(out))
+    part = Path(f"{whole}.part")
+    for existing, name in ((whole, os.fspath(out)), (part, f"{os.fspath(out)}.part")):
+        if os.path.lexists(existing):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), name)
+    part.mkdir(parents=True)
+    try:
+        yield part
+        part.rename(whole)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Context with a path to write to, which replaces ``path`` when all is on the disk."""
+    unfinished = path.with_name(path.name + UNFINISHED)
+    # A killed process may have left it. A link of that name must not be followed: its target is not
+    # ours.
+    unfinished.unlink(missing_ok=True)
+    unfinished.open("xb").close()
+    yield unfinished
+    with unfinished.open("rb") as file:
+        os.fsync(file.fileno())
+    unfinished.replace(path)

@@ -1,0 +1,1 @@
+"""Inspection of bags: reports, exports, rebuilt waveforms, proofs; and bags of offline runs."""

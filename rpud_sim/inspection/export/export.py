@@ -1,0 +1,241 @@
+"""Export of a bag: one file or folder for each topic, written in bounded memory."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Callable, Collection, Mapping
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+import rpud_sim.bag
+from rpud_sim.bag import BagReader, TopicSummary
+from rpud_sim.bag.columns import Column
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.damages import Damages
+from rpud_sim.inspection.output import new_folder
+
+ACCOUNT = "export.json"
+"""File with the account of an export, and with what the other files have no place for."""
+
+# Module and class of each: Arrow, which may not be installed, is imported only if it is needed.
+FORMATS = {
+    "parquet": ("arrow_files", "ParquetFile"),
+    "csv": ("arrow_files", "CsvFile"),
+    "numpy": ("numpy_files", "NumpyFolder"),
+}
+
+
+class ExportError(Exception):
+    """Bag that cannot be exported; the text gives the reason in one line."""
+
+
+@dataclass(frozen=True)
+class ExportedTopic:
+    """Exported topic.
+
+    Args:
+        name: of the topic.
+        type: of its messages.
+        messages: number of exported ones.
+        rows: of its table.
+        path: of its file or folder, in the folder of the export.
+        size: of its files [bytes].
+    """
+
+    name: str
+    type: str
+    messages: int
+    rows: int
+    path: str
+    size: int
+
+
+@dataclass(frozen=True)
+class Exported:
+    """Result of an export.
+
+    Args:
+        path: of the folder.
+        format: one of ``FORMATS``.
+        topics: in the order of their names.
+        left_out: topics that cannot be tables, with the reason.
+        damaged: amount and reason of the damaged parts that were skipped, by topic or record.
+    """
+
+    path: str
+    format: str
+    topics: tuple[ExportedTopic, ...]
+    left_out: dict[str, str]
+    damaged: dict[str, str]
+
+
+def export(
+    path: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    file_format: str = "parquet",
+    topics: Collection[str] | None = None,
+    start: float = 0.0,
+    duration: float | None = None,
+    report: Callable[[int], object] = lambda messages: None,
+) -> Exported:
+    """Write one table for each topic; ``out`` appears when all tables are complete.
+
+    Args:
+        path: of the bag.
+        out: new folder for the files.
+        file_format: one of ``FORMATS``.
+        topics: names; None for all that can be tables.
+        start: of the exported part, from the beginning of the bag [s].
+        duration: of the exported part, at most [s]; None for all.
+        report: called with the number of messages that were exported since its last call.
+
+    Raises:
+        BagError: if the bag cannot be read, or a topic is unknown or cannot be a table.
+        ExportError: if the files cannot be written.
+    """
+    with rpud_sim.bag.open(path) as bag:
+        if 0 < bag.duration < start * SECOND:
+            held = bag.duration / SECOND
+            raise ExportError(f"--start = {start:g} s is not in the {held:g} s that the bag holds")
+        left_out = bag.left_out if topics is None else {}
+        damages = Damages(bag)
+        chosen = [
+            summary
+            for summary in bag.readable_topics
+            if summary.topic.name not in left_out
+            and (topics is None or summary.topic.name in topics)
+        ]
+        length = None if duration is None else round(duration * SECOND)
+        # Before any file is created, so that an unknown topic leaves no file behind.
+        batches = bag.batches(
+            [summary.topic.name for summary in chosen] if topics is None else topics,
+            round(start * SECOND),
+            length,
+            damages.add,
+        )
+        with new_folder(out, ExportError) as folder:
+            files = _Files(bag, folder, file_format, chosen, damages)
+            with files:
+                for batch in batches:
+                    files.write(batch.topic, batch.columns, len(batch), batch.message_count)
+                    report(batch.message_count)
+            exported = Exported(
+                os.fspath(out), file_format, files.exported(), left_out, damages.texts
+            )
+            account = {**asdict(exported), **files.account}
+            text = json.dumps(account, indent=2, ensure_ascii=False)
+            (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
+    return exported
+
+
+_ROS_NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_LONGEST = 180  # bytes; file systems take 255
+
+
+def file_stem(topic: str) -> str:
+    """Return the name of a topic's file without its ending, as in ``rpud.contact_force``.
+
+    Different topics have different names. A topic whose name is not one of ROS gets the prefix
+    ``topic-``, and escapes for all characters that a path could interpret.
+    """
+    if _ROS_NAME.fullmatch(topic):
+        stem = topic[1:].replace("/", ".")
+    else:
+        stem = "topic-" + quote(topic, safe="")
+    if len(stem) > _LONGEST:
+        stem = f"{stem[:_LONGEST]}-{hashlib.sha256(topic.encode()).hexdigest()[:16]}"
+    return stem
+
+
+class _Files:
+    """Open files of all topics."""
+
+    def __init__(
+        self,
+        bag: BagReader,
+        folder: Path,
+        file_format: str,
+        topics: Collection[TopicSummary],
+        damages: Damages,
+    ) -> None:
+        module, name = FORMATS[file_format]
+        self._make = getattr(import_module(f"rpud_sim.inspection.export.{module}"), name)
+        self._folder = folder
+        self._topics = {summary.topic.name: summary for summary in topics}
+        self._columns = {name: bag.columns(name) for name in self._topics}
+        self._counts = {name: [0, 0] for name in self._topics}
+        self._files: dict[str, Any] = {}
+        self._open = ExitStack()
+        self._about = {
+            "bag": str(bag.path),
+            "bag_start_time": bag.start_time,
+            "manifests": damages.records(bag, MANIFEST),
+        }
+
+    def __enter__(self) -> _Files:
+        """Create the files."""
+        with self._open:
+            for name, columns in self._columns.items():
+                metadata = {"rpud_sim": {**self._about, **self._describe(name)}}
+                file = self._make(self._folder / file_stem(name), columns, metadata)
+                self._files[name] = file
+                self._open.callback(file.close)
+            self._open = self._open.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
+
+    def write(
+        self, topic: str, columns: Mapping[str, np.ndarray], rows: int, messages: int
+    ) -> None:
+        """Add rows to the file of a topic."""
+        self._files[topic].write(columns)
+        self._counts[topic][0] += messages
+        self._counts[topic][1] += rows
+
+    def exported(self) -> tuple[ExportedTopic, ...]:
+        """Return the account of each topic, after the files are closed."""
+        return tuple(
+            ExportedTopic(
+                name,
+                summary.topic.type,
+                self._counts[name][0],
+                self._counts[name][1],
+                self._files[name].paths[0].relative_to(self._folder).parts[0],
+                sum(path.stat().st_size for path in self._files[name].paths),
+            )
+            for name, summary in self._topics.items()
+        )
+
+    @property
+    def account(self) -> dict[str, Any]:
+        """Content of ``export.json`` about the bag and the columns."""
+        return {**self._about, "tables": {name: self._describe(name) for name in self._topics}}
+
+    def _describe(self, topic: str) -> dict[str, Any]:
+        summary = self._topics[topic]
+        return {
+            "topic": topic,
+            "type": summary.topic.type,
+            "type_hash": summary.topic.type_hash,
+            "losses": asdict(summary.losses) if summary.losses else None,
+            "columns": {column.name: _describe_column(column) for column in self._columns[topic]},
+        }
+
+
+def _describe_column(column: Column) -> dict[str, Any]:
+    content = {"kind": column.kind.value, "unit": column.unit, "description": column.description}
+    if column.dtype != object:
+        content["dtype"] = str(column.dtype)
+    return content

@@ -1,0 +1,139 @@
+"""NumPy files: one folder for each table, with one growing file for each column."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib.format import dtype_to_descr, write_array_header_1_0
+
+from rpud_sim.bag.columns import Column, Kind
+
+_VARYING = (Kind.SEQUENCE, Kind.TEXT, Kind.NESTED)
+_PIECE = 65_536  # elements
+
+
+class NumpyFolder:
+    """Table as a folder of ``.npy`` files, which can be mapped into memory.
+
+    Times and durations are integer nanoseconds. A column without a fixed length takes two files:
+    row n lies in ``name.npy`` from ``name.offsets.npy`` [n] to [n + 1]. Texts are their UTF-8
+    bytes; sequences of other things than numbers are JSON text.
+
+    Args:
+        path: of the new folder.
+        columns: of the table.
+        metadata: not written, since the files have no place for it.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
+        self._columns = columns
+        path.mkdir()
+        self._files: dict[str, _GrowingFile] = {}
+        for column in columns:
+            name = column.name
+            if column.kind in _VARYING:
+                dtype = column.dtype if column.kind is Kind.SEQUENCE else np.dtype(np.uint8)
+                self._files[name] = _GrowingFile(path / f"{name}.npy", dtype)
+                offsets = _GrowingFile(path / f"{name}.offsets.npy", np.dtype(np.int64))
+                offsets.write(np.zeros(1, np.int64))
+                self._files[f"{name}.offsets"] = offsets
+            else:
+                shape = (column.length,) if column.kind is Kind.ARRAY else ()
+                self._files[name] = _GrowingFile(path / f"{name}.npy", column.dtype, shape)
+        self.paths = [file.path for file in self._files.values()]
+
+    def write(self, values: Mapping[str, np.ndarray]) -> None:
+        """Add rows."""
+        for column in self._columns:
+            file = self._files[column.name]
+            found = values[column.name]
+            if column.kind in _VARYING:
+                lengths, found = _concatenate(column, found)
+                ends = file.length + np.cumsum(lengths, dtype=np.int64)
+                self._files[f"{column.name}.offsets"].write(ends)
+            file.write(found)
+
+    def close(self) -> None:
+        """Complete the files."""
+        for file in self._files.values():
+            file.close()
+
+
+def _concatenate(column: Column, values: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """Return the length of each value, and all values one after the other."""
+    if column.kind is Kind.SEQUENCE:
+        return [*map(len, values)], np.concatenate([np.empty(0, column.dtype), *values])
+    texts = values if column.kind is Kind.TEXT else map(to_json, values)
+    encoded = [text.encode() for text in texts]
+    return [*map(len, encoded)], np.frombuffer(b"".join(encoded), np.uint8)
+
+
+class _GrowingFile:
+    """Growing ``.npy`` file whose length is written at the end.
+
+    It is not kept open: a bag may have more columns than a process may have open files.
+
+    Attributes:
+        path: of the file.
+        dtype: of its numbers.
+        length: rows so far.
+    """
+
+    def __init__(self, path: Path, dtype: np.dtype, shape: tuple[int, ...] = ()) -> None:
+        self.path = path
+        self.dtype = dtype
+        self.length = 0
+        self._shape = shape
+        with path.open("xb") as stream:
+            self._write_header(stream)
+            self._begin = stream.tell()
+
+    def write(self, values: np.ndarray) -> None:
+        """Add rows."""
+        with self.path.open("ab") as stream:
+            stream.write(np.ascontiguousarray(values, self.dtype).data)
+        self.length += len(values)
+
+    def close(self) -> None:
+        """Write the length."""
+        with self.path.open("r+b") as stream:
+            self._write_header(stream)
+            # Or rows would be overwritten; NumPy pads the header for the greatest length.
+            assert stream.tell() == self._begin
+
+    def _write_header(self, stream: Any) -> None:
+        shape = (self.length, *self._shape)
+        descr = dtype_to_descr(self.dtype)
+        write_array_header_1_0(stream, {"descr": descr, "fortran_order": False, "shape": shape})
+
+
+def to_json(value: Any) -> str:
+    """Return a value as one line of JSON; NaN and infinity, which JSON lacks, are texts.
+
+    Args:
+        value: an array, or lists and dictionaries of numbers and texts.
+    """
+    if isinstance(value, np.ndarray) and value.size > _PIECE:
+        # One list of everything would take many times the memory of the array.
+        pieces = (to_json(value[at : at + _PIECE])[1:-1] for at in range(0, len(value), _PIECE))
+        return f"[{', '.join(pieces)}]"
+    plain = value.tolist() if isinstance(value, np.ndarray) else value
+    try:
+        return json.dumps(plain, ensure_ascii=False, allow_nan=False)
+    except ValueError:
+        return json.dumps(_name_infinities(plain), ensure_ascii=False)
+
+
+def _name_infinities(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _name_infinities(item) for name, item in value.items()}
+    if isinstance(value, list):
+        return [_name_infinities(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
+    return value

@@ -1,0 +1,86 @@
+"""Bag of a run without ROS: the topics of the drill node, in simulation time from zero."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+
+from rpud_sim.bag import BagWriter, QosProfile, Topic
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition, find_type_hash
+from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
+from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.topics import TOPICS
+
+NAMESPACE = "/rpud"
+
+
+def write_offline_bag(
+    path: str | os.PathLike[str],
+    beginning: Beginning,
+    duration: float,
+    scenario_text: str = "",
+    report: Callable[[float], object] = lambda seconds: None,
+) -> None:
+    """Simulate a run and write a bag of it; the bag's clock is simulation time.
+
+    The bag holds what the drill node would publish.
+
+    Args:
+        path: folder of the new bag.
+        beginning: of the run.
+        duration: simulated time [s].
+        scenario_text: of the scenario's file, for the bag's manifest.
+        report: called with the seconds that were simulated since its last call.
+
+    Raises:
+        BagError: if the bag cannot be written.
+        EngineError: if the engine cannot continue.
+        FaultError: if a fault of the scenario is not possible.
+    """
+    run = Run(beginning, Journal())
+    codecs = {
+        name: Codec(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()
+    }
+    manifest = Manifest(
+        parameters={**beginning.settings.values(), "seed": beginning.seed},
+        scenario=scenario_text,
+        command=tuple(sys.argv),
+        versions=installed_versions(),
+        machine=machine_name(),
+    )
+    with BagWriter(path) as bag:
+        bag.add_record(MANIFEST_RECORD, manifest.to_record())
+        for name, topic in TOPICS.items():
+            # The offers of the node's publishers, as a recorder discovers them.
+            offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
+            bag.add_topic(
+                Topic(f"{NAMESPACE}/{name}", topic.type, find_type_hash(topic.type), (offer,)),
+                find_definition(topic.type),
+            )
+        for time, name, values in _messages(run, round(duration * SECOND), report):
+            bag.write(f"{NAMESPACE}/{name}", codecs[name].encode(values), time, time)
+        losses = {f"{NAMESPACE}/{name}": Losses() for name in TOPICS}
+        bag.add_record(RECORD_NAME, losses_to_record(losses))
+
+
+def _messages(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Entry]:
+    """Yield the messages of a run, with a status every second."""
+    run.begin(0)
+    yield from run.changes()
+    yield run.status("running", Bookkeeping())
+    while run.time < end:
+        before = run.time
+        yield from run.advance_to(min(run.next_boundary, end))
+        report((run.time - before) / SECOND)
+        if run.time % SECOND == 0:
+            yield run.status("running", Bookkeeping())
+    yield from run.flush("end")
+    yield run.status("stopped", Bookkeeping())

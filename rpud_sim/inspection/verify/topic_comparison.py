@@ -1,0 +1,267 @@
+"""Comparison of the recorded messages of one topic with the computed ones, in their order."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import deque
+from collections.abc import Iterator
+
+from rpud_sim.bag import Message
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.inspection.verify.messages import (
+    UNREADABLE,
+    Key,
+    computed_key,
+    first_difference,
+    recorded_key,
+    without_padding,
+    without_repeats,
+)
+from rpud_sim.inspection.verify.recorded_journal import Position, Span, Stretches
+from rpud_sim.simulation.fields import Fields
+
+# Suspects kept of a topic: further ones show nothing that these do not.
+_MOST_SUSPECTS = 10_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Difference:
+    """Difference between a recorded message and the computed one.
+
+    Args:
+        topic: name of its topic.
+        stamp: its stamp [ns].
+        log_time: when it was recorded [ns].
+        field: that differs, as in ``wrench.force.z`` or ``position[3]``; empty for the whole.
+        recorded: value in the bag.
+        computed: value in the simulation; None if the simulation gives no such message.
+    """
+
+    topic: str
+    stamp: int
+    log_time: int
+    field: str
+    recorded: str
+    computed: str | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Counts:
+    """Numbers of messages of a topic, by result of the comparison.
+
+    Args:
+        equal: bit for bit.
+        different: in at least one bit.
+        missing: computed between two recorded ones, and not in the bag.
+        unexpected: in the bag, and not computed.
+        tail: computed after the last recorded one, while the recording went on.
+    """
+
+    equal: int = 0
+    different: int = 0
+    missing: int = 0
+    unexpected: int = 0
+    tail: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Suspect:
+    """Recorded message that its run does not give.
+
+    Args:
+        difference: how it differs.
+        key: stamp [ns] and sequence number.
+        data: its bytes, zero between fields.
+    """
+
+    difference: Difference
+    key: Key
+    data: bytes
+
+
+@dataclasses.dataclass(frozen=True)
+class _Computed:
+    key: Key
+    fields: Fields
+    position: Position
+    last_stretch: int  # in which it was computed again, with nothing between
+
+
+@dataclasses.dataclass(frozen=True)
+class _Recorded:
+    key: Key
+    message: Message
+    first_stretch: int
+    last_stretch: int
+
+
+class TopicComparison:
+    """Comparison of one topic's computed messages with its recorded ones, both in order.
+
+    Either side may lack messages: a recorder began late, ended early or lost some, or messages were
+    inserted. Only the messages that follow show whether one is missing or altered, so the
+    comparison always looks at two of each side.
+
+    Args:
+        topic: name of the topic.
+        codec: of its type.
+        recorded: its messages in the bag.
+        stretches: of the journal; stamps may repeat in the next one.
+        span: part of the runs that the bag covers.
+
+    Attributes:
+        counts: results so far.
+        suspects: messages so far that are not as computed, at most 10,000.
+    """
+
+    def __init__(
+        self,
+        topic: str,
+        codec: Codec,
+        recorded: Iterator[Message],
+        stretches: Stretches,
+        span: Span,
+    ) -> None:
+        self.counts = Counts()
+        self.suspects: list[Suspect] = []
+        self._topic = topic
+        self._codec = codec
+        self._stretches = stretches
+        self._span = span
+        self._source = without_repeats(recorded)
+        self._recorded: deque[_Recorded] = deque()
+        self._computed: deque[_Computed] = deque()
+        self._last: tuple[Key, Fields] = (UNREADABLE, {})
+        self._missing = 0  # computed messages skipped since the last recorded one
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether all recorded messages are compared."""
+        return self._peek(0) is None
+
+    def add(self, computed: Fields, position: Position) -> None:
+        """Add the next computed message, and the progress of the drill at it."""
+        key = computed_key(computed)
+        if (key, computed) == self._last:
+            # A repeated computed message adds nothing; repeats in the bag are skipped as well.
+            self._computed[-1] = dataclasses.replace(self._computed[-1], last_stretch=position[0])
+            return
+        self._last = (key, computed)
+        self._computed.append(_Computed(key, computed, position, position[0]))
+        while len(self._computed) > 1:
+            self._step()
+
+    def finish(self) -> None:
+        """Compare the remaining messages: no more are computed."""
+        while self._computed:
+            self._step()
+        while (recorded := self._peek(0)) is not None:
+            self._add_unexpected(recorded)
+
+    def _peek(self, index: int) -> _Recorded | None:
+        while len(self._recorded) <= index:
+            message = next(self._source, None)
+            if message is None:
+                return None
+            key = recorded_key(message, self._codec)
+            self._recorded.append(_Recorded(key, message, *self._stretches.of(message)))
+        return self._recorded[index]
+
+    def _step(self) -> None:
+        """Decide about the first computed message, the first recorded one, or both."""
+        computed = self._computed[0]
+        recorded = self._peek(0)
+        if recorded is None:
+            self._computed.popleft()  # the recording of this topic has ended
+            self._add_tail(computed)
+        elif computed.last_stretch < recorded.first_stretch:
+            self._skip_computed()
+        elif computed.position[0] > recorded.last_stretch:
+            self._add_unexpected(recorded)
+        else:
+            self._compare_keys(computed, recorded)
+
+    def _compare_keys(self, computed: _Computed, recorded: _Recorded) -> None:
+        after_computed = self._computed[1].key if len(self._computed) > 1 else None
+        after = self._peek(1)
+        after_recorded = None if after is None else after.key
+        if recorded.key == computed.key:
+            # A later computed message may have the same key, and be the one that was recorded.
+            ambiguous = after_computed == computed.key or (
+                after_computed not in (None, after_recorded)
+                and self._may_follow(recorded, computed)
+            )
+            if ambiguous and not self._is_equal(recorded, self._codec.encode(computed.fields)):
+                self._skip_computed()
+            else:
+                self._match(computed, recorded)
+        elif after_computed == after_recorded:
+            self._match(computed, recorded)  # its followers agree: an altered stamp
+        elif recorded.key != after_computed and (
+            after_recorded == computed.key or not self._is_later(recorded, computed)
+        ):
+            self._add_unexpected(recorded)
+        else:
+            self._skip_computed()
+
+    def _match(self, computed: _Computed, recorded: _Recorded) -> None:
+        self._computed.popleft()
+        self._recorded.popleft()
+        expected = self._codec.encode(computed.fields)
+        equal = self._is_equal(recorded, expected)
+        counts = self.counts
+        # Messages before a topic's first one were published before the recorder subscribed.
+        missing = self._missing if counts.equal + counts.different else 0
+        self._missing = 0
+        self.counts = dataclasses.replace(
+            counts,
+            equal=counts.equal + equal,
+            different=counts.different + (not equal),
+            missing=counts.missing + missing,
+        )
+        if not equal:
+            found = first_difference(self._codec, recorded.message.data, expected)
+            self._add_suspect(computed.key[0], recorded, *found)
+
+    def _add_tail(self, computed: _Computed) -> None:
+        matched = self.counts.equal + self.counts.different
+        if computed.position <= self._span.reached and (
+            matched or computed.position > self._span.begun
+        ):
+            # Skipped ones lie before an unexpected message here, so they are missing at the end.
+            tail = self.counts.tail + self._missing * bool(matched) + 1
+            self._missing = 0
+            self.counts = dataclasses.replace(self.counts, tail=tail)
+
+    def _skip_computed(self) -> None:
+        self._computed.popleft()
+        self._missing += 1
+
+    def _add_unexpected(self, recorded: _Recorded) -> None:
+        self._recorded.popleft()
+        self.counts = dataclasses.replace(self.counts, unexpected=self.counts.unexpected + 1)
+        self._add_suspect(recorded.key[0], recorded, "", "a message", None)
+
+    def _is_later(self, recorded: _Recorded, computed: _Computed) -> bool:
+        """Whether a recorded message belongs after a computed one."""
+        if recorded.key == UNREADABLE:
+            return False
+        return recorded.key > computed.key or self._may_follow(recorded, computed)
+
+    def _may_follow(self, recorded: _Recorded, computed: _Computed) -> bool:
+        """Whether a recorded message may be of a later stretch than a computed one."""
+        return recorded.last_stretch > computed.last_stretch
+
+    def _add_suspect(
+        self, stamp: int, recorded: _Recorded, field: str, value: str, computed: str | None
+    ) -> None:
+        if len(self.suspects) < _MOST_SUSPECTS:
+            message = recorded.message
+            difference = Difference(self._topic, stamp, message.log_time, field, value, computed)
+            data = without_padding(message, self._codec)
+            self.suspects.append(Suspect(difference, recorded.key, data))
+
+    def _is_equal(self, recorded: _Recorded, expected: bytes) -> bool:
+        """Whether all fields are equal bit for bit; padding between fields is ignored."""
+        message = recorded.message
+        return message.data == expected or without_padding(message, self._codec) == expected

@@ -1,0 +1,273 @@
+"""Verification of a bag: its journal is run again and every message compared, in bounded memory."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import rpud_sim.bag
+from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.verify.content_comparison import ContentComparison
+from rpud_sim.inspection.verify.coverage import find_coverage
+from rpud_sim.inspection.verify.installed_types import JOURNAL, installed_codec, is_installed
+from rpud_sim.inspection.verify.recorded_journal import (
+    BEGINNINGS,
+    Position,
+    Stretches,
+    UnverifiableError,
+    journal_entries,
+)
+from rpud_sim.inspection.verify.topic_comparison import Counts, Difference, Suspect, TopicComparison
+from rpud_sim.simulation import EngineError
+from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.rerun import JournalError, Rerun
+from rpud_sim.simulation.topics import PROVED, TOPICS
+from rpud_sim.simulation.versions import engine_and_processor
+
+# Time that is simulated beyond the last stamp: a block may end later [ns].
+_TAIL = 2 * SECOND
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Result of re-running a bag's journal.
+
+    Args:
+        topics: results of each topic, by its name.
+        lost: messages that the recorder counted as lost, by topic; None if it did not count.
+        first_difference: by the bag's clock, of a message that no run gives; None if all agree.
+        undecided: why it cannot be decided whether messages differ, one line; empty if it can.
+        simulated: simulation time that was run again [ns].
+        warnings: one line each.
+        other_versions: whether other versions made the bag than those that verified it.
+    """
+
+    topics: dict[str, Counts]
+    lost: dict[str, int | None]
+    first_difference: Difference | None
+    undecided: str
+    simulated: int
+    warnings: tuple[str, ...]
+    other_versions: bool
+
+    @property
+    def proved(self) -> bool:
+        """Whether every message is what the simulation gives, and none is missing at the end."""
+        return not (self.first_difference or self.undecided or self.tail)
+
+    @property
+    def tail(self) -> int:
+        """Number of messages that are missing at the end, of all topics."""
+        return sum(counts.tail for counts in self.topics.values())
+
+
+def verify(
+    path: str | os.PathLike[str], report: Callable[[float], object] = lambda seconds: None
+) -> Verification:
+    """Run the simulations of a bag again and compare every message with those in the bag.
+
+    Args:
+        path: of the bag.
+        report: called with the seconds that were simulated since its last call.
+
+    Raises:
+        BagError: if the bag cannot be read.
+        UnverifiableError: if it holds no complete journal, or nothing that the journal could prove.
+    """
+    with rpud_sim.bag.open(path) as bag:
+        journals = [summary for summary in bag.topics if summary.topic.type == JOURNAL]
+        held = [summary for summary in journals if summary.message_count]
+        if not held:
+            raise UnverifiableError(
+                f"{path} holds no journal; record the topic journal, or all of the namespace"
+            )
+        parts = [_Proof(bag, journal).run(report) for journal in held]
+    differences = [part.first_difference for part in parts if part.first_difference]
+    return Verification(
+        {name: counts for part in parts for name, counts in part.topics.items()},
+        {name: lost for part in parts for name, lost in part.lost.items()},
+        min(differences, key=lambda difference: difference.log_time, default=None),
+        next((part.undecided for part in parts if part.undecided), ""),
+        sum(part.simulated for part in parts),
+        tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
+        any(part.other_versions for part in parts),
+    )
+
+
+class _Proof:
+    """Proof of one namespace of a bag."""
+
+    def __init__(self, bag: BagReader, journal: TopicSummary) -> None:
+        self._bag = bag
+        self._journal = journal.topic.name
+        self._codec = installed_codec(journal.topic)
+        prefix = self._journal[: -len("journal")]
+        self._summaries = {
+            summary.topic.name.removeprefix(prefix): summary
+            for summary in bag.topics
+            if summary.topic.name.startswith(prefix)
+        }
+        self._names = [
+            name
+            for name in PROVED
+            if name in self._summaries
+            and (self._summaries[name].message_count or is_installed(self._summaries[name].topic))
+        ]
+        if not any(self._summaries[name].message_count for name in self._names):
+            raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
+        self._codecs = {name: installed_codec(self._summaries[name].topic) for name in self._names}
+        self._warnings: dict[str, None] = {}
+        self._other_versions = False
+        self._simulated = 0
+
+    def run(self, report: Callable[[float], object]) -> Verification:
+        self._stretches = Stretches(self._entries())
+        self._coverage = find_coverage(self._bag, self._coverage_codecs(), self._stretches)
+        comparisons = self._compare(report)
+        counts = {name: comparison.counts for name, comparison in comparisons.items()}
+        suspects = {name: c.suspects for name, c in comparisons.items() if c.suspects}
+        found = [group[0].difference for group in suspects.values()]
+        undecided = ""
+        if suspects and self._stretches.runs > 1:
+            found = self._decide(suspects, counts, report)
+            left = [name for name in suspects if counts[name].different + counts[name].unexpected]
+            if left and not found:
+                undecided = (
+                    f"the bag holds {self._stretches.runs} runs, and it cannot be decided which "
+                    f"of them messages of {self._summaries[left[0]].topic.name} belong to"
+                )
+        held = [
+            name for name in self._names if self._summaries[name].message_count or counts[name].tail
+        ]
+        losses = {name: self._summaries[name].losses for name in held}
+        return Verification(
+            {self._summaries[name].topic.name: counts[name] for name in held},
+            {
+                self._summaries[name].topic.name: None if lost is None else lost.total
+                for name, lost in losses.items()
+            },
+            min(found, key=lambda difference: difference.log_time, default=None),
+            undecided,
+            self._simulated,
+            tuple(self._warnings),
+            self._other_versions,
+        )
+
+    def _coverage_codecs(self) -> dict[str, Codec]:
+        codecs = {self._summaries[name].topic.name: codec for name, codec in self._codecs.items()}
+        status = self._summaries.get("status")
+        if status and status.topic.type == TOPICS["status"].type and status.definition:
+            with contextlib.suppress(BagFormatError):
+                # A status of any version shows the progress of the drill.
+                codecs[status.topic.name] = Codec(TOPICS["status"].type, status.definition)
+        return codecs
+
+    def _compare(self, report: Callable[[float], object]) -> dict[str, TopicComparison]:
+        """Compare each message with those of the run in which it was published."""
+        comparisons = {
+            name: TopicComparison(
+                self._summaries[name].topic.name,
+                codec,
+                self._messages(name),
+                self._stretches,
+                self._coverage.span,
+            )
+            for name, codec in self._codecs.items()
+        }
+        for name, values, position in self._computed(report):
+            if name in comparisons:
+                comparisons[name].add(values, position)
+                if position > self._coverage.span.reached and all(
+                    comparison.exhausted for comparison in comparisons.values()
+                ):
+                    break
+        for comparison in comparisons.values():
+            comparison.finish()
+        return comparisons
+
+    def _decide(
+        self,
+        suspects: Mapping[str, Sequence[Suspect]],
+        counts: dict[str, Counts],
+        report: Callable[[float], object],
+    ) -> list[Difference]:
+        """Look for suspects in all runs; return the differences of those that no run gives.
+
+        Times may mislead: other recorders do not keep publishing times, or the clock was set back.
+        If the content of a topic's messages proves all of them, its counts are corrected.
+        """
+        simulated = self._simulated
+        contents = {
+            name: ContentComparison(group, self._codecs[name], self._messages(name))
+            for name, group in suspects.items()
+        }
+        for name, values, _ in self._computed(report):
+            if name in contents:
+                contents[name].add(values)
+        self._simulated = simulated
+        for name, content in contents.items():
+            if content.in_order:
+                counts[name] = Counts(equal=content.equal)
+                self._warnings[
+                    "times in the bag do not show which run messages belong to: they are matched "
+                    "by content, and missing ones are not counted"
+                ] = None
+        return [
+            difference
+            for content in contents.values()
+            if not content.in_order
+            for difference in content.unmatched
+        ]
+
+    def _computed(
+        self, report: Callable[[float], object]
+    ) -> Iterator[tuple[str, dict[str, Any], Position]]:
+        """Yield what the simulation gives: topic, message, and the position of the drill."""
+        rerun = Rerun()
+        stretch = -1
+        try:
+            for _, entry in self._entries():
+                before = rerun.time
+                if entry.kind in BEGINNINGS:
+                    stretch += 1
+                if entry.kind == "begin":
+                    self._check_versions(entry.content)
+                    before = 0
+                for _, name, values in rerun.repeat(entry):
+                    yield name, values, (stretch, rerun.origin + rerun.time)
+                self._count(rerun.time - before, report)
+            if entry.kind == "end":
+                return
+            # The recording ended before the drill did.
+            last = self._coverage.last_stamp + _TAIL - rerun.origin
+            while rerun.time < last:
+                before = rerun.time
+                for _, name, values in rerun.advance_to(min(before + SECOND, last)):
+                    yield name, values, (stretch, rerun.origin + rerun.time)
+                self._count(rerun.time - before, report)
+        except (JournalError, EngineError) as error:
+            raise UnverifiableError(f"{self._journal}: {error}") from error
+
+    def _entries(self) -> Iterator[tuple[Message, JournalEntry]]:
+        return journal_entries(self._bag.messages({self._journal}), self._codec)
+
+    def _messages(self, name: str) -> Iterator[Message]:
+        return self._bag.messages({self._summaries[name].topic.name})
+
+    def _count(self, simulated: int, report: Callable[[float], object]) -> None:
+        self._simulated += simulated
+        report(simulated / SECOND)
+
+    def _check_versions(self, content: Any) -> None:
+        own = engine_and_processor()
+        made_by = content.get("made_by", {})
+        for name, version in own.items():
+            other = made_by.get(name, "unknown") if isinstance(made_by, dict) else "unknown"
+            if other != version:
+                self._other_versions = True
+                self._warnings[f"made by {name} {other!s:.80}, verified by {version}"] = None

@@ -1,0 +1,197 @@
+"""Pacer: absolute deadlines of blocks, how late each one was, and the priority to meet them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import time
+from collections.abc import Callable
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.lateness import Lateness
+
+# A block is computed this long before its deadline, at most half a block [s]. Until then requests
+# and parameters still act at the beginning of the block, so that services answer at once.
+_LEAD = 0.005
+
+
+@dataclasses.dataclass(frozen=True)
+class Timing:
+    """Punctuality of the blocks.
+
+    Args:
+        blocks: blocks finished since the start.
+        deadlines_missed: of them, those finished later than one period after their deadline.
+        lateness: of the last block, from its deadline to its end [s].
+        lateness_max: since the last call of ``Pacer.read`` [s].
+        lateness_p50: half of the blocks since the start were not later [s].
+        lateness_p99: of all blocks since the start, 99 % were not later [s].
+        lateness_p999: of all blocks since the start, 99.9 % were not later [s].
+        lag: how far simulation time is behind its schedule, in whole periods [s].
+        real_time_factor: simulated time over elapsed time since the last call of ``Pacer.read``.
+    """
+
+    blocks: int
+    deadlines_missed: int
+    lateness: float
+    lateness_max: float
+    lateness_p50: float
+    lateness_p99: float
+    lateness_p999: float
+    lag: float
+    real_time_factor: float
+
+
+NO_TIMING = Timing(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # before the start
+
+
+class Pacer:
+    """Deadlines of simulation times, on an absolute schedule.
+
+    From a start on, simulation time t is due t / factor after it, whatever happened before, so that
+    it never drifts. A block that is late is made up for by the ones after it, without a pause.
+
+    Args:
+        rate: blocks per second of simulation time, a whole number [Hz].
+        factor: simulated time over elapsed time; 0 for as fast as possible.
+        clock: monotonic time [ns].
+        schedule: the time that the schedule follows [ns]; None for the monotonic one. With another
+            one, which goes in steps, a block is due at the step that brings its end.
+        sleep: waits for some seconds.
+    """
+
+    def __init__(
+        self,
+        rate: int,
+        factor: float = 1.0,
+        clock: Callable[[], int] = time.monotonic_ns,
+        schedule: Callable[[], int] | None = None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._rate = rate
+        self._factor = factor
+        self._clock = clock
+        self._schedule = schedule or clock
+        self._in_steps = schedule is not None
+        self._sleep = sleep
+        self.reset()
+
+    @property
+    def paces(self) -> bool:
+        """Whether blocks have deadlines: it is started, and the factor is not zero."""
+        return self._running and self._factor != 0.0
+
+    def reset(self) -> None:
+        """Count from zero, and hold the schedule until the next start."""
+        self._running = False
+        self._begun = 0
+        self._blocks = 0
+        self._missed = 0
+        self._lateness = 0.0
+        self._lateness_max = 0.0
+        self._all = Lateness()
+        self._start = self._start_time = self._time = 0
+        self._read_at = self._clock()
+        self._read_time = 0
+
+    def start(self, time: int, at: int | None = None, factor: float | None = None) -> None:
+        """Begin a schedule: a simulation time [ns] is due at a time of the schedule, now if None.
+
+        Args:
+            time: simulation time.
+            at: time of the schedule.
+            factor: a new one from here on.
+        """
+        self._running = True
+        self._factor = self._factor if factor is None else factor
+        self._start = self._schedule() if at is None else at
+        self._time = self._start_time = time
+
+    def stop(self) -> None:
+        """Hold the schedule: until the next start nothing is due, late or behind."""
+        self._running = False
+
+    def remaining(self, time: int) -> float:
+        """Time until a simulation time [ns] is due [s], zero or less if it is."""
+        if self._factor == 0.0:
+            return 0.0
+        self._begun = self._schedule()
+        return (self._due(time) - self._begun) / SECOND
+
+    def idle(self, time: int) -> float:
+        """Time until the block that ends at a simulation time [ns] is to be computed [s].
+
+        That is 5 ms before its deadline or half a block, whichever is less. With another schedule
+        it is at the deadline: that time may stand still just then, and requests would wait with it.
+        """
+        if self._in_steps or self._factor == 0.0:
+            return self.remaining(time)
+        return self.remaining(time) - min(_LEAD, 0.5 / (self._rate * self._factor))
+
+    def wait(self, time: int) -> None:
+        """Sleep until the deadline of a block that was computed ahead of it.
+
+        Without effect with another schedule: its blocks are computed at their deadlines, and it may
+        have gone back meanwhile.
+        """
+        if self.paces and not self._in_steps and (early := self.remaining(time)) > 0.0:
+            self._sleep(early)
+
+    def finish(self, time: int) -> None:
+        """Note that the block up to a simulation time [ns] is finished."""
+        self._blocks += 1
+        self._time = time
+        if not self.paces:
+            return
+        due = max(self._due(time), self._begun) if self._in_steps else self._due(time)
+        late = self._schedule() - due
+        lateness = late / SECOND
+        self._lateness = lateness
+        self._lateness_max = max(self._lateness_max, lateness)
+        self._all.add(late)
+        if lateness * self._rate * self._factor > 1.0:
+            self._missed += 1
+
+    def read(self) -> Timing:
+        """Return the timing so far, and begin a new interval for its rates and maxima."""
+        now = self._clock()
+        elapsed = now - self._read_at
+        behind = 0.0
+        if self.paces:
+            scheduled = (self._schedule() - self._start) * self._factor
+            behind = max(0.0, scheduled - (self._time - self._start_time)) / SECOND
+        timing = Timing(
+            blocks=self._blocks,
+            deadlines_missed=self._missed,
+            lateness=self._lateness,
+            lateness_max=self._lateness_max,
+            lateness_p50=self._all.quantile(0.5),
+            lateness_p99=self._all.quantile(0.99),
+            lateness_p999=self._all.quantile(0.999),
+            lag=math.floor(behind * self._rate) / self._rate,
+            real_time_factor=(self._time - self._read_time) / elapsed if elapsed > 0 else 1.0,
+        )
+        self._read_at = now
+        self._read_time = self._time
+        self._lateness_max = 0.0
+        return timing
+
+    def _due(self, time: int) -> int:
+        return self._start + round((time - self._start_time) / self._factor)
+
+
+def schedule_thread(priority: int) -> str:
+    """Schedule the calling thread with a priority; return how it is scheduled now.
+
+    What it starts does not inherit that. If the system denies it, the thread stays as it is.
+
+    Args:
+        priority: of real-time scheduling (SCHED_FIFO), from 1 to 99; 0 for time-sharing.
+    """
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if priority else os.SCHED_OTHER
+    try:
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+    except OSError as error:
+        return f"time-sharing: real-time priority {priority}: {error.strerror}"
+    return f"real-time priority {priority}" if priority else "time-sharing"

@@ -1,0 +1,43 @@
+"""Reading of ROS parameter files and of ``name=value``, without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rpud_sim.foundation.quantities import ParameterError, shown, shown_name
+from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml
+
+
+def read_parameter_file(path: str | Path) -> dict[str, Any]:
+    """Return the parameters of a ROS parameter file: those below ``/**``, then those of its nodes.
+
+    Raises:
+        ParameterError: if the file cannot be read or is no parameter file.
+    """
+    content = read_yaml(path)
+    if not isinstance(content, Mapping):
+        raise ParameterError(f"{path} is not a ROS parameter file: it holds no mapping")
+    found: dict[str, Any] = {}
+    for node, section in sorted(content.items(), key=lambda item: str(item[0]) != "/**"):
+        values = section.get("ros__parameters") if isinstance(section, Mapping) else None
+        if not isinstance(values, Mapping):
+            raise ParameterError(f"{path}: {shown_name(node)} has no mapping named ros__parameters")
+        found.update({str(name): value for name, value in values.items()})
+    return found
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """Return name and value of ``name=value``; the value is read as YAML.
+
+    Raises:
+        ParameterError: if the text has another form.
+    """
+    name, equals, value = text.partition("=")
+    if not (name and equals):
+        raise ParameterError(f"{shown(text)} is not of the form name=value")
+    try:
+        return name, parse_yaml(value)
+    except ParameterError:
+        return name, value

@@ -1,0 +1,108 @@
+"""Plant: engine, actuator and rock, which advance together under commands and conditions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rpud_sim.foundation.time import split_fraction
+from rpud_sim.model.drill import derive
+from rpud_sim.model.engine import Engine
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+from rpud_sim.simulation.actuator import Actuator
+from rpud_sim.simulation.commands import Drive
+from rpud_sim.simulation.conditions import Conditions
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.rock import Progress
+
+
+class Plant:
+    """Motion of the drill, amplitude of its actuator and depth of its hole, from time zero on.
+
+    Times are integer nanoseconds of simulation time.
+
+    Attributes:
+        time: simulation time [ns].
+        weight_on_bit: commanded force [N]; a change takes effect at the present time.
+        engine: of the motion.
+        actuator: of the drill; its next step is the furthest time to advance to at once.
+        progress: into the rock.
+
+    Args:
+        configuration: at time zero.
+        initial_phase: phase of the vibration at time zero [cycles].
+        drive: in force from time zero on.
+    """
+
+    def __init__(self, configuration: Configuration, initial_phase: float, drive: Drive) -> None:
+        parameters = configuration.parameters
+        self.time = 0
+        self.weight_on_bit = parameters.weight_on_bit
+        self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
+        self.engine = Engine(parameters, initial_phase, self.actuator.amplitude > 0.0)
+        self.progress = Progress(configuration.rock)
+        self._conditions = Conditions(parameters)
+        self._hardness = 1.0
+        self._drill = derive(parameters)
+        self._in_force = (self._drill, self._commands())
+        self._segments: list[np.ndarray] = []
+        self._impacts: list[np.ndarray] = []
+
+    def advance_to(self, time: int) -> None:
+        """Advance to a time [ns], not beyond the actuator's next step."""
+        self._push_to_engine()
+        self.engine.advance(*split_fraction(time))
+        self.actuator.advance_to(time)
+        self.time = time
+
+    def change(self, conditions: Conditions, hardness: float) -> None:
+        """Put conditions into force at the present time; positions and velocities go on.
+
+        Args:
+            conditions: from now on.
+            hardness: factor on the specific energy of the rock at time zero, without faults.
+        """
+        # Impacts up to now deepen the hole under the conditions so far.
+        segments, impacts = self.engine.drain()
+        self._make_progress(impacts)
+        self._segments.append(segments)
+        self._impacts.append(impacts)
+        if conditions.resonance_offset != self._conditions.resonance_offset:
+            self.actuator.drift(self.time, conditions.resonance_offset)
+        self._conditions = conditions
+        self._hardness = hardness
+        self._drill = derive(conditions.parameters, conditions.jammed)
+
+    def drain(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the segments that cover the time since the last call, and the impacts.
+
+        The last segment is the open one; the first one was open at the last call.
+        """
+        covering, impacts = self.engine.drain_covering()
+        self._make_progress(impacts)
+        if self._segments:
+            covering = join_records([*self._segments, covering], SEGMENT)
+            impacts = join_records([*self._impacts, impacts], IMPACT)
+            self._segments.clear()
+            self._impacts.clear()
+        return covering, impacts
+
+    def _make_progress(self, impacts: np.ndarray) -> None:
+        if self._drill.in_rock:
+            acting = self._conditions
+            self.progress.add(
+                impacts, self._hardness * acting.specific_energy_factor, acting.progress_factor
+            )
+
+    def _commands(self) -> tuple[float, float, float]:
+        weight = self.weight_on_bit * self._conditions.preload_factor
+        return weight, self.actuator.amplitude, self.actuator.frequency
+
+    def _push_to_engine(self) -> None:
+        """Push what has changed to the engine; no change leaves the trajectory as it is.
+
+        It happens once for each instant, so that the order of changes there makes no difference.
+        """
+        in_force = (self._drill, self._commands())
+        if in_force != self._in_force:
+            self._in_force = in_force
+            self.engine.change(*split_fraction(self.time), *in_force)

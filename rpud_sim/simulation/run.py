@@ -1,0 +1,234 @@
+"""Run of the drill: the simulation under commands, and its messages."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from rpud_sim.simulation import fields
+from rpud_sim.simulation.block import Block, boundaries_until, boundary
+from rpud_sim.simulation.configuration import Settings, to_settings
+from rpud_sim.simulation.control import Control
+from rpud_sim.simulation.ensemble import initial_phases
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.telemetry import Entry, Telemetry
+from rpud_sim.simulation.versions import engine_and_processor
+
+
+@dataclasses.dataclass(frozen=True)
+class Beginning:
+    """Beginning of a run; equal beginnings give the same bits.
+
+    Args:
+        settings: all parameters.
+        initial_phase: phase of the vibration at time zero [cycles].
+        seed: of random numbers of faulty signals.
+        scenario: faults that begin by themselves, with all values drawn; None for none.
+    """
+
+    settings: Settings
+    initial_phase: float = 0.0
+    seed: int = 0
+    scenario: Scenario | None = None
+
+    @staticmethod
+    def drawn(settings: Settings, seed: int | None = None) -> Beginning:
+        """Return the beginning that a seed draws; None for the seed of the settings.
+
+        Raises:
+            ParameterError: if the scenario's file cannot be used.
+        """
+        seed = settings.seed if seed is None else seed
+        return Beginning(
+            settings, initial_phases(1, seed or None)[0], seed, settings.read_scenario(seed)
+        )
+
+    def to_journal(self) -> dict[str, Any]:
+        """Return the content of a journal's entry ``begin``."""
+        return {
+            "parameters": self.settings.values(),
+            "initial_phase": self.initial_phase,
+            "seed": self.seed,
+            "faults": [
+                {
+                    **dataclasses.asdict(planned.fault),
+                    "onset": planned.onset,
+                    "clear": planned.clear,
+                }
+                for planned in (self.scenario.faults if self.scenario else ())
+            ],
+            "made_by": engine_and_processor(),
+        }
+
+    @staticmethod
+    def from_journal(content: Mapping[str, Any]) -> Beginning:
+        """Return the beginning of a journal's entry ``begin``, the inverse of ``to_journal``.
+
+        Raises:
+            ArithmeticError, LookupError, TypeError, ValueError: if the content is unusable.
+        """
+        faults = tuple(
+            ScheduledFault(
+                planned["onset"],
+                planned["clear"],
+                Fault(planned["kind"], planned["channel"], planned["magnitude"]),
+            )
+            for planned in content["faults"]
+        )
+        return Beginning(
+            to_settings(content["parameters"]),
+            float(content["initial_phase"]),
+            content["seed"],
+            Scenario(content["seed"], faults),
+        )
+
+
+class Run:
+    """Run from simulation time zero on: simulation, control, telemetry, journal and origin.
+
+    ``advance_to`` yields the messages as ``(time, topic, fields)``. They are the same for the node,
+    an offline bag and the proof of a bag, and do not depend on the number of calls. Times are
+    integer nanoseconds of simulation time; the origin is the stamp of time zero.
+
+    Args:
+        beginning: of the run.
+        journal: gets an entry for each change from outside; None for no journal.
+        wanted: whether a topic that no fault can touch has a subscriber; without one its messages
+            are not made.
+        active: whether commands act from the start; weight on bit and drive are zero otherwise.
+        on_block: called with each block, for statistics.
+
+    Raises:
+        FaultError: if a fault of the scenario cannot be honoured.
+    """
+
+    def __init__(
+        self,
+        beginning: Beginning,
+        journal: Journal | None = None,
+        wanted: Callable[[str], bool] = lambda topic: True,
+        active: bool = True,
+        on_block: Callable[[Block], object] = lambda block: None,
+    ) -> None:
+        settings = beginning.settings
+        self._beginning = beginning
+        self._journal = journal
+        self._on_block = on_block
+        self._rate = settings.telemetry_rate
+        self._telemetry = Telemetry(
+            self._rate, settings.sample_rate, settings.block_duration, wanted, beginning.seed
+        )
+        self._simulation = Simulation(
+            settings.configuration, beginning.initial_phase, beginning.scenario, journal
+        )
+        self._control = Control(
+            self._simulation, settings.command_timeout, settings.command_loss_ramp, active
+        )
+        self._published_faults: object = self._simulation.faults.active
+
+    @property
+    def beginning(self) -> Beginning:
+        """Beginning of the run."""
+        return self._beginning
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation."""
+        return self._simulation
+
+    @property
+    def control(self) -> Control:
+        """The commands, and the share of them that acts."""
+        return self._control
+
+    @property
+    def time(self) -> int:
+        """Simulation time [ns]."""
+        return self._simulation.time
+
+    @property
+    def origin(self) -> int:
+        """Stamp of simulation time zero [ns]."""
+        return self._telemetry.origin
+
+    @property
+    def next_boundary(self) -> int:
+        """Time at which the present block ends, unless a caller stops before it [ns]."""
+        return boundary(boundaries_until(self.time, self._rate) + 1, self._rate)
+
+    def begin(self, origin: int) -> None:
+        """Start the journal, let commands act, and give simulation time zero its stamp [ns]."""
+        self._note("begin", **self._beginning.to_journal())
+        self._control.act()
+        self.place(origin)
+
+    def place(self, origin: int) -> None:
+        """Give simulation time zero a stamp [ns]; motion and commands go on."""
+        self._telemetry.origin = origin
+        self._published_faults = None
+        self._note("origin", origin=origin)
+
+    def configure(self, settings: Settings) -> None:
+        """Put settings into force that differ only in changeable parameters."""
+        self._control.set(settings.command_timeout, settings.command_loss_ramp)
+        self._simulation.configure(settings.configuration)
+
+    def advance_to(self, time: int) -> Iterator[Entry]:
+        """Advance to a time [ns], block by block, and yield the messages.
+
+        Impacts and the samples at the end of a block come first, waveform and trajectory last.
+        """
+        yield from self.changes()
+        simulation = self._simulation
+        while simulation.time < time:
+            end = self.next_boundary
+            block = simulation.advance_to(min(end, time))
+            if block.end < end:
+                self._note("stop")
+                yield from self._entries()
+            yield from self._telemetry.prompt(block, simulation.faults.since(block.start))
+            yield from self._changed_faults()
+            yield from self._telemetry.streams(block)
+            self._on_block(block)
+
+    def changes(self) -> Iterator[Entry]:
+        """Yield what changed since the last message: journal entries, and the faults once."""
+        yield from self._entries()
+        yield from self._changed_faults()
+
+    def flush(self, kind: str = "flush") -> Iterator[Entry]:
+        """Yield a journal entry, ``flush`` or ``end``, and the rest of waveform and trajectory."""
+        self._note(kind)
+        yield from self.changes()
+        yield from self._telemetry.flush()
+
+    def status(self, state: str, bookkeeping: fields.Bookkeeping) -> Entry:
+        """Return the status message of the present time.
+
+        Args:
+            state: one of the STATE constants of ``rpud_msgs/Status``.
+            bookkeeping: counts and timing of the caller, which advances the run.
+        """
+        return (
+            self.time,
+            "status",
+            fields.status_fields(self._simulation, self.origin, state, bookkeeping),
+        )
+
+    def _note(self, kind: str, **content: Any) -> None:
+        if self._journal is not None:
+            self._journal.note(self.time, kind, **content)
+
+    def _entries(self) -> Iterator[Entry]:
+        for entry in self._journal.drain() if self._journal is not None else ():
+            yield entry.time, "journal", fields.journal_fields(entry, self.origin)
+
+    def _changed_faults(self) -> Iterator[Entry]:
+        faults = self._simulation.faults
+        if faults.active is not self._published_faults:
+            self._published_faults = faults.active
+            yield self.time, "faults", fields.faults_fields(faults, self.time, self.origin)

@@ -1,0 +1,51 @@
+"""Table of the drill's topics: type, depth, durability and frame, for node, bags and checks."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+MOUNT_FRAME = "rpud_mount"
+NODAL_PLANE_FRAME = "rpud_nodal_plane"
+TOOL_TIP_FRAME = "rpud_tool_tip"
+
+
+@dataclasses.dataclass(frozen=True)
+class Topic:
+    """Topic of the drill; its publisher is reliable.
+
+    Args:
+        type: of its messages, as in ``rpud_msgs/msg/Status``.
+        depth: messages that its publisher keeps for slow subscribers.
+        latched: whether a late subscriber gets the messages that are kept (transient local).
+        frame: of the header; empty if there is no header.
+        complete: whether each message counts, not only the last.
+        proved: whether a bag's journal determines every bit of its messages.
+    """
+
+    type: str
+    depth: int
+    latched: bool = False
+    frame: str = MOUNT_FRAME
+    complete: bool = True
+    proved: bool = True
+
+
+# Reliable publishers match reliable and best-effort subscribers. The depth allows a slow subscriber
+# to fall behind by about a second at the greatest telemetry rate.
+TOPICS: Mapping[str, Topic] = {
+    "contact_force": Topic("rpud_msgs/msg/ContactForce", 2000, frame=TOOL_TIP_FRAME),
+    "drill_tool": Topic("rpud_msgs/msg/DrillTool", 1000, frame=TOOL_TIP_FRAME),
+    "faults": Topic("rpud_msgs/msg/Faults", 1, latched=True, complete=False),
+    "joint_states": Topic("sensor_msgs/msg/JointState", 1000),
+    # A recorder that starts late gets all entries up to this number.
+    "journal": Topic("rpud_msgs/msg/JournalEntry", 1000, latched=True, proved=False),
+    "nodal_plane": Topic("rpud_msgs/msg/NodalPlane", 1000, frame=NODAL_PLANE_FRAME),
+    "reacting_force": Topic("rpud_msgs/msg/ReactingForce", 1000),
+    "status": Topic("rpud_msgs/msg/Status", 1, latched=True, complete=False, proved=False),
+    "trajectory": Topic("rpud_msgs/msg/Trajectory", 40),
+    "waveform": Topic("rpud_msgs/msg/Waveform", 40),
+    "wrench": Topic("geometry_msgs/msg/WrenchStamped", 1000),
+}
+# Topics whose every bit a proof compares.
+PROVED = tuple(name for name, topic in TOPICS.items() if topic.proved)

@@ -1,0 +1,195 @@
+"""Parameter studies of Figs. 15-18: four parameters, four outputs, and a verdict on each trend.
+
+Each point is an ensemble of long runs over initial phases. Each point has other phases, so that all
+members are independent. A trend is tested with Kendall's tau between the parameter and the members'
+outputs (with ties: the Jonckheere-Terpstra test); Holm's method corrects the p-values of all trends
+together. A trend that is significant but changes the output by less than ``LITTLE`` from end
+to end counts as flat: the paper's "little effect".
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy import stats
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.simulation import EngineError, Parameters
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import Statistics
+from rpud_sim.studies.reproduction.jobs import Track, gather
+
+VALUES = {
+    "actuator_restitution": np.linspace(0.5, 1.0, 9),
+    "free_mass": np.linspace(2e-3, 10e-3, 9),
+    "rpud_damping_ratio": np.linspace(0.1, 0.9, 9),
+    "weight_on_bit": np.linspace(0.0, 40.0, 9),
+}
+OUTPUTS = (
+    "contact_force_mean",
+    "drill_tool_impact_rate",
+    "kinetic_energy_rate",
+    "reacting_force_mean",
+)
+
+SETTLING = 1.0  # simulated before statistics begin [s]
+SIGNIFICANCE = 0.05
+LITTLE = 0.05
+
+# The paper's claims about each study, in the order of OUTPUTS. Section IV swaps the letters of the
+# panels (c) and (d) of Fig. 17.
+_HARDER_BLOWS: dict[str, tuple[str, ...]] = {
+    "section": ("rises", "falls", "rises", "rises"),
+    "abstract": ("rises", "", "rises", ""),
+    "conclusion": ("rises", "", "rises", "rises"),
+}
+CLAIMS: dict[str, dict[str, tuple[str, ...]]] = {
+    "actuator_restitution": _HARDER_BLOWS,
+    "free_mass": _HARDER_BLOWS,
+    "rpud_damping_ratio": {
+        "section": ("flat", "rises", "rises", "falls"),
+        "abstract": ("falls", "", "falls", ""),
+        "conclusion": ("rises", "", "rises", "falls"),
+    },
+    "weight_on_bit": {**_HARDER_BLOWS, "section": ("flat", "rises", "rises", "rises")},
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """Study of one parameter's effect on all outputs.
+
+    Args:
+        parameter: its name.
+        values: of the parameter, shape (n,), SI units.
+        members: outputs of the members at each value, by output, shape (n, members); NaN for a
+            stalled member.
+    """
+
+    parameter: str
+    values: np.ndarray
+    members: dict[str, np.ndarray]
+
+    def mean(self, output: str) -> np.ndarray:
+        """Return the mean at each value, shape (n,)."""
+        return np.nanmean(self.members[output], axis=1)
+
+    def half_interval(self, output: str) -> np.ndarray:
+        """Return half the 95 % interval of each mean by Student's t, shape (n,)."""
+        members = self.members[output]
+        count = np.count_nonzero(np.isfinite(members), axis=1)
+        error = np.nanstd(members, axis=1, ddof=1) / np.sqrt(count)
+        return error * stats.t.ppf(0.975, count - 1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Trend:
+    """Verdict on one output of one study.
+
+    Args:
+        parameter: that is varied.
+        output: that depends on it.
+        verdict: rises, falls or flat.
+        tau: Kendall's tau over all members.
+        p_value: corrected by Holm's method over all trends.
+        change: from the first to the last value, as a share of the mean.
+        change_interval: half its 95 % interval.
+        turns: whether the output turns back by more than ``LITTLE`` on the way.
+    """
+
+    parameter: str
+    output: str
+    verdict: str
+    tau: float
+    p_value: float
+    change: float
+    change_interval: float
+    turns: bool
+
+
+def run_studies(
+    base: Parameters, members: int, duration: float, points: int, seed: int, track: Track
+) -> list[Study]:
+    """Return the four studies of a drill.
+
+    Args:
+        base: the drill.
+        members: number of members of the ensemble at each point.
+        duration: of each run, after it has settled [s].
+        points: greatest number of ``VALUES`` of each parameter, chosen evenly.
+        seed: of the initial phases.
+        track: shows the progress.
+    """
+    random = np.random.default_rng(seed)
+    chosen = {
+        name: values[np.unique(np.linspace(0, len(values) - 1, points).round().astype(int))]
+        for name, values in VALUES.items()
+    }
+    jobs = [
+        (base.replace(**{name: float(value)}), float(phase), duration)
+        for name, values in chosen.items()
+        for value in values
+        for phase in random.random(members)
+    ]
+    results = iter(gather(lambda job: _run(*job), jobs, "studies", track))
+    studies = []
+    for name, values in chosen.items():
+        table = np.array([[next(results) for _ in range(members)] for _ in values])
+        columns = {output: table[:, :, i] for i, output in enumerate(OUTPUTS)}
+        studies.append(Study(name, values, columns))
+    return studies
+
+
+def _run(parameters: Parameters, phase: float, duration: float) -> list[float]:
+    simulation = Simulation(parameters, phase)
+    statistics = Statistics()
+    try:
+        simulation.advance_to(round(SETTLING * SECOND))
+        statistics.add(simulation.advance_to(round((SETTLING + duration) * SECOND)))
+    except EngineError:
+        return [np.nan] * len(OUTPUTS)
+    figures = statistics.figures()
+    return [np.nan if figures[name] is None else float(figures[name] or 0.0) for name in OUTPUTS]
+
+
+def find_trends(studies: list[Study]) -> list[Trend]:
+    """Return the verdict on each output of each study."""
+    cases = [(study, output) for study in studies for output in OUTPUTS]
+    tests = [_kendall(study, output) for study, output in cases]
+    adjusted = holm([p_value for _, p_value in tests])
+    return [
+        _verdict(study, output, tau, p_value)
+        for (study, output), (tau, _), p_value in zip(cases, tests, adjusted, strict=True)
+    ]
+
+
+def holm(p_values: list[float]) -> list[float]:
+    """Return p-values corrected for multiple tests by Holm's step-down method."""
+    adjusted = [1.0] * len(p_values)
+    worst = 0.0
+    for rank, index in enumerate(np.argsort(p_values)):
+        worst = max(worst, min(1.0, (len(p_values) - rank) * p_values[index]))
+        adjusted[index] = worst
+    return adjusted
+
+
+def _kendall(study: Study, output: str) -> tuple[float, float]:
+    members = study.members[output]
+    values = np.broadcast_to(study.values[:, None], members.shape)
+    valid = np.isfinite(members)
+    result = stats.kendalltau(values[valid], members[valid])
+    return float(result.statistic), float(result.pvalue)
+
+
+def _verdict(study: Study, output: str, tau: float, p_value: float) -> Trend:
+    mean, half = study.mean(output), study.half_interval(output)
+    scale = float(mean.mean())
+    change = float(mean[-1] - mean[0]) / scale
+    interval = float(np.hypot(half[-1], half[0])) / scale
+    ends = sorted((mean[0], mean[-1]))
+    beyond = max(float(mean.max()) - ends[1], ends[0] - float(mean.min())) / scale
+    verdict = "flat"
+    if p_value < SIGNIFICANCE and abs(change) > LITTLE:
+        verdict = "rises" if change > 0.0 else "falls"
+    return Trend(study.parameter, output, verdict, tau, p_value, change, interval, beyond > LITTLE)

@@ -1,0 +1,195 @@
+"""Reproduction of the paper: all runs, and their numbers as one JSON object."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from rpud_sim.simulation import preset
+from rpud_sim.studies.reproduction.bar_study import BarStudy, Comparison, run_bar_study
+from rpud_sim.studies.reproduction.jobs import Track, silent
+from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED, NUMBERS
+from rpud_sim.studies.reproduction.parameter_studies import (
+    OUTPUTS,
+    Study,
+    Trend,
+    find_trends,
+    run_studies,
+)
+from rpud_sim.studies.reproduction.readings import Fit, Reading, not_reproduced, search
+
+PRESETS = "presets"  # the paper's tables
+BEST = "best reading"
+
+
+@dataclasses.dataclass(frozen=True)
+class Effort:
+    """Amount of simulation for a reproduction.
+
+    Args:
+        window_members: runs of the paper's windows per reading.
+        study_members: runs per point of a study.
+        study_duration: of each of these runs [s].
+        study_points: number of values of each parameter.
+        bar_elements: elements in part I of the elastic bar.
+        seed: of all initial phases.
+    """
+
+    window_members: int = 60
+    study_members: int = 12
+    study_duration: float = 20.0
+    study_points: int = 9
+    bar_elements: int = 40
+    seed: int = 0
+
+
+QUICK = Effort(4, 4, 2.0, 3, 4)
+
+
+@dataclasses.dataclass(frozen=True)
+class Reproduction:
+    """Results of a reproduction.
+
+    Args:
+        effort: amount of simulation.
+        fits: of every reading, the best first.
+        studies: by drill, ``PRESETS`` and ``BEST``.
+        trends: verdicts on the studies, by drill.
+        bar: study of the elastic bar.
+    """
+
+    effort: Effort
+    fits: list[Fit]
+    studies: dict[str, list[Study]]
+    trends: dict[str, list[Trend]]
+    bar: BarStudy
+
+    @property
+    def best(self) -> Fit:
+        """Fit of the reading that is best for all numbers together."""
+        return self.fits[0]
+
+    @property
+    def presets(self) -> Fit:
+        """Fit of the presets, with one collision of a cycle counted."""
+        drill = preset("drilling")
+        reading = Reading(
+            drill.vibration_amplitude,
+            drill.weight_on_bit,
+            drill.elastic_modulus,
+            drill.contact_model,
+            "one",
+        )
+        return next(fit for fit in self.fits if fit.reading == reading)
+
+    def slope(self, drill: str) -> tuple[float, float]:
+        """Return slope and half its 95 % interval of reacting force over weight on bit."""
+        study = next(item for item in self.studies[drill] if item.parameter == "weight_on_bit")
+        members = study.members["reacting_force_mean"]
+        weights = np.broadcast_to(study.values[:, None], members.shape)
+        valid = np.isfinite(members)
+        line = stats.linregress(weights[valid], members[valid])
+        spread = stats.t.ppf(0.975, np.count_nonzero(valid) - 2)
+        return float(line.slope), float(spread * line.stderr)
+
+    def numbers(self) -> dict[str, Any]:
+        """Return every number in SI units, ready for JSON."""
+        return {
+            "effort": dataclasses.asdict(self.effort),
+            "numbers": {number.key: dataclasses.asdict(number) for number in NUMBERS},
+            "readings": [_fit_numbers(fit) for fit in self.fits],
+            "not_reproduced": not_reproduced(self.fits),
+            "studies": {
+                drill: {study.parameter: _study_numbers(study) for study in group}
+                for drill, group in self.studies.items()
+            },
+            "trends": {
+                drill: [dataclasses.asdict(trend) for trend in group]
+                for drill, group in self.trends.items()
+            },
+            "reacting_force_over_weight_on_bit": {
+                drill: dict(zip(("slope", "half_interval"), self.slope(drill), strict=True))
+                for drill in self.studies
+            },
+            "elastic_bar": {
+                "by_free_mass": [_comparison_numbers(item) for item in self.bar.by_mass],
+                "by_impact_velocity": [_comparison_numbers(item) for item in self.bar.by_speed],
+                "by_elements": {
+                    str(number): _scalars(bar) for number, bar in self.bar.by_elements.items()
+                },
+            },
+            "figure_12_implies": figure_12_implies(),
+        }
+
+
+def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
+    """Run all simulations of the reproduction.
+
+    Args:
+        effort: amount of simulation.
+        track: shows the progress.
+    """
+    fits = search(effort.window_members, effort.seed, track)
+    drills = {PRESETS: preset("drilling"), BEST: fits[0].reading.parameters("drilling")}
+    studies = {
+        name: run_studies(
+            drill,
+            effort.study_members,
+            effort.study_duration,
+            effort.study_points,
+            effort.seed + 1 + number,
+            track,
+        )
+        for number, (name, drill) in enumerate(drills.items())
+    }
+    trends = {name: find_trends(group) for name, group in studies.items()}
+    return Reproduction(effort, fits, studies, trends, run_bar_study(effort.bar_elements, track))
+
+
+def figure_12_implies() -> dict[str, float]:
+    """Return effective mass [kg] and spring rate [N/m] of the tool that Fig. 12 implies.
+
+    Such a tool gives both numbers of Fig. 12 by eqs. (21), (30) and (36), without gravity:
+    F = m_fm w^2 eta and v' = w eta.
+    """
+    force, displacement = (
+        next(number.paper for number in NUMBERS if number.key == key)
+        for key in ("contact_peak_force", "contact_peak_displacement")
+    )
+    free_mass = preset("drilling").free_mass
+    square = force / (free_mass * displacement)
+    velocity = np.sqrt(square) * displacement
+    mass = free_mass * (CONTACT_SPEED / velocity - 1.0)
+    return {"tool_mass": float(mass), "tool_spring_rate": float(square * (free_mass + mass))}
+
+
+def _fit_numbers(fit: Fit) -> dict[str, Any]:
+    return {**dataclasses.asdict(fit), "near": fit.near}
+
+
+def _study_numbers(study: Study) -> dict[str, Any]:
+    return {
+        "values": study.values.tolist(),
+        **{
+            output: {
+                "mean": study.mean(output).tolist(),
+                "half_interval": study.half_interval(output).tolist(),
+            }
+            for output in OUTPUTS
+        },
+        "stalled": int(np.count_nonzero(~np.isfinite(study.members["reacting_force_mean"]))),
+    }
+
+
+def _scalars(record: Any) -> dict[str, float]:
+    fields = dataclasses.fields(record)
+    values = {field.name: getattr(record, field.name) for field in fields}
+    return {name: value for name, value in values.items() if isinstance(value, (int, float))}
+
+
+def _comparison_numbers(comparison: Comparison) -> dict[str, Any]:
+    contacts = {model: _scalars(contact) for model, contact in comparison.contacts.items()}
+    return {**_scalars(comparison), "bar": _scalars(comparison.bar), **contacts}

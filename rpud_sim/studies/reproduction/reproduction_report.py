@@ -1,0 +1,119 @@
+"""Files of a reproduction: an HTML report, its pictures, all numbers, and validation.md."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+
+from jinja2 import StrictUndefined, Template
+from matplotlib.figure import Figure
+
+from rpud_sim.foundation.html_pages import render_page, to_png
+from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.simulation import preset
+from rpud_sim.studies.reproduction import findings
+from rpud_sim.studies.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
+from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
+from rpud_sim.studies.reproduction.reproduction import BEST, PRESETS, Reproduction
+from rpud_sim.studies.reproduction.run_plots import run_figures
+from rpud_sim.studies.reproduction.study_plots import plot_bar_study, plot_readings, plot_studies
+from rpud_sim.studies.reproduction.templates import BODY, HEADINGS, HOW_TO_READ, MARKDOWN
+
+REPORT = "report.html"
+NUMBERS_FILE = "numbers.json"
+VALIDATION = "validation.md"
+
+_RANKING_LENGTH = 10  # rows of the table in validation.md
+_RESOLUTION = 110  # dots per inch
+
+
+def write_report(result: Reproduction, folder: Path, command: str) -> None:
+    """Write the report, its pictures, numbers and validation.md into a folder.
+
+    Args:
+        result: of the reproduction.
+        folder: of the files; it is created if it does not exist.
+        command: that generates the report; the report names it.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    images = {}
+    for name, figure in _figures(result).items():
+        picture = to_png(figure, _RESOLUTION)
+        _write(folder / f"{name}.png", picture)
+        images[name] = base64.b64encode(picture).decode("ascii")
+    context = _context(result, command)
+    numbers = json.dumps(result.numbers(), indent=1, allow_nan=False, default=float)
+    _write(folder / NUMBERS_FILE, f"{numbers}\n".encode())
+    page = render_page(BODY, "The paper, reproduced", images=images, **context)
+    _write(folder / REPORT, page.encode())
+    text = Template(MARKDOWN, undefined=StrictUndefined).render(**context)
+    _write(folder / VALIDATION, f"{text.rstrip()}\n".encode())
+
+
+def _write(path: Path, content: bytes) -> None:
+    with whole_file(path) as unfinished:
+        unfinished.write_bytes(content)
+
+
+def _figures(result: Reproduction) -> dict[str, Figure]:
+    shown = {
+        f"presets: {result.presets.reading}": result.presets,
+        f"best: {result.best.reading}": result.best,
+    }
+    return {
+        **run_figures(preset("free"), preset("drilling")),
+        **plot_studies(result.studies),
+        **plot_bar_study(result.bar),
+        "readings": plot_readings(shown),
+    }
+
+
+def _context(result: Reproduction, command: str) -> dict[str, Any]:
+    slopes = {drill: result.slope(drill) for drill in result.studies}
+    return {
+        "command": command,
+        "effort": findings.effort_text(result),
+        "summary": findings.summary(result),
+        "how_to_read": HOW_TO_READ,
+        "headings": HEADINGS,
+        "numbers": findings.number_rows(result),
+        "missing": findings.missing_rows(result),
+        "ranking": findings.ranking_rows(result),
+        "ranking_heading": (*HEADINGS["ranking"], *(number.key for number in NUMBERS)),
+        "ranking_length": _RANKING_LENGTH,
+        "choices": findings.choice_rows(result),
+        "trends": {drill: findings.trend_rows(result, drill) for drill in result.trends},
+        "slopes": {drill: f"{slope:.3f} ± {half:.3f}" for drill, (slope, half) in slopes.items()},
+        "bar": findings.bar_rows(result),
+        "mesh": findings.mesh_rows(result),
+        "tools": findings.tool_rows(result),
+        "figures": [_captioned(result, name) for name in CAPTIONS],
+        "study_figures": [
+            {"name": name, "title": title, "paper": paper}
+            for name, (title, paper) in STUDY_CAPTIONS.items()
+        ],
+    }
+
+
+def _captioned(result: Reproduction, name: str) -> dict[str, Any]:
+    title, paper, keys = CAPTIONS[name]
+    numbers = [number for number in NUMBERS if number.key in keys]
+    return {
+        "name": name,
+        "title": title,
+        "paper": paper,
+        "model": [
+            f"{drill}: "
+            + "; ".join(
+                f"{number.key} {findings.show_value(fit.values[number.key], number)}"
+                for number in numbers
+            )
+            for drill, fit in ((PRESETS, result.presets), (BEST, result.best))
+            if numbers
+        ],
+    }

@@ -1,0 +1,84 @@
+"""Runs over the paper's windows: from rest, for 0.6 s and 5 s, one for each initial phase.
+
+Members are independent. Their spread is the chance in one run of the paper, and their standard
+error is that of the mean.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT
+from rpud_sim.simulation import EngineError, Parameters
+from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import Statistics
+
+SHORT = 0.6  # Figs. 3, 8, 10, 11 and 13 [s]
+LONG = 5.0  # Fig. 5, and by assumption Fig. 14 [s]
+MOST_FORCES = (0.05, 0.95)  # quantiles that bound "most of the contact forces"
+
+_SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower than 100 Hz [Hz]
+
+
+@dataclasses.dataclass(frozen=True)
+class Members:
+    """Figures of the members of an ensemble.
+
+    Args:
+        values: by name, each of shape (n,); NaN if a member has no such figure.
+        stalled: number of members that the engine could not finish; ``values`` lacks them.
+    """
+
+    values: dict[str, np.ndarray]
+    stalled: int
+
+
+def run_windows(parameters: Parameters, phases: np.ndarray) -> Members:
+    """Run the paper's windows once per initial phase.
+
+    Args:
+        parameters: of the drill.
+        phases: initial phase of each member, shape (n,) [cycles].
+    """
+    members = []
+    stalled = 0
+    for phase in phases:
+        try:
+            members.append(_run_window(parameters, float(phase)))
+        except EngineError:
+            stalled += 1
+    names = members[0] if members else {}
+    return Members({name: np.array([m[name] for m in members]) for name in names}, stalled)
+
+
+def _run_window(parameters: Parameters, phase: float) -> dict[str, float]:
+    simulation = Simulation(parameters, phase)
+    statistics = Statistics()
+    block = simulation.advance_to(round(SHORT * SECOND))
+    figures = _short_figures(block)
+    statistics.add(block)
+    statistics.add(simulation.advance_to(round(LONG * SECOND)))
+    figures["reacting_force_mean"] = float(statistics.figures()["reacting_force_mean"] or 0.0)
+    return figures
+
+
+def _short_figures(block: Block) -> dict[str, float]:
+    forces = block.impacts["peak_force"]
+    struck = np.count_nonzero(block.segments["event"] & EVENT_ACTUATOR_IMPACT)
+    samples = block.sample(Times.from_grid(0, round(SHORT * _SAMPLE_RATE), _SAMPLE_RATE))
+    low, high = np.quantile(forces, MOST_FORCES) if len(forces) else (np.nan, np.nan)
+    return {
+        "drill_tool_impact_rate": len(block.impacts) / SHORT,
+        "actuator_impact_rate": struck / SHORT,
+        "contact_force_max": float(forces.max()) if len(forces) else np.nan,
+        "contact_force_low": float(low),
+        "contact_force_high": float(high),
+        "kinetic_energy": float(block.impacts["energy"].sum()),
+        "nodal_plane_displacement": float(np.abs(samples.nodal_plane_position).max()),
+        "drill_tool_displacement": float(np.abs(samples.drill_tool_displacement).max()),
+    }

@@ -1,0 +1,194 @@
+"""Folder of a sweep: its manifest, its finished chunks, and the tables of their results.
+
+A file appears when it is complete, so that a sweep can be killed at any time. While a sweep runs,
+its process locks the folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file
+from rpud_sim.simulation.versions import engine_versions, version_of
+from rpud_sim.studies.sweep.chunks import Chunk, Outcome, chunk_count, chunk_size
+from rpud_sim.studies.sweep.specification import Specification, SweepError
+from rpud_sim.studies.sweep.tables import PointTables, simulation_table
+
+MANIFEST = "manifest.json"
+SIMULATIONS = "simulations.parquet"
+POINTS = "points.parquet"
+_CHUNKS = "chunks"
+
+
+def make_manifest(specification: Specification) -> dict[str, Any]:
+    """Return the specification, versions and sizes of a sweep, with a digest; no host is in it."""
+    depends = {
+        # As JSON reads it back, since it is compared with a manifest from a file.
+        "specification": json.loads(json.dumps(specification.content())),
+        # The engine, and what draws the design and writes the files.
+        "versions": engine_versions() | {name: version_of(name) for name in ("scipy", "pyarrow")},
+    }
+    text = json.dumps(depends, sort_keys=True)
+    return depends | {
+        "points": specification.point_count,
+        "simulations": specification.simulations,
+        "chunks": chunk_count(specification),
+        "sha256": hashlib.sha256(text.encode()).hexdigest(),
+    }
+
+
+class SweepFolder:
+    """Files of one sweep.
+
+    Args:
+        path: of the folder.
+        specification: of the sweep.
+    """
+
+    def __init__(self, path: Path, specification: Specification) -> None:
+        self.path = path
+        self.manifest = make_manifest(specification)
+        self._specification = specification
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Create or open the folder, and lock it against other processes.
+
+        Raises:
+            SweepError: if it is locked or holds anything but this sweep; nothing is changed then.
+            OSError: if it cannot be created.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        handle = os.open(self.path, os.O_RDONLY)
+        try:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise SweepError(f"{self.path}: another rpud sweep is at work there") from None
+            self._check_or_write_manifest()
+            yield
+        finally:
+            os.close(handle)
+
+    @property
+    def complete(self) -> bool:
+        """Whether both tables exist."""
+        return all((self.path / name).exists() for name in (SIMULATIONS, POINTS))
+
+    def finished(self) -> frozenset[int]:
+        """Return the numbers of the finished chunks."""
+        if self.complete:
+            return frozenset(range(self.manifest["chunks"]))
+        return frozenset(
+            number for number in range(self.manifest["chunks"]) if self._is_complete(number)
+        )
+
+    def add(self, chunk: Chunk, outcome: Outcome) -> None:
+        """Write the file of a chunk."""
+        table = simulation_table(chunk, outcome)
+        path = self._chunk_path(chunk.number)
+        path.parent.mkdir(exist_ok=True)
+        with whole_file(path) as unfinished:
+            pq.write_table(table, unfinished)
+
+    def complete_tables(self) -> None:
+        """Write both tables from the chunks, one by one in their order, and remove the chunks."""
+        if not self.complete:
+            tables = PointTables(self._specification)
+            with (
+                whole_file(self.path / SIMULATIONS) as simulations,
+                whole_file(self.path / POINTS) as points,
+                _Writer(simulations) as all_simulations,
+                _Writer(points) as all_points,
+            ):
+                for number in range(self.manifest["chunks"]):
+                    table = pq.read_table(self._chunk_path(number))
+                    all_simulations.write(table)
+                    all_points.write(tables.add(table))
+        shutil.rmtree(self.path / _CHUNKS, ignore_errors=True)
+
+    def failures(self) -> int:
+        """Return how many simulations gave no figures."""
+        file = pq.ParquetFile(self.path / SIMULATIONS)
+        return sum(
+            len(batch) - batch.column(0).null_count
+            for batch in file.iter_batches(columns=["failure"])
+        )
+
+    def points(self) -> Mapping[str, Any]:
+        """Return the table of points, by column."""
+        table = pq.read_table(self.path / POINTS)
+        return {name: table[name].to_numpy() for name in table.column_names}
+
+    def _check_or_write_manifest(self) -> None:
+        path = self.path / MANIFEST
+        if path.exists():
+            try:
+                found = json.loads(path.read_text(encoding="utf-8"))
+            except ValueError:
+                raise SweepError(f"{path}: is no manifest of a sweep") from None
+            if difference := _difference(found, self.manifest):
+                raise SweepError(f"{path}: is of another sweep: {difference}; choose another --out")
+            return
+        if any(not name.name.endswith(UNFINISHED) for name in self.path.iterdir()):
+            raise SweepError(f"{self.path}: is not empty and holds no sweep; choose another --out")
+        with whole_file(path) as unfinished:
+            unfinished.write_text(json.dumps(self.manifest, indent=2) + "\n", encoding="utf-8")
+
+    def _chunk_path(self, number: int) -> Path:
+        return self.path / _CHUNKS / f"{number:08}.parquet"
+
+    def _is_complete(self, number: int) -> bool:
+        """Whether a chunk's file has all rows: the machine may have lost power while writing it."""
+        size = chunk_size(self._specification)
+        rows = min(size, self._specification.simulations - number * size)
+        try:
+            return pq.read_metadata(self._chunk_path(number)).num_rows == rows
+        except (OSError, pa.ArrowInvalid):
+            return False
+
+
+class _Writer:
+    """Parquet file with the columns of the first table."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._writer: pq.ParquetWriter | None = None
+
+    def __enter__(self) -> _Writer:
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        if self._writer is not None:
+            self._writer.close()
+
+    def write(self, table: pa.Table) -> None:
+        """Add the rows of a table."""
+        if self._writer is None:
+            self._writer = pq.ParquetWriter(self._path, table.schema)
+        if table.num_rows:
+            self._writer.write_table(table)
+
+
+def _difference(found: Any, wanted: Any, entry: str = "") -> str:
+    """Return the first entry in which two manifests differ, empty if they are equal."""
+    if isinstance(found, dict) and isinstance(wanted, dict):
+        for name in (*wanted, *(name for name in found if name not in wanted)):
+            inner = f"{entry}.{name}" if entry else name
+            if difference := _difference(found.get(name), wanted.get(name), inner):
+                return difference
+        return ""
+    if type(found) is type(wanted) and found == wanted:
+        return ""
+    return f"{entry} is {json.dumps(found)} there and {json.dumps(wanted)} here"

@@ -1,0 +1,101 @@
+"""Run of a sweep, from its specification to its tables and pictures."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.studies.sweep.chunks import chunk_size, make_chunks
+from rpud_sim.studies.sweep.cluster import run_on_cluster
+from rpud_sim.studies.sweep.design import design_points
+from rpud_sim.studies.sweep.folder import SweepFolder
+from rpud_sim.studies.sweep.point_plots import plot_points
+from rpud_sim.studies.sweep.processes import run_on_processes
+from rpud_sim.studies.sweep.specification import Specification
+
+
+@dataclasses.dataclass(frozen=True)
+class SweepResult:
+    """Result of a sweep.
+
+    Args:
+        folder: with all files.
+        manifest: of the sweep.
+        simulations: number that this call ran.
+        kept: number that earlier calls had run.
+        failures: number of simulations without figures.
+        pictures: files of the pictures.
+    """
+
+    folder: Path
+    manifest: dict[str, Any]
+    simulations: int
+    kept: int
+    failures: int
+    pictures: tuple[Path, ...]
+
+
+def run_sweep(
+    specification: Specification,
+    out: Path,
+    workers: int,
+    scheduler: str | None = None,
+    report: Callable[[int], None] = lambda simulations: None,
+) -> SweepResult:
+    """Run those simulations of a sweep that are missing in its folder, and complete the folder.
+
+    Args:
+        specification: of the sweep.
+        out: its folder; new, or left by an earlier call of the same sweep.
+        workers: number of local processes.
+        scheduler: address of a Dask cluster to use instead of local processes.
+        report: called with the number of simulations that finished since its last call.
+
+    Raises:
+        SweepError: if the folder holds anything else.
+        WorkerError: if the workers fail.
+        OSError: if a file cannot be written.
+    """
+    folder = SweepFolder(out, specification)
+    with folder.held():
+        finished = folder.finished()
+        kept = _kept(specification, finished)
+        report(kept)
+        if len(finished) < folder.manifest["chunks"]:
+            design = design_points(specification)
+            chunks = make_chunks(specification, design, finished)
+            if scheduler is None:
+                # Compiled here once: the workers then find the kernels in the cache.
+                first = {name: values[0].item() for name, values in design.items()}
+                compile_kernels(specification.parameters(first))
+                outcomes = run_on_processes(chunks, workers)
+            else:
+                outcomes = run_on_cluster(chunks, scheduler)
+            with contextlib.closing(outcomes):
+                for chunk, outcome in outcomes:
+                    folder.add(chunk, outcome)
+                    report(chunk.count)
+        folder.complete_tables()
+        pictures = []
+        for name, figure in plot_points(specification, folder.points()).items():
+            pictures.append(out / f"{name}.png")
+            with whole_file(pictures[-1]) as unfinished:
+                figure.savefig(unfinished, format="png", dpi=110)
+        return SweepResult(
+            out,
+            folder.manifest,
+            specification.simulations - kept,
+            kept,
+            folder.failures(),
+            tuple(pictures),
+        )
+
+
+def _kept(specification: Specification, finished: frozenset[int]) -> int:
+    size = chunk_size(specification)
+    return sum(min(size, specification.simulations - number * size) for number in finished)

@@ -1,0 +1,86 @@
+"""Tables of a sweep: one with a row for each simulation, one with a row for each point."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyarrow as pa
+
+from rpud_sim.simulation.statistics import FIGURES
+from rpud_sim.studies.sweep.chunks import Chunk, Outcome, point_seed
+from rpud_sim.studies.sweep.specification import Specification
+
+COUNTS = ("events",)  # figures that are whole numbers
+
+
+def error_name(figure: str) -> str:
+    """Return the name of the column with the standard error of a figure's mean."""
+    return f"{figure}_standard_error"
+
+
+def simulation_table(chunk: Chunk, outcome: Outcome) -> pa.Table:
+    """Return the rows of a chunk's simulations; missing figures are null."""
+    repeat = chunk.specification.repeat
+    numbers = chunk.first + np.arange(chunk.count)
+    points = numbers // repeat
+    columns: dict[str, pa.Array] = {
+        "point": pa.array(points),
+        "member": pa.array(numbers % repeat),
+        "seed": pa.array(points + point_seed(chunk.specification, 0)),
+        "phase": pa.array(outcome.phases),
+        **{
+            name: pa.array(values[points - chunk.first_point])
+            for name, values in chunk.points.items()
+        },
+    }
+    for i, name in enumerate(FIGURES):
+        values = outcome.figures[:, i]
+        missing = np.isnan(values)
+        if name in COUNTS:
+            values = np.where(missing, 0.0, values).astype(np.int64)
+        columns[name] = pa.array(values, mask=missing)
+    columns["failure"] = pa.array(outcome.failures, pa.string())
+    return pa.table(columns)
+
+
+class PointTables:
+    """Conversion of simulations' rows, added in order and in any portions, to points' rows.
+
+    Args:
+        specification: of the sweep.
+    """
+
+    def __init__(self, specification: Specification) -> None:
+        self._specification = specification
+        self._held: pa.Table | None = None
+
+    def add(self, table: pa.Table) -> pa.Table:
+        """Add rows of simulations; return the rows of the points that are complete now."""
+        if self._held is not None:
+            table = pa.concat_tables([self._held, table])
+        repeat = self._specification.repeat
+        whole = table.num_rows // repeat * repeat
+        # A copy: a slice would keep the rows before it in memory.
+        self._held = table.slice(whole).take(pa.array(range(table.num_rows - whole), pa.int64()))
+        return self._points(table.slice(0, whole))
+
+    def _points(self, table: pa.Table) -> pa.Table:
+        repeat = self._specification.repeat
+        firsts = np.arange(0, table.num_rows, repeat)
+        columns: dict[str, pa.Array | pa.ChunkedArray] = {
+            name: table[name].take(pa.array(firsts))
+            for name in ("point", "seed", *self._specification.swept)
+        }
+        figures = np.column_stack(
+            [table[name].to_numpy().astype(np.float64) for name in FIGURES]
+        ).reshape(len(firsts), repeat, len(FIGURES))
+        valid = ~np.isnan(figures)
+        count = valid.sum(axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = np.where(valid, figures, 0.0).sum(axis=1) / count
+            squares = np.where(valid, (figures - mean[:, None]) ** 2, 0.0).sum(axis=1)
+            error = np.sqrt(squares / (count - 1) / count)
+        columns["members"] = pa.array(count.max(axis=1, initial=0).astype(np.int64))
+        for i, name in enumerate(FIGURES):
+            columns[name] = pa.array(mean[:, i], mask=count[:, i] == 0)
+            columns[error_name(name)] = pa.array(error[:, i], mask=count[:, i] < 2)
+        return pa.table(columns)

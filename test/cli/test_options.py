@@ -1,0 +1,111 @@
+"""Arguments become checked options; a number outside is one line with value, unit and range."""
+
+import dataclasses
+import re
+
+import pytest
+
+from rpud_sim.bag.output_file import COMPRESSIONS
+from rpud_sim.cli import record as record_command
+from rpud_sim.cli import replay as replay_command
+from rpud_sim.cli.options import Parser, options_from, split_ros_arguments
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.ros.record import record_options
+from rpud_sim.ros.record.record_options import RecordOptions
+from rpud_sim.ros.replay.replay_options import ReplayOptions
+
+
+@pytest.fixture
+def record():
+    parser = Parser(prog="rpud record")
+    record_command.add_arguments(parser)
+    return lambda *words: options_from(parser.parse_args(["--out", "bag", *words]), RecordOptions)
+
+
+@pytest.fixture
+def replay():
+    parser = Parser(prog="rpud replay")
+    replay_command.add_arguments(parser)
+    return lambda *words: options_from(parser.parse_args(["bag", *words]), ReplayOptions)
+
+
+def test_the_defaults_of_the_command_line_are_those_of_the_options(record, replay):
+    recorded = dataclasses.replace(record(), topics=())
+    assert recorded == RecordOptions("bag")
+    assert (recorded.namespace, recorded.compression, recorded.max_loss) == ("/rpud", "zstd", 1.0)
+    assert replay() == ReplayOptions("bag")
+    assert replay("--clock").clock == 40.0
+    assert replay("--clock", "100").clock == 100.0
+
+
+def test_sizes_are_whole_numbers_in_any_notation(record):
+    assert record("--max-bag-size", "1e6").max_bag_size == 1_000_000
+    with pytest.raises(ParameterError, match=r"--max-disk = 1\.5 bytes is not a whole number"):
+        record("--max-disk", "1.5")
+
+
+def test_the_compressions_are_the_writer_s():
+    assert set(record_options.COMPRESSIONS) == set(COMPRESSIONS)
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "-inf", "fast", ""])
+@pytest.mark.parametrize(("option", "unit"), [("--rate", ""), ("--clock", " Hz")])
+def test_what_must_be_positive_is_refused_otherwise(replay, option, unit, value):
+    said = value if value in ("0", "-1", "nan", "inf", "-inf") else repr(value)
+    with pytest.raises(
+        ParameterError, match=rf"{option} = {said}{unit} is outside its range \(0, "
+    ):
+        replay(f"{option}={value}")
+
+
+@pytest.mark.parametrize("value", ["-0.1", "nan", "inf", "x"])
+def test_the_start_is_not_before_the_bag(replay, value):
+    with pytest.raises(ParameterError, match=r"--start = \S+ s is outside its range \[0, 1e\+09\]"):
+        replay(f"--start={value}")
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--rate", "1e7"], "--rate = 1e+07 is outside its range (0, 1e+06]"),
+        (["--duration", "0"], "--duration = 0 s is outside its range (0, 1e+09] s"),
+        (["--duration", "1e300"], "--duration = 1e+300 s is outside its range (0, 1e+09] s"),
+        (["--clock", "1e6"], "--clock = 1e+06 Hz is outside its range (0, 10000] Hz"),
+    ],
+)
+def test_a_replay_refuses_numbers_that_cannot_be(replay, words, complaint):
+    with pytest.raises(ParameterError, match=f"^{re.escape(complaint)}$"):
+        replay(*words)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--remap", "talk:=/b"], "'talk:=/b' is not of the form OLD:=NEW with two absolute topic"),
+        (["--remap", "/a:=/b", "/c"], "'/c' is not of the form OLD:=NEW"),
+    ],
+)
+def test_a_replay_refuses_what_is_no_rule(replay, capsys, words, complaint):
+    with pytest.raises(SystemExit) as ended:
+        replay(*words)
+    assert ended.value.code == 2
+    assert complaint in capsys.readouterr().err
+
+
+def test_a_replay_takes_rules_for_names(replay):
+    assert replay("--remap", "/a:=/b", "/a_1/b:=/c/d").remap == ["/a:=/b", "/a_1/b:=/c/d"]
+
+
+@pytest.mark.parametrize("option", ["--duration", "--max-loss", "--max-bag-duration"])
+@pytest.mark.parametrize("value", ["0", "nan", "inf", "1e300"])
+def test_a_duration_is_positive_and_no_eternity(record, option, value):
+    with pytest.raises(ParameterError, match=rf"{option} = \S+ s is outside its range \(0, 1e\+09"):
+        record(f"{option}={value}")
+
+
+def test_words_for_ros_are_told_from_those_of_the_program():
+    own, ros = split_ros_arguments(
+        ["bag", "--ros-args", "-r", "__ns:=/a", "--", "--remap", "/a:=/b", "--ros-args", "-p", "x"]
+    )
+    assert own == ["bag", "--remap", "/a:=/b"]
+    assert ros == ["--ros-args", "-r", "__ns:=/a", "--", "--ros-args", "-p", "x"]

@@ -1,0 +1,81 @@
+"""A folder or a file has its name when it is complete, and never before."""
+
+import os
+
+import pytest
+
+from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file, whole_folder
+
+
+def test_a_folder_has_its_name_when_all_is_in_it(tmp_path):
+    out = tmp_path / "new" / "folder"
+    with whole_folder(out) as part:
+        (part / "file").write_text("content")
+        assert not out.exists()
+    assert (out / "file").read_text() == "content"
+    assert [path.name for path in out.parent.iterdir()] == ["folder"]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_after_an_error_nothing_is_left(tmp_path, error):
+    def fail():
+        with whole_folder(tmp_path / "out") as part:
+            (part / "file").write_text("content")
+            raise error
+
+    with pytest.raises(error):
+        fail()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["out", "out.part"])
+@pytest.mark.parametrize("kind", ["folder", "file", "link"])
+def test_what_exists_is_named_and_left_alone(tmp_path, monkeypatch, name, kind):
+    monkeypatch.chdir(tmp_path)
+    existing = tmp_path / name
+    if kind == "folder":
+        existing.mkdir()
+    elif kind == "file":
+        existing.write_text("old")
+    else:
+        existing.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(FileExistsError) as caught, whole_folder("out"):
+        pytest.fail("it was entered")
+    assert caught.value.filename == name
+    assert os.listdir(tmp_path) == [name]
+
+
+def test_a_file_replaces_the_old_one_when_it_is_written(tmp_path):
+    path = tmp_path / "table"
+    path.write_text("old")
+    with whole_file(path) as unfinished:
+        unfinished.write_text("new")
+        assert path.read_text() == "old"
+    assert path.read_text() == "new"
+    assert os.listdir(tmp_path) == ["table"]
+
+
+def test_after_an_error_the_old_file_is_there(tmp_path):
+    path = tmp_path / "table"
+    path.write_text("old")
+
+    def fail():
+        with whole_file(path) as unfinished:
+            unfinished.write_text("ne")
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert path.read_text() == "old"
+
+
+def test_the_rest_of_a_killed_process_is_overwritten_and_a_link_is_not_followed(tmp_path):
+    path = tmp_path / "table"
+    precious = tmp_path / "precious"
+    precious.write_text("precious")
+    (tmp_path / f"table{UNFINISHED}").symlink_to(precious)
+    with whole_file(path) as unfinished:
+        unfinished.write_text("new")
+    assert precious.read_text() == "precious"
+    assert path.read_text() == "new"
+    assert not path.is_symlink()

@@ -1,0 +1,102 @@
+"""YAML from users is a value, or an error in one line with the name of its file."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.yaml_files import MOST_BYTES, parse_yaml, read_yaml
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-3", 1e-3),
+        ("1.96e11", 1.96e11),
+        ("-2E5", -2e5),
+        ("+.5e-1", 0.05),
+        ("3", 3),
+        ("'1e-3'", "1e-3"),
+        ("1e", "1e"),
+        ("e5", "e5"),
+        ("{a: [1, 2.5, true]}", {"a": [1, 2.5, True]}),
+        ("", None),
+    ],
+)
+def test_numbers_are_those_of_ros(text, value):
+    assert parse_yaml(text) == value
+    assert type(parse_yaml(text)) is type(value)
+
+
+@pytest.mark.parametrize("word", ["off", "on", "yes", "no", "true", "False"])
+def test_words_are_truth_values_or_words(word):
+    assert isinstance(parse_yaml(word), bool)
+    assert parse_yaml(word, truth_values=False) == word
+    assert parse_yaml("1e-3", truth_values=False) == 1e-3
+
+
+BROKEN = [
+    ("/**: [\n", "is not YAML: while parsing"),
+    ("/**:\n\tros__parameters: {}\n", "is not YAML: "),
+    ("!!python/object/apply:os.system ['true']", "is not YAML: could not determine"),
+    ("a: !!int ''", "is not YAML: "),
+    ("a: 2001-13-45", "is not YAML: month must be in 1..12"),
+    ("a: " + "[" * 20_000, "is not YAML: maximum recursion depth"),
+    ("a: &a [1]\nb: [*a, *a]", "is not YAML: aliases are not allowed here"),
+    ("/**: {ros__parameters: {a: 1, a: 2}}", "is not YAML: a key stands twice"),
+    ("--- 1\n--- 2", "is not YAML: expected a single document"),
+]
+
+
+@pytest.mark.parametrize(("text", "complaint"), BROKEN, ids=itertools.count())
+def test_a_text_that_cannot_be_used_is_one_line(text, complaint):
+    with pytest.raises(ParameterError) as caught:
+        parse_yaml(text)
+    assert str(caught.value).startswith(complaint)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        *((text.encode(), complaint) for text, complaint in BROKEN),
+        (b"\xff\xfe\x00\x01\xff", "is not YAML: "),
+        (b"#" * (MOST_BYTES + 1), "is longer than the 100000 bytes that it may have"),
+    ],
+    ids=itertools.count(),
+)
+def test_a_file_that_cannot_be_used_is_one_line_with_its_name(tmp_path, content, complaint):
+    path = tmp_path / "file.yaml"
+    path.write_bytes(content)
+    with pytest.raises(ParameterError) as caught:
+        read_yaml(path)
+    assert str(caught.value).startswith(f"{path} {complaint}")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_may_be_as_long_as_the_limit(tmp_path):
+    path = tmp_path / "file.yaml"
+    path.write_bytes(b"a: 1\n".ljust(MOST_BYTES, b"#"))
+    assert read_yaml(path) == {"a": 1}
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(ParameterError, match=r"missing\.yaml: No such file or directory$"):
+        read_yaml(tmp_path / "missing.yaml")
+    with pytest.raises(ParameterError, match=r"Is a directory$"):
+        read_yaml(tmp_path)
+    with pytest.raises(ParameterError, match=r"embedded null byte$"):
+        read_yaml("a\0b")
+
+
+@given(st.text(alphabet="{}[]:,-&*!?|>'\"%@#~ \n\tkfo01._<=/", max_size=60) | st.text())
+def test_any_text_is_a_value_or_refused_in_one_line(text):
+    try:
+        parse_yaml(text)
+    except ParameterError as error:
+        refusal = str(error)
+    else:
+        return
+    assert "\n" not in refusal

@@ -1,0 +1,305 @@
+"""What a bag holds is in its files, whatever type and format, and nothing half-done stays."""
+
+import csv
+import json
+import os
+import resource
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sample_bags import (
+    SECOND,
+    START,
+    STRING_DEFINITION,
+    TALK,
+    serialized,
+    write_bag,
+    write_everything,
+    write_offline_bag,
+)
+
+import rpud_sim.bag
+from bench.long_bag import long_waveform
+from rpud_sim.bag import BagError, BagWriter, Topic
+from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
+from rpud_sim.bag.manifest import Manifest, manifest_from_record
+from rpud_sim.inspection.export.export import ACCOUNT, FORMATS, ExportError, export, file_stem
+from rpud_sim.simulation import preset
+
+
+@pytest.fixture(scope="module")
+def drilled(tmp_path_factory):
+    path = tmp_path_factory.mktemp("export") / "bag"
+    write_offline_bag(path, preset("drilling"), 0.31)
+    return path
+
+
+@pytest.fixture
+def everything(tmp_path):
+    return write_everything(tmp_path / "bag")
+
+
+def nested_texts(column):
+    return [json.loads(text) for text in column]
+
+
+def test_parquet_holds_what_the_bag_holds(drilled, tmp_path):
+    exported = export(drilled, tmp_path / "out")
+    with rpud_sim.bag.open(drilled) as bag:
+        for topic in exported.topics:
+            found = pd.read_parquet(tmp_path / "out" / topic.path)
+            expected = bag.arrays(topic.name)
+            assert list(found.columns) == list(expected)
+            assert topic.rows == len(found)
+            for name in ("peak_force", "force", "actuator_position", "time", "header.stamp"):
+                if name in expected:
+                    values = found[name].to_numpy()
+                    assert values.astype(expected[name].dtype).tobytes() == expected[name].tobytes()
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {ACCOUNT, *(topic.path for topic in exported.topics)}
+    assert "rpud.contact_force.parquet" in names
+
+
+def test_parquet_has_units_types_and_the_kinds_of_ros(everything, tmp_path):
+    export(everything, tmp_path / "out")
+    table = pq.read_table(tmp_path / "out" / "all.parquet")
+    schema = table.schema
+    kinds = {field.name: str(field.type) for field in schema}
+    assert kinds["log_time"] == kinds["stamp"] == "timestamp[ns]"
+    assert kinds["age"] == "duration[ns]"
+    assert kinds["matrix"].startswith("fixed_size_list<")
+    assert kinds["ranges"].startswith("list<")
+    assert (kinds["large"], kinds["good"], kinds["note"]) == ("uint64", "bool", "string")
+    assert schema.field("part.x").metadata[b"unit"] == b"m"
+    assert schema.field("stamp").metadata == {b"description": b"of the reading"}
+    about = json.loads(schema.metadata[b"rpud_sim"])
+    assert (about["topic"], about["type"]) == ("/all", "pkg/msg/Everything")
+    row = table.to_pylist()[0]
+    assert row["matrix"] == [1.0, 2.0, 3.0, 4.0]
+    assert row["ranges"] == [0.5, np.inf]
+    assert (row["note"], row["large"], row["raw"]) == ("größer", 2**64 - 1, 200)
+    assert json.loads(row["parts"]) == [{"x": 2.0, "turn": 3.0}]
+    assert row["age"].value == -SECOND + 5
+    assert np.isnan(row["part.turn"])
+    assert pq.read_metadata(tmp_path / "out" / "none.parquet").num_rows == 0
+
+
+def test_csv_holds_every_digit(everything, drilled, tmp_path):
+    export(everything, tmp_path / "all", "csv")
+    frame = pd.read_csv(tmp_path / "all" / "all.csv")
+    assert frame["log_time"].tolist() == [START, START + SECOND, START + 2 * SECOND]
+    assert frame["large"].tolist() == [2**64 - 1] * 3
+    assert frame["age"].tolist() == [-SECOND + 5] * 3
+    assert frame["part.turn"].isna().all()
+    assert nested_texts(frame["ranges"])[0] == [0.5, "Infinity"]
+    assert nested_texts(frame["matrix"])[0] == [1.0, 2.0, 3.0, 4.0]
+    assert nested_texts(frame["names"])[0] == ["a", "b"]
+    assert frame["note"].tolist() == ["größer"] * 3
+    assert len(pd.read_csv(tmp_path / "all" / "none.csv")) == 0
+
+    export(drilled, tmp_path / "out", "csv", ["/rpud/waveform"])
+    found = pd.read_csv(tmp_path / "out" / "rpud.waveform.csv")
+    with rpud_sim.bag.open(drilled) as bag:
+        expected = bag.arrays("/rpud/waveform")
+    for name in ("time", "sequence", "reacting_force", "free_mass_position"):
+        assert found[name].to_numpy().tobytes() == expected[name].tobytes(), name
+
+
+def test_numpy_files_can_be_mapped(everything, drilled, tmp_path, monkeypatch):
+    monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", 300_000)
+    export(drilled, tmp_path / "out", "numpy")
+    folder = tmp_path / "out" / "rpud.waveform"
+    with rpud_sim.bag.open(drilled) as bag:
+        assert len(list(bag.batches("/rpud/waveform"))) > 1
+        expected = bag.arrays("/rpud/waveform")
+    for name in ("time", "contact_force"):
+        values = np.load(folder / f"{name}.npy", mmap_mode="r")
+        assert isinstance(values, np.memmap)
+        assert np.array_equal(values, expected[name])
+
+    export(everything, tmp_path / "all", "numpy")
+
+    def piece(name, row):
+        ends = np.load(tmp_path / "all" / "all" / f"{name}.offsets.npy")
+        return np.load(tmp_path / "all" / "all" / f"{name}.npy")[ends[row] : ends[row + 1]]
+
+    assert np.load(tmp_path / "all" / "all" / "matrix.npy").tolist() == [[1.0, 2.0, 3.0, 4.0]] * 3
+    assert np.load(tmp_path / "all" / "all" / "stamp.npy").tolist() == [12 * SECOND + 34] * 3
+    assert piece("ranges", 2).tolist() == [0.5, np.inf]
+    assert piece("note", 1).tobytes().decode() == "größer"
+    assert json.loads(piece("parts", 2).tobytes()) == [{"x": 2.0, "turn": 3.0}]
+    assert np.load(tmp_path / "all" / "none" / "matrix.npy").shape == (0, 4)
+
+
+def test_topics_and_times_can_be_chosen(drilled, tmp_path):
+    exported = export(drilled, tmp_path / "out", topics=["/rpud/wrench"], start=0.1, duration=0.1)
+    [topic] = exported.topics
+    assert (topic.name, topic.messages, topic.rows) == ("/rpud/wrench", 10, 10)
+    times = pd.read_parquet(tmp_path / "out" / topic.path)["log_time"].astype("int64")
+    assert (times.min(), times.max()) == (SECOND // 10, SECOND // 100 * 19)
+
+
+def test_manifest_and_losses_are_kept(tmp_path):
+    manifest = Manifest(node="/rpud/drill_node", parameters={"seed": 3})
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.add_record(RECORD_NAME, losses_to_record({TALK.name: Losses(2, 1)}))
+        bag.add_record(MANIFEST, manifest.to_record())
+    export(tmp_path / "bag", tmp_path / "out")
+    metadata = pq.read_schema(tmp_path / "out" / "rpud.talk.parquet").metadata
+    in_file = json.loads(metadata[b"rpud_sim"])
+    account = json.loads((tmp_path / "out" / ACCOUNT).read_text())
+    for about in (in_file, account["tables"][TALK.name]):
+        assert about["losses"] == {"transport": 2, "queue": 1, "damaged": 0}
+    for about in (in_file, account):
+        assert manifest_from_record(about["manifests"][0]) == manifest
+
+
+def test_an_unknown_topic_leaves_nothing_behind(drilled, tmp_path):
+    with pytest.raises(BagError, match=r"no topic '/rpud/w'; it holds /rpud/contact_force, "):
+        export(drilled, tmp_path / "out", topics=["/rpud/wrench", "/rpud/w"])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_overwritten(everything, tmp_path):
+    for name in ("out", "out.part"):
+        (tmp_path / name).mkdir()
+        with pytest.raises(ExportError, match=rf"{name} exists already; nothing is overwritten"):
+            export(everything, tmp_path / "out")
+        (tmp_path / name).rmdir()
+
+
+def test_a_start_beyond_the_end_is_refused(everything, tmp_path):
+    with pytest.raises(ExportError, match=r"--start = 3 s is not in the 2 s that the bag holds"):
+        export(everything, tmp_path / "out", start=3.0)
+
+
+def test_topics_that_cannot_be_tables_are_named(tmp_path):
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.add_topic(Topic("/untold", "pkg/msg/Untold"))
+    exported = export(tmp_path / "bag", tmp_path / "out")
+    assert [topic.name for topic in exported.topics] == [TALK.name]
+    reason = "the bag does not hold the definition of its type"
+    assert exported.left_out == {"/untold": reason}
+    assert json.loads((tmp_path / "out" / ACCOUNT).read_text())["left_out"] == exported.left_out
+
+
+def test_a_damaged_file_leaves_nothing_behind(tmp_path):
+    file = write_bag(tmp_path / "bag", compression="none") / "bag_0.mcap"
+    content = file.read_bytes()
+    file.write_bytes(content.replace(b"message 5", b"massage 5"))
+    for file_format in FORMATS:
+        with pytest.raises(BagError, match=r"bag_0\.mcap"):
+            export(tmp_path / "bag", tmp_path / "out", file_format)
+        assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_hostile_names_of_topics_stay_in_the_folder(tmp_path):
+    names = ["../../out", "/a/../../b", "/x\0y", "a" * 3000, "/fine"]
+    with BagWriter(tmp_path / "bag") as bag:
+        for name in names:
+            bag.add_topic(Topic(name, TALK.type), STRING_DEFINITION)
+    for file_format in FORMATS:
+        exported = export(tmp_path / "bag", tmp_path / file_format, file_format)
+        assert len({topic.path for topic in exported.topics}) == len(names)
+        found = {path.name for path in (tmp_path / file_format).iterdir()}
+        assert found == {ACCOUNT, *(topic.path for topic in exported.topics)}
+    assert {path.name for path in tmp_path.iterdir()} == {"bag", *FORMATS}
+
+
+EXPORT = "import sys; from rpud_sim.inspection.export.export import *\n"
+
+
+@pytest.mark.parametrize("file_format", FORMATS)
+def test_a_disk_that_is_full_is_one_error_and_leaves_nothing_behind(drilled, tmp_path, file_format):
+    script = EXPORT + "try: export(*sys.argv[1:])\nexcept ExportError as error: print(error)"
+    done = subprocess.run(
+        [sys.executable, "-c", script, drilled, tmp_path / "out", file_format],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout == f"cannot write {tmp_path / 'out'}: File too large\n", done.stderr
+    assert os.listdir(tmp_path) == []
+
+
+def test_memory_does_not_grow_with_the_bag(tmp_path):
+    """In a process of its own: most of the memory is Arrow's, which Python does not count."""
+    script = EXPORT + (
+        "from pathlib import Path\n"
+        "export(*sys.argv[1:])\n"
+        "print(int(Path('/proc/self/status').read_text().split('VmHWM:')[1].split()[0]))"
+    )
+
+    def peak(count, file_format):
+        bag = tmp_path / str(count)
+        if not bag.exists():
+            long_waveform(bag, count)
+        out = tmp_path / f"{file_format}{count}"
+        command = [sys.executable, "-c", script, bag, out, file_format]
+        return int(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+    for file_format in ("parquet", "numpy"):
+        small, large = (peak(count, file_format) for count in (40_000_000, 120_000_000))
+        assert large < small + 24_000, file_format  # KiB
+        assert large < 600_000
+
+
+def test_a_bag_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(BagError, match=r"there is no bag at .*none"):
+        export(tmp_path / "none", tmp_path / "out")
+    torn = tmp_path / "torn.mcap"
+    write_bag(tmp_path / "bag")
+    torn.write_bytes((tmp_path / "bag" / "bag_0.mcap").read_bytes()[:-100])
+    with pytest.raises(BagError, match="cut off"):
+        export(torn, tmp_path / "out")
+
+
+def test_a_text_that_a_spreadsheet_would_take_for_a_formula_is_none(tmp_path):
+    definition = "string text\nfloat64 number\n"
+    texts = ["=1+1", "+1", "-1", "@SUM(A1)", "\tx", "\rx", "'x", "a=1", ""]
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic("/a", "pkg/msg/Cell"), definition)
+        for text in texts:
+            values = {"text": text, "number": -1.5}
+            bag.write("/a", serialized("pkg/msg/Cell", definition, values), START, START)
+    export(tmp_path / "bag", tmp_path / "csv", "csv")
+    with (tmp_path / "csv" / "a.csv").open(newline="", encoding="utf-8") as file:
+        rows = [*csv.DictReader(file)]
+    assert [row["text"] for row in rows] == [f"'{text}" for text in texts[:6]] + texts[6:]
+    assert {row["number"] for row in rows} == {"-1.5"}
+    export(tmp_path / "bag", tmp_path / "parquet")
+    assert [*pd.read_parquet(tmp_path / "parquet" / "a.parquet")["text"]] == texts
+
+
+def test_names_of_ros_stay_readable():
+    assert file_stem("/rpud/contact_force") == "rpud.contact_force"
+    assert file_stem("/clock") == "clock"
+
+
+@pytest.mark.parametrize(
+    "topic", ["../../etc/passwd", "/a/../b", "/", "", "a\0b", "C:\\x", "/a b", ".", "x" * 9999]
+)
+def test_hostile_names_are_one_plain_name(topic):
+    stem = file_stem(topic)
+    assert stem.startswith("topic-")
+    assert not set(stem) & set("/\\\0: ")
+    assert len(stem) < 220
+
+
+@given(st.text(), st.text())
+def test_no_two_topics_have_the_same(one, other):
+    assert (file_stem(one) == file_stem(other)) == (one == other)
+
+
+def test_names_that_only_look_alike_differ():
+    names = ["/a/b", "a/b", "/a.b", "a.b", "/a//b", "/a/b/", "/A/b", "a%2Fb", "topic-a"]
+    assert len({file_stem(name) for name in names}) == len(names)

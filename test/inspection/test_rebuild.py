@@ -1,0 +1,152 @@
+"""Waveforms out of a bag's trajectory: those that the drill published, and any other rate."""
+
+import errno
+import itertools
+import json
+import os
+
+import numpy as np
+import pytest
+from altered_bags import altered
+from sample_bags import write_offline_bag
+
+import rpud_sim.bag
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.inspection.rebuild import RebuildError, rebuild
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.sampling import CHANNELS, Times
+from rpud_sim.simulation.simulation import Simulation
+
+DURATION = 0.4
+PUBLISHED = (
+    "nodal_plane_position",
+    "actuator_position",
+    "free_mass_position",
+    "drill_tool_displacement",
+    "contact_force",
+    "reacting_force",
+)
+
+
+@pytest.fixture(scope="module", params=["free", "drilling"])
+def regime(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory, regime):
+    path = tmp_path_factory.mktemp("rebuild") / "bag"
+    write_offline_bag(path, preset(regime), DURATION)
+    return path
+
+
+def waveform(path):
+    """Return the published channels of a bag, all blocks in one."""
+    name = "rpud_msgs/msg/Waveform"
+    codec = Codec(name, find_definition(name))
+    with rpud_sim.bag.open(path) as opened:
+        blocks = [codec.decode(message.data) for message in opened.messages({"/rpud/waveform"})]
+    return {
+        channel: np.concatenate([getattr(block, channel) for block in blocks])
+        for channel in PUBLISHED
+    }
+
+
+def load(folder):
+    return {channel: np.load(folder / f"{channel}.npy") for channel in CHANNELS}
+
+
+def only_trajectory(source, out, keep=lambda number: True):
+    """Write a bag of the trajectory alone, of those messages whose number is to be kept."""
+    numbers = itertools.count()
+    return altered(
+        source, out, lambda m: [m.data] if keep(next(numbers)) else [], {"/rpud/trajectory"}
+    )
+
+
+def test_at_the_published_rate_it_is_the_published_waveform_bit_for_bit(bag, tmp_path):
+    rebuilt = rebuild(only_trajectory(bag, tmp_path / "bag"), tmp_path / "out", 50_000)
+    published, found = waveform(bag), load(tmp_path / "out")
+    assert (rebuilt.first, rebuilt.missing, rebuilt.origin) == (0, 0, 0)
+    # The last segment was still open when the recording ended.
+    assert 0.9 * DURATION * 50_000 < rebuilt.count <= DURATION * 50_000
+    for channel, values in published.items():
+        assert found[channel].tobytes() == values[: rebuilt.count].tobytes(), channel
+
+
+def test_at_any_rate_it_is_what_the_simulation_samples(bag, regime, tmp_path):
+    rebuilt = rebuild(bag, tmp_path / "out", 1_234_567, start=0.1, duration=0.2)
+    assert (rebuilt.first, rebuilt.count) == (123_457, 246_913)
+    block = Simulation(preset(regime)).advance_to(round(DURATION * 1e9))
+    expected = block.sample(Times.from_grid(rebuilt.first, rebuilt.count, rebuilt.rate))
+    found = load(tmp_path / "out")
+    for channel in CHANNELS:
+        assert found[channel].tobytes() == getattr(expected, channel).tobytes(), channel
+
+
+def test_what_it_is_stands_beside_it(bag, tmp_path):
+    rebuilt = rebuild(bag, tmp_path / "out", 1000)
+    assert json.loads((tmp_path / "out" / "rebuilt.json").read_text()) == vars(rebuilt)
+    assert rebuilt.size == sum(f.stat().st_size for f in (tmp_path / "out").glob("*.npy"))
+
+
+def test_where_segments_are_missing_it_is_not_a_number(bag, tmp_path):
+    source = only_trajectory(bag, tmp_path / "bag", lambda number: number not in (2, 3))
+    rebuilt = rebuild(source, tmp_path / "out", 10_000)
+    whole = rebuild(bag, tmp_path / "whole", 10_000)
+    found, expected = load(tmp_path / "out"), load(tmp_path / "whole")
+    gap = np.isnan(found["reacting_force"])
+    assert rebuilt.count == whole.count
+    assert rebuilt.missing == gap.sum() == pytest.approx(1000, abs=200)
+    begin = int(np.argmax(gap))
+    assert gap[begin : begin + rebuilt.missing].all()
+    for channel in CHANNELS:
+        assert np.isnan(found[channel][gap]).all()
+        assert found[channel][~gap].tobytes() == expected[channel][~gap].tobytes(), channel
+
+
+def test_a_recording_that_began_late_begins_late(bag, tmp_path):
+    source = only_trajectory(bag, tmp_path / "bag", lambda number: number >= 4)
+    rebuilt = rebuild(source, tmp_path / "out", 10_000)
+    rebuild(bag, tmp_path / "whole", 10_000)
+    assert 1900 < rebuilt.first <= 2000
+    assert rebuilt.missing == 0
+    found, expected = load(tmp_path / "out"), load(tmp_path / "whole")
+    for channel in CHANNELS:
+        assert found[channel].tobytes() == expected[channel][rebuilt.first :].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({"run": 2}, r"--run = 2 is outside its range \[1, 1\]"),
+        ({"run": 0}, r"--run = 0 is outside its range \[1, 1\]"),
+        ({"start": 5.0}, r"--start = 5 s is not in the 0\.\d+ s that the bag holds"),
+        ({"topic": "/other"}, "holds no trajectory named /other"),
+    ],
+)
+def test_what_is_not_there_is_refused_and_nothing_written(bag, tmp_path, options, reason):
+    with pytest.raises(RebuildError, match=reason):
+        rebuild(bag, tmp_path / "out", 1000, **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_rebuilding_that_fails_midway_leaves_nothing(bag, tmp_path):
+    def fail(_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(RebuildError, match=r"cannot write .*out: No space left on device"):
+        rebuild(bag, tmp_path / "out", 1000, report=fail)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bag_without_a_trajectory_is_refused(bag, tmp_path):
+    altered(bag, tmp_path / "bag", lambda m: [m.data], {"/rpud/waveform"})
+    with pytest.raises(RebuildError, match="holds no trajectory"):
+        rebuild(tmp_path / "bag", tmp_path / "out", 1000)
+
+
+def test_nothing_is_overwritten(bag, tmp_path):
+    with pytest.raises(RebuildError, match="exists already"):
+        rebuild(bag, tmp_path, 1000)

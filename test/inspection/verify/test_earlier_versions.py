@@ -1,0 +1,28 @@
+"""Bags that earlier versions wrote: this version computes every one of their messages again.
+
+`offline_free` is a run without ROS before drilling, `run` a drill in real time from its start on,
+and `stepped` one that was stepped, commanded, reconfigured and given faults, with a resonant
+actuator and a rock model.
+"""
+
+from pathlib import Path
+
+import pytest
+
+from rpud_sim.inspection.verify.verification import verify
+
+BAGS = sorted((Path(__file__).parents[2] / "data").glob("*/*"))
+
+
+def test_bags_of_every_earlier_version_are_there():
+    assert {bag.parent.name for bag in BAGS} == {"0.1.0"}
+    assert {bag.name for bag in BAGS} == {"offline_free", "run", "stepped"}
+
+
+@pytest.mark.parametrize("bag", BAGS, ids=lambda bag: f"{bag.parent.name}-{bag.name}")
+def test_a_bag_of_an_earlier_version_is_proved_bit_for_bit(bag):
+    verification = verify(bag)
+
+    assert verification.first_difference is None
+    assert sum(counts.equal for counts in verification.topics.values()) > 80
+    assert not any(counts.missing for counts in verification.topics.values())

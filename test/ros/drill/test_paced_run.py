@@ -1,0 +1,239 @@
+"""Blocks are computed ahead and published at their deadlines; commands act between two."""
+
+import pytest
+import rclpy
+from manual_clock import SECOND, ManualClock
+
+from rpud_sim.ros.drill.account import Account
+from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.paced_run import PacedRun
+from rpud_sim.ros.drill.pacer import Pacer
+from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.simulation.commands import WeightOnBit
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.run import Beginning, Run
+
+MILLISECOND = 1_000_000
+PERIOD = 10 * MILLISECOND
+LEAD = 5 * MILLISECOND
+START = 17 * SECOND
+
+
+class Publishers(DrillPublishers):
+    """Publishers that note when a block is computed and when it is sent, by a clock."""
+
+    def __init__(self, node, clock):
+        super().__init__(node, publish_clock=False)
+        self.clock = clock
+        self.computed, self.sent_at = [], []
+        self.meanwhile = lambda: None
+
+    def wanted(self, topic):
+        return True
+
+    def encode(self, entries):
+        encoded = super().encode(entries)
+        if any(name == "nodal_plane" for name, _ in encoded):
+            self.computed.append(self.clock())
+            self.meanwhile()  # what happens while a block is computed
+        return encoded
+
+    def _send(self, name, message):
+        if name == "nodal_plane":
+            self.sent_at.append(self.clock())
+        super()._send(name, message)
+
+
+class Drill:
+    """A run under an account, an inbox and a pacer whose clock is moved by hand."""
+
+    def __init__(self, node, factor, schedule=None):
+        self.clock = ManualClock(START)
+        self.inbox = Inbox(node.get_logger())
+        self.publishers = Publishers(node, self.clock)
+        self.account = Account(node, 100, self.publishers, self.inbox, Namesakes(node))
+        self.pacer = Pacer(100, 1.0, self.clock, schedule, self.clock.sleep)
+        run = Run(Beginning(Settings()), wanted=self.publishers.wanted, on_block=self.account.add)
+        self.paced = PacedRun(
+            run, self.publishers, self.account, self.inbox, self.pacer, node.get_logger()
+        )
+        self.factor = factor
+
+    def play(self, due=None):
+        self.paced.time_control.play()
+        self.paced.pace(self.factor, 0, due)
+
+    def pause(self):
+        self.paced.time_control.pause()
+        self.paced.pace(self.factor, 0)
+
+    def advance(self):
+        """Do what is due, waiting for it as the thread does, and give the simulation time."""
+        while (idle := self.paced.advance()) > 0.0:
+            self.clock.now += round(idle * SECOND)
+        return self.paced.run.time
+
+    @property
+    def weight_on_bit(self):
+        return self.paced.run.simulation.applied.weight_on_bit.force
+
+
+@pytest.fixture
+def drill():
+    rclpy.init()
+    node = rclpy.create_node("drill_node", namespace="/rpud")
+    yield lambda factor=1.0, schedule=None: Drill(node, factor, schedule)
+    node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_blocks_are_computed_ahead_of_their_deadlines_and_published_at_them(drill):
+    drill = drill()
+    drill.play()
+    for number in (1, 2, 3):
+        assert drill.advance() == number * PERIOD
+    assert drill.publishers.computed == pytest.approx(
+        [START + number * PERIOD - LEAD for number in (1, 2, 3)], abs=2
+    )
+    assert drill.publishers.sent_at == pytest.approx(
+        [START + number * PERIOD for number in (1, 2, 3)], abs=2
+    )
+    timing = drill.pacer.read()
+    assert (timing.deadlines_missed, timing.lag) == (0, 0.0)
+    assert timing.lateness_max == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_command_that_comes_while_a_block_waits_acts_at_its_end(drill):
+    drill = drill()
+    drill.play()
+    drill.advance()
+    before = drill.weight_on_bit
+    seen = []
+    drill.publishers.meanwhile = lambda: (
+        seen.append(drill.weight_on_bit),
+        drill.inbox.accept(WeightOnBit(33.0)),
+    )
+    assert drill.advance() == 2 * PERIOD
+    assert seen == [before]
+    assert drill.weight_on_bit == 33.0
+    assert drill.account.last.status["weight_on_bit"] == 33.0
+    assert drill.account.last.time == 2 * PERIOD
+
+
+def test_a_command_between_two_blocks_acts_at_the_next_end(drill):
+    drill = drill()
+    drill.play()
+    drill.advance()
+    before = drill.weight_on_bit
+    drill.inbox.accept(WeightOnBit(33.0))
+    assert drill.paced.advance() > 0.0  # nothing is due yet
+    assert (drill.weight_on_bit, drill.paced.run.time) == (before, PERIOD)
+    assert drill.advance() == 2 * PERIOD
+    assert drill.weight_on_bit == 33.0
+
+
+def test_a_late_block_is_published_at_once(drill):
+    drill = drill()
+    drill.play()
+    drill.clock.now += 3 * PERIOD
+    assert [drill.advance(), drill.advance(), drill.advance()] == [PERIOD, 2 * PERIOD, 3 * PERIOD]
+    assert drill.clock.slept == []
+    assert drill.clock.now == START + 3 * PERIOD
+
+
+def test_at_a_standstill_nothing_is_computed_until_it_plays_from_there_on(drill):
+    drill = drill()
+    drill.play()
+    drill.advance()
+    drill.pause()
+    drill.clock.now += 5 * SECOND
+    assert drill.paced.advance() > 0.0
+    assert drill.paced.run.time == PERIOD
+    drill.inbox.accept(WeightOnBit(33.0))
+    drill.paced.advance()
+    assert drill.weight_on_bit == 33.0  # commands act at a standstill
+    resumed = drill.clock.now
+    drill.play()
+    assert drill.advance() == 2 * PERIOD
+    assert drill.publishers.sent_at[-1] == pytest.approx(resumed + PERIOD, abs=2)
+
+
+def test_a_step_waits_for_no_deadline_and_stops_at_its_goal(drill):
+    drill = drill()
+    drill.pause()
+    step = drill.paced.step(PERIOD + PERIOD // 2)
+    assert drill.paced.advance() == 0.0
+    assert (drill.paced.run.time, step.done()) == (PERIOD, False)
+    assert drill.paced.advance() == 0.0
+    assert step.result(0.0) == drill.paced.run.time == PERIOD + PERIOD // 2
+    assert drill.account.last.status["state"] == "paused"
+    assert (drill.clock.slept, drill.clock.now) == ([], START)
+    drill.play()
+    assert drill.advance() == 2 * PERIOD
+    assert drill.publishers.sent_at[-1] == pytest.approx(START + PERIOD // 2, abs=2)
+
+
+def test_as_fast_as_possible_no_deadline_is_waited_for(drill):
+    drill = drill(factor=0.0)
+    drill.play()
+    for number in range(1, 6):
+        assert drill.paced.advance() == 0.0
+        assert drill.paced.run.time == number * PERIOD
+    assert (drill.clock.slept, drill.clock.now) == ([], START)
+    assert drill.publishers.patient
+
+
+def test_another_factor_changes_the_pace_from_a_block_on(drill):
+    drill = drill()
+    drill.play()
+    drill.advance()
+    drill.paced.pace(0.5, 0)
+    drill.advance()
+    assert drill.publishers.sent_at[-1] == pytest.approx(START + 3 * PERIOD, abs=2)
+    assert not drill.publishers.patient
+
+
+def test_a_run_that_replaces_another_begins_at_zero_with_its_own_schedule(drill):
+    drill = drill()
+    drill.play()
+    drill.advance()
+    drill.paced.replace(Run(Beginning(Settings()), wanted=drill.publishers.wanted), SECOND)
+    assert drill.paced.run.time == 0
+    replaced = drill.clock.now
+    drill.play()
+    assert drill.advance() == PERIOD
+    assert drill.publishers.sent_at[-1] == pytest.approx(replaced + PERIOD, abs=2)
+
+
+def test_a_clock_of_another_that_goes_back_while_a_block_is_computed_holds_nothing_up(drill):
+    schedule = ManualClock(1000 * SECOND)
+    drill = drill(schedule=schedule)
+    drill.play(due=schedule())
+    assert drill.paced.advance() == pytest.approx(PERIOD / SECOND)  # none is computed ahead
+    assert drill.publishers.computed == []
+    schedule.now += PERIOD
+
+    def back():
+        schedule.now -= 500 * SECOND
+
+    drill.publishers.meanwhile = back
+    assert drill.paced.advance() == 0.0
+    assert drill.paced.run.time == PERIOD
+    assert drill.clock.slept == []
+
+
+def test_a_block_that_takes_long_is_late_by_a_clock_of_another(drill):
+    schedule = ManualClock(1000 * SECOND)
+    drill = drill(schedule=schedule)
+    drill.play(due=schedule())
+    schedule.now += PERIOD
+
+    def work():
+        schedule.now += 3 * PERIOD
+
+    drill.publishers.meanwhile = work
+    drill.paced.advance()
+    timing = drill.pacer.read()
+    assert timing.lateness == pytest.approx(3 * PERIOD / SECOND)
+    assert timing.deadlines_missed == 1

@@ -1,0 +1,116 @@
+"""Parameter files and assignments, read without ROS."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text):
+        path = tmp_path / "file.yaml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def test_a_node_s_own_values_come_before_those_for_all(file):
+    path = file(
+        "drill_node:\n  ros__parameters: {weight_on_bit: 20.0}\n"
+        "/**:\n  ros__parameters: {weight_on_bit: 5.0, gravity: 1.62}\n"
+    )
+    assert read_parameter_file(path) == {"weight_on_bit": 20.0, "gravity": 1.62}
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "is not a ROS parameter file: it holds no mapping"),
+        ("- 1\n- 2\n", "is not a ROS parameter file: it holds no mapping"),
+        ("weight_on_bit: 20.0\n", ": weight_on_bit has no mapping named ros__parameters"),
+        ("/**: {weight_on_bit: 20.0}\n", ": /** has no mapping named ros__parameters"),
+        ("/**:\n  ros__parameters: 3\n", ": /** has no mapping named ros__parameters"),
+        ("/**: [\n", "is not YAML: while parsing"),
+        ('"two\\nlines": 3', ": 'two\\nlines' has no mapping named ros__parameters"),
+    ],
+    ids=itertools.count(),
+)
+def test_a_file_that_is_no_parameter_file_is_one_line_with_its_name(file, text, complaint):
+    path = file(text)
+    with pytest.raises(ParameterError) as caught:
+        read_parameter_file(path)
+    assert str(caught.value).startswith(str(path))
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "value"),
+    [
+        ("weight_on_bit=20", "weight_on_bit", 20),
+        ("weight_on_bit=2.5", "weight_on_bit", 2.5),
+        ("vibration_amplitude=1e-5", "vibration_amplitude", 1e-5),
+        ("elastic_modulus=1.96e11", "elastic_modulus", 1.96e11),
+        ("regime=free", "regime", "free"),
+        ("drive_enabled=false", "drive_enabled", False),
+        ("a=b=c", "a", "b=c"),
+        ("a=", "a", None),
+        ("a={", "a", "{"),
+        ("a=!!int ''", "a", "!!int ''"),
+        ("a=2001-13-45", "a", "2001-13-45"),
+    ],
+)
+def test_an_assignment_is_read_as_yaml_and_every_number_as_a_number(text, name, value):
+    assert parse_assignment(text) == (name, value)
+    assert type(parse_assignment(text)[1]) is type(value)
+
+
+def test_a_quoted_number_is_text_as_it_is_for_ros(file):
+    assert read_parameter_file(file("/**: {ros__parameters: {a: '1e-3', b: 1e-3}}")) == {
+        "a": "1e-3",
+        "b": 1e-3,
+    }
+
+
+@pytest.mark.parametrize("text", ["weight_on_bit", "=3", ""])
+def test_what_is_no_assignment_is_refused(text):
+    with pytest.raises(ParameterError) as caught:
+        parse_assignment(text)
+    assert str(caught.value) == f"{text!r} is not of the form name=value"
+
+
+TAGS = ["int", "float", "bool", "timestamp", "binary", "null", "set", "omap", "pairs", "str"]
+
+
+@given(
+    text=st.one_of(
+        st.text(),
+        st.binary(),
+        st.builds(
+            "/**: {{ros__parameters: {{a: !!{} {!r}}}}}".format,
+            st.sampled_from(TAGS),
+            st.text(max_size=8),
+        ),
+        st.text(alphabet="{}[]:,-&*!?|>'\"%@#~ \n\tkfo01._<=/", max_size=60),
+    )
+)
+def test_any_file_is_parameters_by_name_or_refused_in_one_line(tmp_path_factory, text):
+    path = tmp_path_factory.getbasetemp() / "fuzzed_parameters.yaml"
+    path.write_bytes(
+        text if isinstance(text, bytes) else text.encode("utf-8", errors="surrogatepass")
+    )
+    try:
+        values = read_parameter_file(path)
+    except ParameterError as error:
+        refusal = str(error)
+    else:
+        assert all(isinstance(name, str) for name in values)
+        return
+    assert refusal.startswith(str(path))
+    assert "\n" not in refusal

@@ -1,0 +1,77 @@
+"""Scripts import the simulation from one place; programs that do not simulate do not load it."""
+
+import inspect
+import pathlib
+import pkgutil
+import subprocess
+import sys
+import typing
+
+import pytest
+
+from rpud_sim import simulation
+
+FOLDER = pathlib.Path(simulation.__file__).parent
+
+
+def test_every_public_name_is_there_and_documented():
+    assert len(set(simulation.__all__)) == len(simulation.__all__)
+    for name in simulation.__all__:
+        value = getattr(simulation, name)
+        assert not inspect.ismodule(value), name
+        if callable(value):
+            assert inspect.getdoc(value), name
+            assert value.__module__.startswith("rpud_sim."), name
+
+
+def test_the_example_of_its_documentation_works():
+    lines = inspect.getdoc(simulation).splitlines()
+    program = "\n".join(line[4:] for line in lines if line.startswith("    "))
+    found = {}
+    exec(program, found)
+    assert found["forces"].shape == (50_000,)
+    assert found["forces"].max() > 0.0
+
+
+def classes_of(hint):
+    """Classes of the package in a type, also inside another."""
+    if inspect.isclass(hint) and hint.__module__.startswith("rpud_sim."):
+        yield hint
+    for argument in typing.get_args(hint):
+        yield from classes_of(argument)
+
+
+@pytest.mark.parametrize("owner", [simulation.Simulation, simulation.Run, simulation.Block])
+def test_what_a_public_class_returns_is_public(owner):
+    found = 0
+    for _, member in inspect.getmembers(owner):
+        function = member.fget if isinstance(member, property) else member
+        if inspect.isfunction(function) and not function.__name__.startswith("_"):
+            for returned in classes_of(typing.get_type_hints(function)["return"]):
+                assert returned.__name__ in simulation.__all__, function.__qualname__
+                found += 1
+    assert found
+
+
+@pytest.mark.parametrize("name", [module.name for module in pkgutil.iter_modules([str(FOLDER)])])
+def test_no_module_needs_another_to_be_imported_before_it(name):
+    # In a package that imports all of its modules, only this finds one that imports from it.
+    source = (FOLDER / f"{name}.py").read_text()
+    assert "from rpud_sim.simulation import" not in source.replace(
+        "from rpud_sim.simulation import fields\n", ""
+    )
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "import rpud_sim.bag, rpud_sim.cli.info, rpud_sim.cli.main",
+        "import rpud_sim.ros.record.recorder, rpud_sim.ros.replay.replayer",
+    ],
+)
+def test_what_does_not_simulate_loads_neither_simulation_nor_compiler(program):
+    check = f"{program}, sys; print(sorted({{'numba', 'rpud_sim.simulation'}} & {{*sys.modules}}))"
+    done = subprocess.run(
+        [sys.executable, "-c", check], capture_output=True, text=True, timeout=100, check=False
+    )
+    assert (done.stdout, done.returncode) == ("[]\n", 0), done.stderr

@@ -1,0 +1,308 @@
+"""A run gives the same messages in pieces as in one go, each change once and in its order."""
+
+import dataclasses
+import itertools
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.ensemble import initial_phases
+from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.fields import Bookkeeping, stamp_of
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+
+SECOND = 1_000_000_000
+MILLISECOND = 1_000_000
+ORIGIN = 1_700_000_000 * SECOND + 7
+END = 100 * MILLISECOND
+RATES = {"telemetry_rate": 200, "sample_rate": 20_000, "block_duration": 0.02}
+STATUS = Path(__file__).parents[2] / "msg_defs" / "msg" / "Status.msg"
+SCENARIO = Scenario(
+    0,
+    (
+        ScheduledFault(12_345_678, 40 * MILLISECOND, Fault("lost_preload", "", 0.5)),
+        ScheduledFault(20 * MILLISECOND, None, Fault("noise", "wrench")),
+    ),
+)
+
+
+def made(values=None, scenario=None, journal=None, **options):
+    return Run(
+        Beginning(to_settings({**RATES, **(values or {})}), 0.3, 5, scenario), journal, **options
+    )
+
+
+def begun(values=None, scenario=None, journal=None, **options):
+    """Give a run that has begun, and the messages of its beginning."""
+    run = made(values, scenario, journal, **options)
+    run.begin(ORIGIN)
+    return run, list(run.changes())
+
+
+def topics(messages):
+    return [topic for _, topic, _ in messages]
+
+
+def kinds(messages):
+    return [fields["kind"] for _, topic, fields in messages if topic == "journal"]
+
+
+def without_stops(messages):
+    """Messages as text, so that NaN equals NaN; those of the journal and its numbers left out."""
+    return [repr(message) for message in messages if message[1] != "journal"]
+
+
+# --- advance ----------------------------------------------------------------------------------
+
+
+@settings(max_examples=25)
+@given(
+    regime=st.sampled_from(["free", "drilling"]),
+    stops=st.lists(st.integers(1, END - 1), max_size=8),
+)
+def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, stops):
+    whole, first = begun({"regime": regime}, SCENARIO)
+    expected = [*first, *whole.advance_to(END), *whole.flush()]
+    pieces, found = begun({"regime": regime}, SCENARIO)
+    for stop in [*sorted(stops), END]:
+        found += pieces.advance_to(stop)
+    found += pieces.flush()
+
+    def by_topic(messages):
+        return {
+            topic: [repr(fields) for _, name, fields in messages if name == topic]
+            for topic in topics(expected)
+            if topic != "faults"
+        }
+
+    assert by_topic(found) == by_topic(expected)
+    assert pieces.time == whole.time == END
+
+
+def test_at_the_boundaries_even_the_order_is_the_same():
+    whole, _ = begun(scenario=SCENARIO)
+    expected = without_stops(whole.advance_to(END))
+    pieces, _ = begun(scenario=SCENARIO)
+    found = []
+    while pieces.time < END:
+        found += without_stops(pieces.advance_to(pieces.next_boundary))
+    assert found == expected
+
+
+def test_the_next_boundary_is_the_end_of_the_telemetry_period():
+    run, _ = begun()
+    assert run.next_boundary == 5 * MILLISECOND
+    list(run.advance_to(5 * MILLISECOND))
+    assert run.next_boundary == 10 * MILLISECOND
+    list(run.advance_to(7 * MILLISECOND))
+    assert run.next_boundary == 10 * MILLISECOND
+
+
+def test_every_block_is_counted_once_without_a_gap():
+    blocks = []
+    run, _ = begun(on_block=blocks.append)
+    for stop in (7 * MILLISECOND, 7 * MILLISECOND, 23 * MILLISECOND, END):
+        list(run.advance_to(stop))
+    assert blocks[0].start == 0
+    assert blocks[-1].end == END
+    assert all(after.start == before.end for before, after in itertools.pairwise(blocks))
+
+
+def test_unwanted_topics_are_left_out_and_the_others_do_not_change():
+    def messages(**options):
+        return list(begun(**options)[0].advance_to(END))
+
+    unwanted = {"waveform", "trajectory", "joint_states"}
+    kept = [message for message in messages() if message[1] not in unwanted]
+    assert unwanted <= {*topics(messages())}
+    found = messages(wanted=lambda topic: topic not in unwanted)
+    assert without_stops(found) == without_stops(kept)
+
+
+# --- the journal ------------------------------------------------------------------------------
+
+
+def test_the_beginning_comes_first_and_then_the_origin():
+    run, messages = begun(journal=Journal())
+    assert topics(messages) == ["journal", "journal", "faults"]
+    assert kinds(messages) == ["begin", "origin"]
+    assert list(run.changes()) == []
+
+
+def test_an_entry_comes_before_its_consequences():
+    run, _ = begun(journal=Journal())
+    list(run.advance_to(10 * MILLISECOND))
+    run.control.apply(WeightOnBit(30.0))
+    run.simulation.inject(Fault("free_mass_jammed"))
+    messages = list(run.advance_to(20 * MILLISECOND))
+    assert topics(messages)[:3] == ["journal", "journal", "faults"]
+    assert kinds(messages) == ["weight_on_bit", "inject"]
+    assert all(time == 10 * MILLISECOND for time, _, _ in messages[:3])
+    assert [stamp_of(fields) for _, _, fields in messages[:3]] == [ORIGIN + 10 * MILLISECOND] * 3
+
+
+def test_a_stop_inside_a_block_is_an_entry_before_the_messages_of_the_block():
+    run, _ = begun(journal=Journal())
+    assert kinds(run.advance_to(10 * MILLISECOND)) == []
+    messages = list(run.advance_to(12 * MILLISECOND))
+    assert topics(messages)[0] == "journal"
+    assert kinds(messages) == ["stop"]
+    assert messages[0][0] == 12 * MILLISECOND
+    assert kinds(run.advance_to(15 * MILLISECOND)) == []
+
+
+@pytest.mark.parametrize("kind", ["flush", "end"])
+def test_a_flush_is_an_entry_and_then_the_rest_of_the_streams_once(kind):
+    run, _ = begun(journal=Journal())
+    list(run.advance_to(25 * MILLISECOND))
+    messages = list(run.flush(kind))
+    assert kinds(messages) == [kind]
+    assert topics(messages) == ["journal", "waveform", "trajectory"]
+    assert topics(run.flush(kind)) == ["journal"]
+
+
+def test_entries_are_numbered_over_the_whole_run():
+    run, messages = begun(journal=Journal())
+    for stop in (3 * MILLISECOND, 4 * MILLISECOND, 10 * MILLISECOND):
+        messages += run.advance_to(stop)
+        run.simulation.apply(Drive(True, stop / END, 16_000.0))
+    messages += run.flush("end")
+    numbers = [fields["sequence"] for _, topic, fields in messages if topic == "journal"]
+    assert numbers == list(range(len(numbers)))
+    assert kinds(messages).count("stop") == 2
+
+
+# --- the origin -------------------------------------------------------------------------------
+
+
+def test_a_place_changes_stamps_and_publishes_the_faults_again():
+    run, first = begun(journal=Journal())
+    list(run.advance_to(10 * MILLISECOND))
+    run.place(5)
+    messages = list(run.changes())
+    assert run.origin == 5
+    assert run.time == 10 * MILLISECOND
+    assert kinds(messages) == ["origin"]
+    assert topics(messages) == ["journal", "faults"]
+    assert stamp_of(messages[1][2]) == 5 + 10 * MILLISECOND
+    [nodal_plane] = [
+        fields for _, topic, fields in run.advance_to(15 * MILLISECOND) if topic == "nodal_plane"
+    ]
+    assert stamp_of(nodal_plane) == 5 + 15 * MILLISECOND
+    assert stamp_of(first[-1][2]) == ORIGIN
+
+
+# --- faults -----------------------------------------------------------------------------------
+
+
+def test_faults_are_published_once_for_each_change():
+    run, messages = begun(scenario=SCENARIO)
+    messages += run.advance_to(END)
+    published = [
+        (time // MILLISECOND, [fault["kind"] for fault in fields["faults"] if fault["active"]])
+        for time, topic, fields in messages
+        if topic == "faults"
+    ]
+    # Faults change at their instants, and are published at the end of the block.
+    assert published == [
+        (0, []),
+        (15, ["lost_preload"]),
+        (20, ["lost_preload", "noise"]),
+        (40, ["noise"]),
+    ]
+    onsets = [
+        fault["onset"]
+        for fault in messages[-1:]
+        and next(fields for _, topic, fields in reversed(messages) if topic == "faults")["faults"]
+    ]
+    assert [stamp["nanosec"] for stamp in onsets] == [12_345_685, 20 * MILLISECOND + 7]
+
+
+def test_a_scenario_that_the_drill_cannot_honour_is_refused_before_the_run_begins():
+    with pytest.raises(FaultError, match="hard_rock cannot be honoured"):
+        made(scenario=Scenario(0, (ScheduledFault(0, None, Fault("hard_rock")),)))
+
+
+# --- status -----------------------------------------------------------------------------------
+
+
+def test_the_status_gives_every_field_of_its_message():
+    declared = re.findall(r"^[\w/]+ +([a-z]\w*) *(?:#.*)?$", STATUS.read_text(), re.MULTILINE)
+    assert len(declared) > 25
+    run, _ = begun()
+    list(run.advance_to(10 * MILLISECOND))
+    time, topic, fields = run.status("running", Bookkeeping(commands_accepted=3, lag=0.25))
+    assert {*fields} == {*declared}
+    assert (time, topic) == (10 * MILLISECOND, "status")
+    assert stamp_of(fields) == ORIGIN + 10 * MILLISECOND
+    assert (fields["state"], fields["commands_accepted"], fields["lag"]) == ("running", 3, 0.25)
+    assert fields["impacts"] == run.simulation.impact_count > 0
+
+
+# --- commands ---------------------------------------------------------------------------------
+
+
+def test_while_inactive_nothing_acts_and_the_first_block_shows_it():
+    run, messages = begun(active=False, journal=Journal())
+    assert kinds(messages) == ["begin", "weight_on_bit", "drive", "origin"]
+    applied = run.simulation.applied
+    assert applied.weight_on_bit.force == 0.0
+    assert not applied.drive.enabled
+    run.control.apply(WeightOnBit(30.0))
+    assert run.simulation.applied == applied
+    run.control.activate(True)
+    assert run.simulation.applied.weight_on_bit.force == 10.0
+    assert run.simulation.applied.drive.enabled
+
+
+def test_other_settings_reach_the_watchdog_and_the_drill():
+    run, _ = begun({"command_timeout": 0.0})
+    run.configure(run.beginning.settings.replace({"command_timeout": 0.01, "gravity": 1.62}))
+    list(run.advance_to(20 * MILLISECOND))
+    assert run.control.act()
+    assert run.control.commands_lost
+    assert run.simulation.parameters.gravity == 1.62
+
+
+# --- the beginning ----------------------------------------------------------------------------
+
+
+@given(
+    st.integers(1, 2**32 - 1),
+    st.dictionaries(
+        st.sampled_from(["weight_on_bit", "gravity", "free_mass"]), st.floats(0.1, 9.0), max_size=3
+    ),
+)
+def test_a_beginning_is_read_back_from_its_journal(seed, values):
+    beginning = dataclasses.replace(
+        Beginning.drawn(to_settings({**RATES, **values}), seed), scenario=SCENARIO
+    )
+    journal = Journal()
+    run = Run(beginning, journal)
+    run.begin(0)
+    entry = journal.drain()[0]
+    found = Beginning.from_journal(entry.content)
+    assert found.settings == beginning.settings
+    assert (found.initial_phase, found.seed) == (beginning.initial_phase, seed)
+    assert found.scenario.faults == SCENARIO.faults
+
+
+def test_the_seed_of_the_settings_holds_unless_another_is_given():
+    settings = to_settings({"seed": 4})
+    assert Beginning.drawn(settings) == Beginning.drawn(settings, 4)
+    assert Beginning.drawn(settings, 9).seed == 9
+    assert Beginning.drawn(settings, 9).initial_phase == initial_phases(1, 9)[0]
+    assert Beginning.drawn(to_settings({})).initial_phase == 0.0
+
+
+def test_a_beginning_reads_the_scenario_or_names_its_file():
+    with pytest.raises(ParameterError, match=r"^/missing\.yaml: No such file"):
+        Beginning.drawn(to_settings({"scenario": "/missing.yaml"}))

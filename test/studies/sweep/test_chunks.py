@@ -1,0 +1,148 @@
+"""Chunks: every simulation once, and each the one that `rpud simulate` would run."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
+from rpud_sim.simulation.statistics import FIGURES
+from rpud_sim.studies.sweep.chunks import (
+    Chunk,
+    WorkerError,
+    chunk_count,
+    chunk_size,
+    make_chunks,
+    point_seed,
+    simulate,
+)
+from rpud_sim.studies.sweep.design import design_points
+from rpud_sim.studies.sweep.specification import parse_specification
+from rpud_sim.studies.sweep.tables import PointTables, error_name, simulation_table
+
+
+def sweep(points=3, repeat=2, duration=0.02, **entries):
+    return parse_specification(
+        {
+            "design": "latin_hypercube",
+            "points": points,
+            "repeat": repeat,
+            "duration": duration,
+            "swept": {"weight_on_bit": {"minimum": 5.0, "maximum": 15.0}},
+        }
+        | entries
+    )
+
+
+def chunks_of(specification, **options):
+    return list(make_chunks(specification, design_points(specification), **options))
+
+
+def pieces(specification, size):
+    """Cut the sweep into chunks of another size than it would have."""
+    (whole,) = chunks_of(specification)
+    for number, first in enumerate(range(0, whole.count, size)):
+        count = min(size, whole.count - first)
+        begin, end = first // specification.repeat, -(-(first + count) // specification.repeat)
+        points = {name: values[begin:end] for name, values in whole.points.items()}
+        yield Chunk(number, first, count, specification, points, whole.versions)
+
+
+@given(points=st.integers(1, 300), repeat=st.integers(1, 20), duration=st.floats(1e-3, 1e4))
+def test_chunks_hold_every_simulation_once_with_its_point(points, repeat, duration):
+    specification = sweep(points, repeat, duration)
+    size = chunk_size(specification)
+    weights = np.arange(points, dtype=float)
+    found = []
+    for chunk in make_chunks(specification, {"weight_on_bit": weights}):
+        assert 1 <= chunk.count <= size <= 512
+        assert chunk.first == chunk.number * size
+        held = chunk.points["weight_on_bit"]
+        assert held[0] == chunk.first // repeat
+        assert held[-1] == (chunk.first + chunk.count - 1) // repeat
+        found.append(chunk.count)
+    assert sum(found) == points * repeat
+    assert len(found) == chunk_count(specification)
+
+
+def test_finished_chunks_are_left_out():
+    specification = sweep(40, 1, 10.0)
+    every = [chunk.number for chunk in chunks_of(specification)]
+    assert len(every) > 4
+    left = [chunk.number for chunk in chunks_of(specification, finished=frozenset({0, 3}))]
+    assert left == [number for number in every if number not in (0, 3)]
+
+
+def test_a_point_is_the_ensemble_of_its_seed():
+    specification = sweep(seed=7)
+    (chunk,) = chunks_of(specification)
+    outcome = simulate(chunk)
+    for point, weight in enumerate(chunk.points["weight_on_bit"].tolist()):
+        phases = initial_phases(2, point_seed(specification, point))
+        parameters = preset("drilling").replace(weight_on_bit=weight)
+        expected = run_ensemble(parameters, 0.02, phases).members
+        rows = slice(2 * point, 2 * point + 2)
+        assert outcome.phases[rows].tolist() == list(phases)
+        for row, member in zip(outcome.figures[rows].tolist(), expected, strict=True):
+            assert row == pytest.approx([member[name] for name in FIGURES], rel=0, nan_ok=True)
+    assert outcome.failures == (None,) * 6
+
+
+@pytest.mark.parametrize("size", [1, 3, 4, 5])
+def test_the_cut_into_chunks_changes_no_row_and_no_point(size):
+    specification = sweep(points=4, repeat=3)
+    (whole,) = chunks_of(specification)
+    expected = simulation_table(whole, simulate(whole))
+    tables = [simulation_table(chunk, simulate(chunk)) for chunk in pieces(specification, size)]
+    assert [row for table in tables for row in table.to_pylist()] == expected.to_pylist()
+    one, many = PointTables(specification), PointTables(specification)
+    points = [row for table in tables for row in many.add(table).to_pylist()]
+    assert points == one.add(expected).to_pylist()
+
+
+def test_points_have_the_mean_and_the_error_of_their_ensemble():
+    specification = sweep(points=2, repeat=5)
+    (chunk,) = chunks_of(specification)
+    table = PointTables(specification).add(simulation_table(chunk, simulate(chunk)))
+    for point, row in enumerate(table.to_pylist()):
+        parameters = specification.parameters({"weight_on_bit": row["weight_on_bit"]})
+        ensemble = run_ensemble(parameters, 0.02, initial_phases(5, row["seed"]))
+        mean, error = ensemble.mean(), ensemble.standard_error()
+        assert row["point"] == point
+        assert row["members"] == 5
+        for name in FIGURES:
+            assert row[name] == pytest.approx(mean[name], rel=1e-12)
+            assert row[error_name(name)] == pytest.approx(error[name], rel=1e-9)
+
+
+def test_a_simulation_without_impacts_has_nulls_and_no_failure():
+    specification = sweep(1, 2, 1e-6, fixed={"vibration_amplitude": 0.0, "gravity": 0.0})
+    (chunk,) = chunks_of(specification)
+    rows = simulation_table(chunk, simulate(chunk)).to_pylist()
+    assert [row["contact_force_mean"] for row in rows] == [None, None]
+    assert [row["failure"] for row in rows] == [None, None]
+    assert [type(row["events"]) for row in rows] == [int, int]
+    (point,) = PointTables(specification).add(simulation_table(chunk, simulate(chunk))).to_pylist()
+    assert point["contact_force_mean"] is None
+    assert point[error_name("contact_force_mean")] is None
+
+
+def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
+    specification = sweep(points=2, repeat=2)
+    (chunk,) = chunks_of(specification)
+    weights = np.array([-1.0, 10.0])
+    outcome = simulate(dataclasses.replace(chunk, points={"weight_on_bit": weights}))
+    reason = "weight_on_bit = -1 N is outside its range [0, 1000] N"
+    assert outcome.failures == (reason, reason, None, None)
+    assert np.isnan(outcome.figures[:2]).all()
+    assert np.isfinite(outcome.figures[2:, 0]).all()
+
+
+def test_a_worker_with_other_versions_refuses_the_work():
+    (chunk,) = chunks_of(sweep())
+    other = dataclasses.replace(chunk, versions={**chunk.versions, "numpy": "1.2.3"})
+    with pytest.raises(WorkerError, match=r"a worker has numpy .* this machine 1\.2\.3"):
+        simulate(other)

@@ -1,0 +1,156 @@
+"""The folder of a sweep: kept, completed, and never mixed up with another."""
+
+import json
+
+import pyarrow.parquet as pq
+import pytest
+
+from rpud_sim.simulation.statistics import FIGURES
+from rpud_sim.studies.sweep.chunks import make_chunks, simulate
+from rpud_sim.studies.sweep.design import design_points
+from rpud_sim.studies.sweep.folder import SweepFolder, make_manifest
+from rpud_sim.studies.sweep.specification import SweepError, parse_specification
+
+CONTENT = {
+    "design": "grid",
+    "repeat": 3,
+    "duration": 5.0,
+    "swept": {"weight_on_bit": [5.0, 10.0], "contact_model": ["printed", "rayleigh"]},
+}
+
+
+def sweep(**entries):
+    return parse_specification(CONTENT | entries)
+
+
+@pytest.fixture(scope="module")
+def outcomes():
+    specification = sweep()
+    made = make_chunks(specification, design_points(specification))
+    return [(chunk, simulate(chunk)) for chunk in made]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    folder = SweepFolder(tmp_path / "a" / "sweep", sweep())
+    with folder.held():
+        yield folder
+
+
+def test_chunks_in_any_order_make_the_same_tables(folder, outcomes, tmp_path):
+    other = SweepFolder(tmp_path / "other", sweep())
+    assert len(outcomes) > 3
+    with other.held():
+        for kept, order in ((folder, outcomes), (other, outcomes[::-1])):
+            assert not kept.complete
+            for chunk, outcome in order:
+                kept.add(chunk, outcome)
+            kept.complete_tables()
+            assert kept.complete
+    for name in ("simulations.parquet", "points.parquet", "manifest.json"):
+        assert (folder.path / name).read_bytes() == (other.path / name).read_bytes()
+    assert {path.name for path in folder.path.iterdir()} == {
+        "simulations.parquet",
+        "points.parquet",
+        "manifest.json",
+    }
+
+
+def test_the_tables_are_what_any_reader_of_parquet_sees(folder, outcomes):
+    for chunk, outcome in outcomes:
+        folder.add(chunk, outcome)
+    folder.complete_tables()
+    rows = pq.read_table(folder.path / "simulations.parquet").to_pylist()
+    assert [(row["point"], row["member"]) for row in rows] == [
+        (point, member) for point in range(4) for member in range(3)
+    ]
+    assert [row["contact_model"] for row in rows[::3]] == ["printed", "rayleigh"] * 2
+    assert [row["weight_on_bit"] for row in rows[::3]] == [5.0, 5.0, 10.0, 10.0]
+    assert set(FIGURES) < rows[0].keys()
+    points = pq.read_table(folder.path / "points.parquet").to_pylist()
+    assert [row["point"] for row in points] == [0, 1, 2, 3]
+    assert folder.failures() == 0
+
+
+def test_finished_chunks_are_kept_and_torn_ones_are_not(folder, outcomes):
+    for chunk, outcome in outcomes[:3]:
+        folder.add(chunk, outcome)
+    assert folder.finished() == {0, 1, 2}
+    torn = sorted((folder.path / "chunks").iterdir())[1]
+    torn.write_bytes(torn.read_bytes()[:-20])
+    assert folder.finished() == {0, 2}
+
+
+def test_the_manifest_is_the_same_on_every_host_and_for_every_way_to_write_a_sweep():
+    assert make_manifest(sweep()) == make_manifest(sweep(seed=0, fixed={}))
+    assert make_manifest(sweep())["sha256"] != make_manifest(sweep(seed=1))["sha256"]
+
+
+@pytest.mark.parametrize(
+    ("entries", "complaint"),
+    [
+        ({"seed": 1}, "specification.seed is 0 there and 1 here"),
+        ({"fixed": {"gravity": 1.62}}, "specification.fixed.gravity is null there and 1.62 here"),
+        (
+            {"swept": {"weight_on_bit": [5.0, 10.0]}},
+            'specification.swept.contact_model is {"values": ["printed", "rayleigh"]} there and '
+            "null here",
+        ),
+    ],
+)
+def test_another_sweep_is_refused_with_what_differs(tmp_path, entries, complaint):
+    with SweepFolder(tmp_path, sweep()).held():
+        before = (tmp_path / "manifest.json").read_bytes()
+    with pytest.raises(SweepError) as caught, SweepFolder(tmp_path, sweep(**entries)).held():
+        pass
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert (tmp_path / "manifest.json").read_bytes() == before
+
+
+def test_results_of_other_versions_are_refused(tmp_path):
+    folder = SweepFolder(tmp_path, sweep())
+    with folder.held():
+        pass
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    manifest["versions"]["numba"] = "0.1"
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(SweepError, match=r'versions\.numba is "0\.1" there'), folder.held():
+        pass
+
+
+def test_a_folder_in_use_is_refused(folder):
+    with (
+        pytest.raises(SweepError, match="another rpud sweep is at work there"),
+        SweepFolder(folder.path, sweep()).held(),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "complaint"),
+    [
+        ("thesis.tex", "x", "is not empty and holds no sweep"),
+        ("manifest.json", "{", "is no manifest of a sweep"),
+    ],
+)
+def test_a_folder_with_anything_else_is_left_alone(tmp_path, name, text, complaint):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(SweepError, match=complaint), SweepFolder(tmp_path, sweep()).held():
+        pass
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, text)]
+
+
+def test_nothing_is_written_through_a_link(outcomes, tmp_path):
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    (tmp_path / "sweep").mkdir()
+    for name in ("manifest.json", "simulations.parquet", "points.parquet"):
+        (tmp_path / "sweep" / f"{name}.unfinished").symlink_to(mine)
+    folder = SweepFolder(tmp_path / "sweep", sweep())
+    with folder.held():
+        for chunk, outcome in outcomes:
+            folder.add(chunk, outcome)
+        folder.complete_tables()
+    assert folder.complete
+    assert mine.read_text() == "mine"

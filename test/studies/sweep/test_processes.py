@@ -1,0 +1,67 @@
+"""Local processes: each lost one costs its own chunk, and a fault is told in one line."""
+
+import dataclasses
+import multiprocessing
+import os
+
+import pytest
+
+from rpud_sim.studies.sweep.chunks import Chunk, WorkerError, make_chunks, simulate
+from rpud_sim.studies.sweep.design import design_points
+from rpud_sim.studies.sweep.processes import run_on_processes
+from rpud_sim.studies.sweep.specification import parse_specification
+
+SPECIFICATION = parse_specification(
+    {"design": "grid", "duration": 5.0, "swept": {"weight_on_bit": [5.0, 10.0, 15.0, 20.0, 25.0]}}
+)
+
+
+@pytest.fixture
+def chunks():
+    made = list(make_chunks(SPECIFICATION, design_points(SPECIFICATION)))
+    assert len(made) == 3
+    return made
+
+
+class Deadly(Chunk):
+    """A chunk that ends the process that receives it."""
+
+    def __reduce__(self):
+        return os._exit, (3,)
+
+
+def deadly(chunk):
+    return Deadly(**{field.name: getattr(chunk, field.name) for field in dataclasses.fields(chunk)})
+
+
+@pytest.mark.parametrize("workers", [1, 5])
+def test_outcomes_are_those_of_this_process(chunks, workers):
+    found = {chunk.number: outcome for chunk, outcome in run_on_processes(chunks, workers)}
+    assert sorted(found) == [0, 1, 2]
+    for chunk in chunks:
+        expected = simulate(chunk)
+        assert found[chunk.number].figures.tobytes() == expected.figures.tobytes()
+        assert found[chunk.number].phases.tobytes() == expected.phases.tobytes()
+    assert multiprocessing.active_children() == []
+
+
+def test_a_chunk_that_ends_every_worker_is_named_and_takes_no_other_with_it(chunks):
+    outcomes = run_on_processes([chunks[0], deadly(chunks[1]), chunks[2]], 1)
+    assert next(outcomes)[0].number == 0
+    with pytest.raises(WorkerError, match=r"^chunk 1 ended its worker 3 times \(exit code 3\)$"):
+        next(outcomes)
+    assert multiprocessing.active_children() == []
+
+
+def test_an_error_of_a_worker_is_raised_here(chunks):
+    wrong = dataclasses.replace(chunks[0], versions={"numpy": "1.2.3"})
+    with pytest.raises(WorkerError, match="a worker has numpy"):
+        list(run_on_processes([wrong], 1))
+    assert multiprocessing.active_children() == []
+
+
+def test_no_outcome_is_waited_for_when_nobody_asks_any_more(chunks):
+    outcomes = run_on_processes(chunks, 2)
+    next(outcomes)
+    outcomes.close()
+    assert multiprocessing.active_children() == []

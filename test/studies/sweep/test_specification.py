@@ -1,0 +1,207 @@
+"""Sweeps as YAML files: what is taken, and one line for everything else."""
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.model.parameters import CONTACT_MODELS, QUANTITIES, REGIMES
+from rpud_sim.simulation import preset
+from rpud_sim.studies.sweep.specification import (
+    DESIGNS,
+    Range,
+    SweepError,
+    Values,
+    parse_specification,
+    read_specification,
+)
+
+GRID = {
+    "design": "grid",
+    "duration": 0.5,
+    "swept": {
+        "weight_on_bit": {"minimum": 0, "maximum": 40, "points": 5},
+        "contact_model": ["printed", "rayleigh"],
+    },
+}
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text):
+        path = tmp_path / "spec.yaml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def test_a_file_is_read_with_its_defaults(file):
+    found = read_specification(file(yaml.safe_dump(GRID)))
+    assert (found.design, found.points, found.seed, found.repeat) == ("grid", None, 0, 1)
+    assert found.duration == 0.5
+    assert found.fixed == {}
+    assert found.swept == {
+        "weight_on_bit": Range(0.0, 40.0, "linear", 5),
+        "contact_model": Values(("printed", "rayleigh")),
+    }
+    assert (found.point_count, found.simulations) == (10, 10)
+
+
+def test_numbers_without_a_point_are_numbers(file):
+    text = "{design: sobol, points: 4, duration: 1e-1, swept: {free_mass: {minimum: 1e-3, "
+    text += "maximum: 1e-2}}}"
+    found = read_specification(file(text))
+    assert found.duration == 0.1
+    assert found.swept["free_mass"] == Range(1e-3, 1e-2)
+
+
+def test_a_point_is_the_preset_with_what_is_fixed_and_swept():
+    found = parse_specification(
+        GRID | {"fixed": {"regime": "free", "gravity": 0}, "swept": {"free_mass": [2e-3, 4e-3]}}
+    )
+    expected = preset("free").replace(gravity=0.0, free_mass=2e-3)
+    assert found.parameters({"free_mass": 2e-3}) == expected
+
+
+def changed(**entries):
+    return {name: value for name, value in (GRID | entries).items() if value is not ...}
+
+
+def swept(**entries):
+    return changed(swept=entries)
+
+
+LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (None, "the file: holds no mapping"),
+        ([1], "the file: holds no mapping"),
+        (changed(sweeps=1), "sweeps: is unknown; known are design, points, seed"),
+        (changed(design=...), "design: is missing"),
+        (changed(design="random"), "design: 'random' is not one of grid, latin_hypercube, sobol"),
+        (changed(points=4), "points: a grid has its points at each range of swept"),
+        (changed(design="sobol"), "points: is missing, the number of points of the sobol design"),
+        (changed(design="sobol", points=12), "points: 12 is no power of two"),
+        (changed(design="latin_hypercube", points=0), "points: 0 is no whole number from 1 to"),
+        (changed(duration=...), "duration: is missing"),
+        (changed(duration=math.nan), "duration: duration = nan s is outside its range"),
+        (changed(duration="1 s"), "duration: duration = '1 s' s is outside its range"),
+        (changed(seed=-1), "seed: -1 is no whole number from 0 to"),
+        (changed(repeat=1.5), "repeat: 1.5 is no whole number from 1 to"),
+        (changed(repeat=True), "repeat: True is no whole number from 1 to"),
+        (changed(fixed=[1]), "fixed: holds no mapping"),
+        (changed(fixed={"weight": 1}), "fixed.weight: is unknown; known are rpud_mass"),
+        (changed(fixed={"gravity": -1}), "fixed: gravity = -1 m/s^2 is outside its range"),
+        (changed(fixed={"weight_on_bit": 1}), "swept.weight_on_bit: is fixed as well"),
+        (swept(), "swept: names no parameter"),
+        (swept(weight=LINE), "swept.weight: is unknown"),
+        (swept(free_mass=1), "swept.free_mass: 1 is neither a list nor minimum and maximum"),
+        (swept(free_mass=[]), "swept.free_mass: holds no value"),
+        (swept(free_mass=[1, 1.0]), "swept.free_mass: holds a value twice"),
+        (swept(free_mass=[1, -1]), "swept.free_mass[1]: free_mass = -1 kg is outside its range"),
+        (swept(free_mass=list(range(1, 10_002))), "swept.free_mass: holds 10001 values, more than"),
+        (swept(regime=LINE), "swept.regime: has no range; give a list of its choices"),
+        (swept(regime=["wet"]), "swept.regime[0]: regime = 'wet' is not one of free, drilling"),
+        (swept(free_mass={"minimum": 1}), "swept.free_mass.maximum: is missing"),
+        (swept(free_mass=LINE | {"points": 1}), "swept.free_mass.points: 1 is no whole number"),
+        (swept(free_mass=LINE | {"step": 1}), "swept.free_mass.step: is unknown; known are minim"),
+        (swept(free_mass=LINE | {"scale": "x"}), "swept.free_mass.scale: 'x' is not one of linear"),
+        (swept(free_mass=LINE | {"minimum": 2}), "swept.free_mass: minimum 2 is not below maximum"),
+        (
+            swept(gravity=LINE | {"minimum": 0, "scale": "log"}),
+            "swept.gravity.minimum: 0 has no logarithm",
+        ),
+        (
+            swept(free_mass=LINE | {"maximum": 20}),
+            "swept.free_mass.maximum: free_mass = 20 kg is outside its range (0, 10] kg",
+        ),
+        (changed(repeat=1_000_000, swept={"free_mass": LINE | {"points": 11}}), "are more than"),
+    ],
+)
+def test_a_mistake_is_one_line_with_entry_and_reason(content, complaint):
+    with pytest.raises(SweepError) as caught:
+        parse_specification(content)
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "spec.yaml: the file: holds no mapping"),
+        ("design: [", "spec.yaml is not YAML: "),
+        (b"\xff\xfe\xff", "spec.yaml is not YAML: "),
+        ("design: grid\ndesign: sobol\n", "spec.yaml is not YAML: a key stands twice"),
+        ("design: 2026-13-45\n", "spec.yaml is not YAML: "),
+    ],
+)
+def test_a_file_that_is_none_is_named(file, text, complaint):
+    with pytest.raises(SweepError) as caught:
+        read_specification(file(text))
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(SweepError, match=r"missing\.yaml: No such file or directory$"):
+        read_specification(tmp_path / "missing.yaml")
+
+
+SCALARS = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=5),
+    st.sampled_from([*DESIGNS, *REGIMES, *CONTACT_MODELS, "log"]),
+)
+KEYS = st.one_of(
+    st.sampled_from(
+        ["design", "points", "seed", "repeat", "duration", "fixed", "swept", "minimum", "maximum"]
+    ),
+    st.sampled_from([*QUANTITIES, "regime", "contact_model"]),
+    SCALARS,
+)
+ANYTHING = st.recursive(
+    SCALARS,
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(KEYS, inner, max_size=4)),
+    max_leaves=12,
+)
+
+
+@given(entries=st.dictionaries(KEYS, ANYTHING, max_size=3), spread=ANYTHING)
+def test_hostile_content_is_taken_or_refused_in_one_line(entries, spread):
+    for content in (entries, GRID | entries, swept(free_mass=spread), changed(fixed=spread)):
+        try:
+            found = parse_specification(content)
+        except SweepError as error:
+            assert "\n" not in str(error)  # noqa: PT017 - both ends are right
+        else:
+            assert 1 <= found.simulations <= 10_000_000
+
+
+@given(
+    low=st.floats(1e-6, 1.0),
+    factor=st.floats(1.001, 1e6),
+    scale=st.sampled_from(["linear", "log"]),
+    shares=st.lists(st.floats(0.0, 1.0), min_size=1, max_size=20),
+)
+def test_a_range_keeps_to_itself_and_to_its_order(low, factor, scale, shares):
+    spread = Range(low, low * factor, scale)
+    values = spread.at(np.sort(shares))
+    assert np.all(np.diff(values) >= 0.0)
+    assert values[0] >= low
+    assert values[-1] <= low * factor
+    assert spread.at(np.array([0.0, 1.0])).tolist() == [low, low * factor]
+
+
+def test_the_middle_of_a_logarithmic_range_is_the_geometric_mean():
+    assert Range(1.0, 100.0, "log", 3).levels() == pytest.approx([1.0, 10.0, 100.0])
+    assert Range(1.0, 100.0, "linear", 3).levels() == pytest.approx([1.0, 50.5, 100.0])

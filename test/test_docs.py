@@ -1,0 +1,201 @@
+"""The pages are true: commands run, output is what they print, tables are the code's."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+from rpud_sim.cli.main import COMMANDS
+from rpud_sim.ros.drill.drill_node import DrillNode
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import (
+    CHANGEABLE,
+    PARAMETERS,
+    Configuration,
+    Settings,
+)
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCS = ROOT / "docs"
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "examples" / "README.md",
+    *sorted(DOCS.rglob("*.md")),
+]
+NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def name_of(page):
+    return str(page.relative_to(ROOT))
+
+
+def blocks(page):
+    """Return the fenced blocks of a page in order, each with its language."""
+    return BLOCK.findall(page.read_text())
+
+
+def runs(page):
+    return any(language in ("bash", "python") for language, _ in blocks(page))
+
+
+def shape(line):
+    """Return a line with every number, width and folder alike."""
+    line = re.sub(r"bags/\S+", "bags/", line.replace("/home/me/rpud_sim/", ""))
+    return " ".join(NUMBER.sub("0", line).split())
+
+
+def run(command, folder):
+    """Run a command and return all that it printed, with paths that any reader could have."""
+    result = subprocess.run(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    assert result.returncode == 0, result.stdout
+    return result.stdout.replace(f"{folder}/", "")
+
+
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=name_of)
+def test_every_command_runs_and_prints_what_is_shown(page, tmp_path):
+    for folder in ("config", "examples"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    printed, shown, ran = [], [], False
+    for language, block in blocks(page):
+        source = re.match(r"# (examples/\S+)\n", block)
+        if language == "bash":
+            printed.append(run(["bash", "-euc", block], tmp_path))
+            ran = True
+        elif source:
+            assert block.removeprefix(source[0]) == (ROOT / source[1]).read_text()
+        elif language == "python":
+            printed.append(run([sys.executable, "-c", block], tmp_path))
+            ran = True
+        elif language == "text" and ran:
+            shown.append(block)
+        elif language == "text" and (ROOT / ".venv").exists():  # what `make run` prints
+            bag = tmp_path / "bags" / "made"
+            command = ["make", "--no-print-directory", "run", "DURATION=3", f"BAG={bag}"]
+            printed.append(run(command, ROOT).replace(f"{tmp_path}/", ""))
+            shown.append(block)
+    found = {shape(line) for line in "".join(printed).splitlines()}
+    expected = {shape(line) for line in "".join(shown).splitlines() if line != "..."}
+    assert expected - found == set()
+    if (ROOT / ".git").exists():  # what a reader makes in the clone disturbs neither git nor lint
+        made = {path.name + "/" * path.is_dir() for path in tmp_path.iterdir()}
+        new = made - {"config/", "examples/"}
+        ignored = subprocess.run(
+            ["git", "check-ignore", *new], cwd=ROOT, stdout=subprocess.PIPE, text=True
+        )
+        assert set(ignored.stdout.split()) == new
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_console_blocks_hold_only_what_cannot_run_here(page):
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    console = "".join(block for language, block in blocks(page) if language == "console")
+    for line in console.splitlines():
+        words = shlex.split(line.removeprefix("$ "))
+        if words[0] == "make":
+            assert {word for word in words[1:] if "=" not in word} <= targets
+        elif words[:3] == ["python", "-m", "pytest"]:  # `make test` runs it
+            assert (ROOT / words[3]).exists()
+        else:
+            assert words[0] in ("ros2", "source", "export") or "--scheduler" in words, line
+
+
+def cells(line):
+    return [cell.strip().strip("`") for cell in line.strip("|").split("|")]
+
+
+def rows(page, heading):
+    """Return the cells of the tables between a heading and the next, without their heads."""
+    text = (DOCS / page).read_text()
+    section = re.split(r"\n#+ ", text.partition(f"# {heading}\n")[2])[0]
+    return [cells(line) for line in section.splitlines() if line.startswith("| `")]
+
+
+def test_the_tables_of_parameters_are_those_of_the_code():
+    def shown(name, settings):
+        value = settings.value(name)
+        if isinstance(value, bool):
+            return str(value).lower()
+        return value or "none" if isinstance(value, str) else f"{value:g}"
+
+    drilling = Settings()
+    free = Settings(Configuration(preset("free")))
+    expected = []
+    for name in PARAMETERS:
+        default = shown(name, drilling)
+        if name != "regime" and shown(name, free) != default:
+            default += f" (free: {shown(name, free)})"
+        allowed = PARAMETERS[name].allowed
+        meaning = allowed.description
+        changes = "yes" if name in CHANGEABLE else ""
+        expected.append([name, default, allowed.range, changes, meaning])
+    text = (DOCS / "reference" / "parameters.md").read_text()
+    found = [cells(line) for line in text.splitlines() if line.startswith("| `")]
+    assert found == expected
+
+
+@pytest.fixture
+def node():
+    rclpy.init()
+    clock = Parameter("publish_clock", value=True)
+    node = DrillNode(namespace="/rpud", parameter_overrides=[clock])
+    node.trigger_configure()
+    yield node
+    node.trigger_cleanup()
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_the_table_of_topics_is_that_of_the_node(node):
+    def offered(endpoint):
+        package = endpoint.msg_type.__module__.partition(".")[0]
+        qos = endpoint.qos_profile
+        words = ["reliable" if qos.reliability == ReliabilityPolicy.RELIABLE else "best effort"]
+        words += ["transient local"] * (qos.durability == DurabilityPolicy.TRANSIENT_LOCAL)
+        words += [f"depth {qos.depth}"]
+        return f"{package}/{endpoint.msg_type.__name__}", ", ".join(words)
+
+    own = ("/parameter_events", "/rosout")
+    found = {p.topic_name.removeprefix("/rpud/"): offered(p) for p in node.publishers}
+    found |= {s.topic_name.removeprefix("/rpud/"): offered(s) for s in node.subscriptions}
+    expected = {topic: offer for topic, offer in found.items() if topic not in own}
+    table = {row[0]: (row[1], row[3]) for row in rows("reference/topics.md", "Topics")}
+    assert table == expected
+
+
+def test_the_table_of_services_is_that_of_the_node(node):
+    found = {
+        service.service_name.removeprefix("/rpud/"): (
+            f"{service.srv_type.__module__.partition('.')[0]}/{service.srv_type.__name__}"
+        )
+        for service in node.services
+        if "drill_node/" not in service.service_name
+    }
+    assert {row[0]: row[1] for row in rows("reference/services.md", "Drill")} == found
+
+
+def test_the_table_of_commands_is_that_of_the_program():
+    table = rows("reference/commands.md", "Commands")
+    assert [row[0].split()[1] for row in table] == list(COMMANDS)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\((?!https?:)([^)#]+)", page.read_text()):
+        assert (page.parent / target).exists(), target
+
+
+def test_every_page_is_in_the_index():
+    index = (DOCS / "index.md").read_text()
+    pages = {str(page.relative_to(DOCS).with_suffix("")) for page in DOCS.rglob("*.md")}
+    assert pages - {"index"} == set(re.findall(r"^([a-z/_-]+)$", index, re.MULTILINE))
