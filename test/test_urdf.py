@@ -9,14 +9,10 @@ import pytest
 import yaml
 
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.fields import (
-    JOINTS,
-    MOUNT_FRAME,
-    NODAL_PLANE_FRAME,
-    TOOL_TIP_FRAME,
-)
+from rpud_sim.simulation.fields import JOINTS
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.topics import MOUNT_FRAME, NODAL_PLANE_FRAME, TOOL_TIP_FRAME
 
 ROOT = Path(__file__).resolve().parent.parent
 ROBOT = ElementTree.parse(ROOT / "urdf" / "rpud.urdf").getroot()

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.messages import Message, merged
 from rpud_sim.bag.rosbag2_compression import SUFFIX, uncompressed_messages
-from rpud_sim.bag.storage_files import open_storage_files, storage_files
-from rpud_sim.bag.topic_summary import TopicSummary, summarize
+from rpud_sim.bag.storage_files import open_storage_files, storage_files, summarize
+from rpud_sim.bag.topic_summary import TopicSummary
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,4 +1,4 @@
-"""Storage files of a bag: their names, their order, and how each is opened."""
+"""Storage files of a bag: their names, their order, how each is opened, and their topics."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, TypeAlias
 
 from rpud_sim.bag.errors import BagFormatError, BagNotFoundError, reading
+from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_from_record
 from rpud_sim.bag.mcap_file import McapFile
 from rpud_sim.bag.metadata import FILE_NAME, local_name, read_document
 from rpud_sim.bag.rosbag2_compression import SUFFIX, compresses_messages, uncompress_file
+from rpud_sim.bag.topic_summary import TopicSummary
 
 if TYPE_CHECKING:
     from rpud_sim.bag.sqlite_file import SqliteFile
@@ -86,6 +88,47 @@ def _open(file: Path, first: bool, opened: ExitStack) -> StorageFile:
 
         return opened.enter_context(SqliteFile(path, file))
     return opened.enter_context(McapFile(path, repeats=first, shown=file))
+
+
+def summarize(
+    files: Sequence[StorageFile],
+) -> tuple[tuple[TopicSummary, ...], dict[str, BagFormatError]]:
+    """Return the readable topics of a bag by name, and the errors of damaged ones.
+
+    The errors also name the record of losses if it is damaged.
+    """
+    topics: list[TopicSummary] = []
+    errors: dict[str, BagFormatError] = {}
+    losses: dict[str, Losses] = {}
+    try:
+        for file in files:
+            for record in file.records(RECORD_NAME):
+                losses |= losses_from_record(record)
+    except BagFormatError as error:
+        errors[f"record {RECORD_NAME}"] = error
+    for name in sorted({name for file in files for name in file.topic_channels}):
+        try:
+            parts = [file.topic(name) for file in files if name in file.topic_channels]
+        except BagFormatError as error:
+            errors[name] = error
+        else:
+            topics.append(_joined(parts, losses.get(name)))
+    return tuple(topics), errors
+
+
+def _joined(parts: Sequence[TopicSummary], losses: Losses | None) -> TopicSummary:
+    """Return the summary of a topic from those of the files that hold it."""
+    times = [time for part in parts for time in (part.first_time, part.last_time)]
+    known = [time for time in times if time is not None]
+    return TopicSummary(
+        topic=parts[0].topic,
+        message_count=sum(part.message_count for part in parts),
+        first_time=min(known, default=None),
+        last_time=max(known, default=None),
+        definition=parts[0].definition,
+        losses=losses,
+        kinds=frozenset().union(*(part.kinds for part in parts)),
+    )
 
 
 def in_order(files: Iterable[Path]) -> list[Path]:

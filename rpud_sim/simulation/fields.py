@@ -22,7 +22,7 @@ from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.topics import MOUNT_FRAME, NODAL_PLANE_FRAME, TOOL_TIP_FRAME
+from rpud_sim.simulation.topics import TOPICS
 
 Fields = dict[str, Any]
 
@@ -41,9 +41,9 @@ def time_fields(nanoseconds: int) -> Fields:
     return {"sec": seconds, "nanosec": rest}
 
 
-def header_fields(stamp: int, frame: str) -> Fields:
-    """Fields of ``std_msgs/Header``."""
-    return {"stamp": time_fields(stamp), "frame_id": frame}
+def header_fields(topic: str, stamp: int) -> Fields:
+    """Fields of ``std_msgs/Header`` on a topic, in the frame of ``TOPICS``."""
+    return {"stamp": time_fields(stamp), "frame_id": TOPICS[topic].frame}
 
 
 def stamp_of(fields: Fields) -> int:
@@ -60,7 +60,7 @@ def to_array(values: np.ndarray) -> array:
 def nodal_plane_fields(samples: Samples, index: int, stamp: int) -> Fields:
     """Fields of ``rpud_msgs/NodalPlane`` for one sample."""
     return {
-        "header": header_fields(stamp, NODAL_PLANE_FRAME),
+        "header": header_fields("nodal_plane", stamp),
         "position": float(samples.nodal_plane_position[index]),
         "velocity": float(samples.nodal_plane_velocity[index]),
     }
@@ -69,7 +69,7 @@ def nodal_plane_fields(samples: Samples, index: int, stamp: int) -> Fields:
 def drill_tool_fields(samples: Samples, index: int, stamp: int) -> Fields:
     """Fields of ``rpud_msgs/DrillTool`` for one sample."""
     return {
-        "header": header_fields(stamp, TOOL_TIP_FRAME),
+        "header": header_fields("drill_tool", stamp),
         "displacement": float(samples.drill_tool_displacement[index]),
         "velocity": float(samples.drill_tool_velocity[index]),
         "in_contact": bool(samples.in_contact[index]),
@@ -79,7 +79,7 @@ def drill_tool_fields(samples: Samples, index: int, stamp: int) -> Fields:
 def reacting_force_fields(samples: Samples, index: int, stamp: int) -> Fields:
     """Fields of ``rpud_msgs/ReactingForce`` for one sample."""
     return {
-        "header": header_fields(stamp, MOUNT_FRAME),
+        "header": header_fields("reacting_force", stamp),
         "force": float(samples.reacting_force[index]),
     }
 
@@ -92,7 +92,7 @@ def wrench_fields(samples: Samples, index: int, stamp: int) -> Fields:
     """
     force = -float(samples.reacting_force[index])
     return {
-        "header": header_fields(stamp, MOUNT_FRAME),
+        "header": header_fields("wrench", stamp),
         "wrench": {
             "force": {"x": 0.0, "y": 0.0, "z": force},
             "torque": {"x": 0.0, "y": 0.0, "z": 0.0},
@@ -118,7 +118,7 @@ def joint_state_fields(samples: Samples, index: int, stamp: int) -> Fields:
         samples.drill_tool_velocity[index],
     )
     return {
-        "header": header_fields(stamp, MOUNT_FRAME),
+        "header": header_fields("joint_states", stamp),
         "name": list(JOINTS),
         "position": array("d", position),
         "velocity": array("d", velocity),
@@ -131,13 +131,13 @@ def contact_force_fields(impact: np.void, origin: int) -> Fields:
     # All at once: one by one they would take longer than the rest of the message.
     values = dict(zip(IMPACT.names or (), impact.item(), strict=True))
     start = values.pop("seconds") * SECOND + round(values.pop("fraction") * SECOND)
-    return {"header": header_fields(origin + start, TOOL_TIP_FRAME), **values}
+    return {"header": header_fields("contact_force", origin + start), **values}
 
 
 def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Fields:
     """Fields of ``rpud_msgs/Waveform``; stamp and number are the first sample's, the rate in Hz."""
     return {
-        "header": header_fields(stamp, MOUNT_FRAME),
+        "header": header_fields("waveform", stamp),
         "sequence": sequence,
         "sample_period": 1.0 / sample_rate,
         "nodal_plane_position": to_array(samples.nodal_plane_position),
@@ -167,7 +167,7 @@ def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fiel
         start = int(part["start_seconds"][0]) * SECOND
         start += round(float(part["start_fraction"][0]) * SECOND)
         yield {
-            "header": header_fields(origin + start, MOUNT_FRAME),
+            "header": header_fields("trajectory", origin + start),
             "sequence": sequence + first,
             "origin": time_fields(origin),
             **{name: float(part[name][0]) for name in CONSTANTS},
@@ -207,7 +207,7 @@ def status_fields(
     applied = simulation.applied
     actuator = simulation.actuator
     return {
-        "header": header_fields(origin + simulation.time, MOUNT_FRAME),
+        "header": header_fields("status", origin + simulation.time),
         "state": state,
         "regime": simulation.parameters.regime,
         "weight_on_bit": applied.weight_on_bit.force,
@@ -245,7 +245,7 @@ def fault_fields(record: FaultRecord, origin: int) -> Fields:
 def journal_fields(entry: JournalEntry, origin: int) -> Fields:
     """Fields of ``rpud_msgs/JournalEntry``; the origin is the stamp of simulation time zero."""
     return {
-        "header": header_fields(origin + entry.time, MOUNT_FRAME),
+        "header": header_fields("journal", origin + entry.time),
         "sequence": entry.sequence,
         "kind": entry.kind,
         "content": entry.text,
@@ -255,7 +255,7 @@ def journal_fields(entry: JournalEntry, origin: int) -> Fields:
 def faults_fields(ledger: FaultLedger, time: int, origin: int) -> Fields:
     """Fields of ``rpud_msgs/Faults`` at a simulation time."""
     return {
-        "header": header_fields(origin + time, MOUNT_FRAME),
+        "header": header_fields("faults", origin + time),
         "faults": [fault_fields(record, origin) for record in ledger.records],
         "forgotten": ledger.forgotten,
     }

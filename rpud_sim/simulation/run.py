@@ -6,12 +6,12 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from rpud_sim.simulation import fields
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.ensemble import initial_phases
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
@@ -206,7 +206,7 @@ class Run:
         yield from self.changes()
         yield from self._telemetry.flush()
 
-    def status(self, state: str, bookkeeping: fields.Bookkeeping) -> Entry:
+    def status(self, state: str, bookkeeping: Bookkeeping) -> Entry:
         """Return the status message of the present time.
 
         Args:
@@ -216,7 +216,7 @@ class Run:
         return (
             self.time,
             "status",
-            fields.status_fields(self._simulation, self.origin, state, bookkeeping),
+            status_fields(self._simulation, self.origin, state, bookkeeping),
         )
 
     def _note(self, kind: str, **content: Any) -> None:
@@ -225,10 +225,10 @@ class Run:
 
     def _entries(self) -> Iterator[Entry]:
         for entry in self._journal.drain() if self._journal is not None else ():
-            yield entry.time, "journal", fields.journal_fields(entry, self.origin)
+            yield entry.time, "journal", journal_fields(entry, self.origin)
 
     def _changed_faults(self) -> Iterator[Entry]:
         faults = self._simulation.faults
         if faults.active is not self._published_faults:
             self._published_faults = faults.active
-            yield self.time, "faults", fields.faults_fields(faults, self.time, self.origin)
+            yield self.time, "faults", faults_fields(faults, self.time, self.origin)

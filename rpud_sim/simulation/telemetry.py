@@ -5,21 +5,32 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation import fields
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
+from rpud_sim.simulation.fields import (
+    Fields,
+    contact_force_fields,
+    drill_tool_fields,
+    joint_state_fields,
+    nodal_plane_fields,
+    reacting_force_fields,
+    stamp_of,
+    trajectory_fields,
+    waveform_fields,
+    wrench_fields,
+)
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
 
 _SENSORS = (
-    ("nodal_plane", fields.nodal_plane_fields),
-    ("drill_tool", fields.drill_tool_fields),
-    ("reacting_force", fields.reacting_force_fields),
-    ("wrench", fields.wrench_fields),
+    ("nodal_plane", nodal_plane_fields),
+    ("drill_tool", drill_tool_fields),
+    ("reacting_force", reacting_force_fields),
+    ("wrench", wrench_fields),
 )
 
 # A message: simulation time at which it is published [ns], topic, fields.
-Entry = tuple[int, str, fields.Fields]
+Entry = tuple[int, str, Fields]
 
 
 class Telemetry:
@@ -63,8 +74,8 @@ class Telemetry:
         """
         faults = [record for record in faults if record.fault.channel]
         for impact in block.impacts:
-            values = fields.contact_force_fields(impact, self.origin)
-            began = max(block.start, fields.stamp_of(values) - self.origin)
+            values = contact_force_fields(impact, self.origin)
+            began = max(block.start, stamp_of(values) - self.origin)
             yield from self._signal("contact_force", began, values, faults)
         if self._boundary(block) is not None:
             yield from self._samples(block, faults)
@@ -88,7 +99,7 @@ class Telemetry:
         self._segments += len(block.segments)
         yield from self._waveform(block)
         if self._wanted("trajectory"):
-            for values in fields.trajectory_fields(block, first, self.origin):
+            for values in trajectory_fields(block, first, self.origin):
                 yield block.end, "trajectory", values
 
     def _boundary(self, block: Block) -> int | None:
@@ -97,7 +108,7 @@ class Telemetry:
         return number if boundary(number, self._rate) == block.end else None
 
     def _signal(
-        self, channel: str, time: int, values: fields.Fields, faults: Sequence[FaultRecord]
+        self, channel: str, time: int, values: Fields, faults: Sequence[FaultRecord]
     ) -> Iterator[Entry]:
         """Yield a sensor's message after the faults of its channel."""
         for changed in self._signals.apply(channel, time, values, faults):
@@ -109,7 +120,7 @@ class Telemetry:
         for channel, make in _SENSORS:
             yield from self._signal(channel, block.end, make(samples, 0, stamp), faults)
         if self._wanted("joint_states"):
-            yield block.end, "joint_states", fields.joint_state_fields(samples, 0, stamp)
+            yield block.end, "joint_states", joint_state_fields(samples, 0, stamp)
 
     def _waveform(self, block: Block) -> Iterator[Entry]:
         rate = self._sample_rate
@@ -117,5 +128,5 @@ class Telemetry:
         if numbers and self._wanted("waveform"):
             samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
             stamp = self.origin + numbers.start * SECOND // rate
-            values = fields.waveform_fields(samples, stamp, numbers.start, rate)
+            values = waveform_fields(samples, stamp, numbers.start, rate)
             yield block.end, "waveform", values

@@ -151,7 +151,7 @@ def test_a_channel_that_is_stuck_from_the_start_repeats_its_first_message(run):
 
 
 def test_garbage_is_now_and_then_not_finite_and_otherwise_of_any_size():
-    message = {"header": fields.header_fields(0, "rpud_mount"), "force": 20.0}
+    message = {"header": fields.header_fields("reacting_force", 0), "force": 20.0}
     messages = [(time, message) for time in range(2000)]
     published = send(
         SignalFaults(), "reacting_force", messages, (record("garbage", "reacting_force"),)
@@ -179,7 +179,10 @@ def steps(value_of, count):
     return [
         (
             time,
-            {"header": fields.header_fields(ORIGIN + time, "rpud_mount"), "force": value_of(time)},
+            {
+                "header": fields.header_fields("reacting_force", ORIGIN + time),
+                "force": value_of(time),
+            },
         )
         for time in (number * MILLISECOND for number in range(count))
     ]
@@ -201,7 +204,7 @@ def test_a_slow_channel_lets_one_message_out_in_a_period():
     times=st.lists(st.integers(0, 100), unique=True, min_size=1).map(sorted),
 )
 def test_a_slow_channel_never_says_more_and_never_less(period, times):
-    message = {"header": fields.header_fields(0, "rpud_mount"), "force": 1.0}
+    message = {"header": fields.header_fields("reacting_force", 0), "force": 1.0}
     messages = [(time * MILLISECOND, message) for time in times]
     given = record("slow", "reacting_force", period * 1e-3)
     published = send(SignalFaults(), "reacting_force", messages, (given,))
@@ -240,7 +243,7 @@ def test_delayed_messages_come_late_in_order_and_all_of_them(run, channel):
 def test_late_messages_come_although_the_channel_falls_silent():
     signals = SignalFaults()
     given = (record("delayed", "contact_force", 1.0),)
-    message = {"header": fields.header_fields(0, "rpud_mount"), "sequence": 0}
+    message = {"header": fields.header_fields("reacting_force", 0), "sequence": 0}
     assert signals.apply("contact_force", 0, message, given) == []
     assert signals.release(999_999_999, given) == []
     assert signals.release(1_000_000_000, given) == [("contact_force", message)]
@@ -258,7 +261,11 @@ def test_noise_has_its_standard_deviation_and_touches_the_main_quantity_alone():
     messages = [
         (
             time,
-            {"header": fields.header_fields(time, "rpud_mount"), "position": 1.0, "velocity": 2.0},
+            {
+                "header": fields.header_fields("reacting_force", time),
+                "position": 1.0,
+                "velocity": 2.0,
+            },
         )
         for time in range(4000)
     ]

@@ -260,7 +260,7 @@ def test_the_waveform_is_rebuilt_from_the_trajectory_message_alone(block):
 
 @pytest.mark.parametrize("time", [0, 1, SECOND - 1, ORIGIN])
 def test_the_stamp_of_a_message_s_fields_is_its_time(time):
-    assert fields.stamp_of({"header": fields.header_fields(time, "rpud_mount")}) == time
+    assert fields.stamp_of({"header": fields.header_fields("reacting_force", time)}) == time
 
 
 def test_the_status_says_how_the_drill_is():
