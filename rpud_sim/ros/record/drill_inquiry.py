@@ -29,7 +29,7 @@ _JOURNAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class DrillInquiry:
     """Finds the drills of recorded topics, and makes the manifest of each.
 
-    A drill is a node that publishes a Status; a restarted one is asked again. Its scenario comes
+    A drill is a node that publishes a Status; a restarted one is queried again. Its scenario comes
     from its journal: no file is read, as a stranger could name any. The node needs no executor:
     ``poll`` reads the answers that have come.
 
@@ -145,7 +145,7 @@ class _Questions:
         return self._begun
 
     def poll(self) -> bool:
-        """Go on; return whether all is answered. After an invalid answer nothing more is asked."""
+        """Go on; return whether all is answered. After an invalid answer no query follows."""
         response = self._question.poll() if self._question else None
         if response is not None:
             self._stop_asking()
