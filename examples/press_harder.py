@@ -14,7 +14,7 @@ latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 node.create_subscription(Status, "status", statuses.append, latched)
 commands = node.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
 
-# ROS drops a message that nobody subscribes to, so the command waits for the running drill.
+# ROS drops a message without a subscriber, so the command waits for the running drill.
 while not statuses or not commands.get_subscription_count():
     rclpy.spin_once(node, timeout_sec=0.1)
 commands.publish(WeightOnBit(force=WEIGHT))
