@@ -25,8 +25,8 @@ def section_spring_rate(elastic_modulus, area, length):
 def printed_tool(k_1, k_2, m_1, m_2):
     """The drill tool with eqs. (22) and (27) as printed.
 
-    The two terms of eq. (22) belong to two different mode shapes; ``rayleigh_tool`` is the
-    consistent form.
+    The two terms of eq. (22) belong to two different mode shapes; ``mode_shape_tool`` and
+    ``rayleigh_tool`` are the consistent forms of each.
 
     Args:
         k_1: spring rate of part I [N/m].
@@ -47,10 +47,24 @@ def rayleigh_tool(k_1, k_2, m_1, m_2):
     That shape has f(L_dt1) = k_1 / (k_1 + k_2) and the spring rate k_1 k_2 / (k_1 + k_2).
     Arguments as for ``printed_tool``.
     """
-    shape = k_1 / (k_1 + k_2)
-    mass = ((1.0 + shape + shape**2) * m_1 + shape**2 * m_2) / 3.0
-    spring_rate = k_1 * k_2 / (k_1 + k_2)
-    return EffectiveTool(mass, spring_rate)
+    mass = _mass_of_shape(k_1 / (k_1 + k_2), m_1, m_2)
+    return EffectiveTool(mass, k_1 * k_2 / (k_1 + k_2))
+
+
+def mode_shape_tool(k_1, k_2, m_1, m_2):
+    """The drill tool with the mode shape of eq. (24) as printed, in mass and spring rate.
+
+    That shape has f(L_dt1) = k_2 / (k_1 + k_2). Its strain energy, eq. (26), gives the spring rate
+    of eq. (27), and its kinetic energy, eq. (25), the mass that eq. (22) has with one index
+    changed. Arguments as for ``printed_tool``.
+    """
+    mass = _mass_of_shape(k_2 / (k_1 + k_2), m_1, m_2)
+    return EffectiveTool(mass, printed_tool(k_1, k_2, m_1, m_2).spring_rate)
+
+
+def _mass_of_shape(shape, m_1, m_2):
+    """m_eff,dt [kg] of a mode shape with f(L_dt1) = shape, eq. (25)."""
+    return ((1.0 + shape + shape**2) * m_1 + shape**2 * m_2) / 3.0
 
 
 @compiled

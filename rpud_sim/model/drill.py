@@ -4,13 +4,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rpud_sim.model.contact import EffectiveTool, printed_tool, rayleigh_tool, section_spring_rate
+from rpud_sim.model.contact import (
+    EffectiveTool,
+    mode_shape_tool,
+    printed_tool,
+    rayleigh_tool,
+    section_spring_rate,
+)
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.suspension import damping_coefficient
 
 # Damping ratio of a tool that rock or cuttings hold: while it is seated (seating.py) and with a
 # jammed free mass. Assumed: the tables' value for the drill tool before drilling.
 ROCK_DAMPING_RATIO = 0.5
+
+_TOOLS = {"printed": printed_tool, "rayleigh": rayleigh_tool, "mode_shape": mode_shape_tool}
 
 
 class Drill(NamedTuple):
@@ -41,14 +49,17 @@ class Drill(NamedTuple):
 
 def effective_tool(parameters: Parameters) -> EffectiveTool:
     """Return m_eff,dt [kg] and k_eff,dt [N/m] of the drill tool by the chosen contact model."""
+    if parameters.contact_model == "given":
+        return EffectiveTool(
+            parameters.effective_tool_mass, parameters.effective_tool_spring_rate
+        )
     sections = (
         (parameters.section_1_area, parameters.section_1_length),
         (parameters.section_2_area, parameters.section_2_length),
     )
     k_1, k_2 = (section_spring_rate(parameters.elastic_modulus, *section) for section in sections)
     m_1, m_2 = (parameters.drill_tool_density * area * length for area, length in sections)
-    model = printed_tool if parameters.contact_model == "printed" else rayleigh_tool
-    return model(k_1, k_2, m_1, m_2)
+    return _TOOLS[parameters.contact_model](k_1, k_2, m_1, m_2)
 
 
 def derive(parameters: Parameters, jammed: bool = False) -> Drill:

@@ -9,13 +9,14 @@ from rpud_sim.foundation.parameters import (
     ParameterGroup,
     choice,
     declarations,
+    flag,
     number,
     quantities,
 )
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
 
 REGIMES = ("free", "drilling")
-CONTACT_MODELS = ("printed", "rayleigh")
+CONTACT_MODELS = ("printed", "rayleigh", "mode_shape", "given")
 
 
 # Upper limits keep every closed form well inside the range of double precision; they are far beyond
@@ -118,8 +119,35 @@ class Parameters(ParameterGroup):
         100.0,
         changeable=True,
     )
+    gravity_on_drill: bool = flag(
+        False, "whether gravity acts on the RPUD as well, not on the free mass alone"
+    )
     contact_model: str = choice(
-        "printed", CONTACT_MODELS, "how the contact with the drill tool is modelled"
+        "printed",
+        CONTACT_MODELS,
+        "effective mass and spring rate of the drill tool in the rock: (22) and (27) as printed, "
+        "two springs in series, the shape of (24) in both, or given",
+    )
+    effective_tool_mass: float = number(
+        1.72e-3,
+        "kg",
+        "effective mass of the drill tool with contact_model = given, m_eff,dt",
+        0.0,
+        100.0,
+        exclusive=True,
+    )
+    effective_tool_spring_rate: float = number(
+        5.28e7,
+        "N/m",
+        "effective spring rate of the drill tool with contact_model = given, k_eff,dt",
+        0.0,
+        1e12,
+        exclusive=True,
+    )
+    strike_pair: bool = flag(
+        False,
+        "whether the actuator that strikes the free mass during a contact in the rock strikes the "
+        "drill tool with it, as one body",
     )
     regime: str = choice(
         "drilling", REGIMES, "free is before drilling, drilling is in the rock", changeable=True
