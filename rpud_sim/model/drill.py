@@ -122,6 +122,24 @@ STATE = np.dtype(
         ("impacts", np.uint64),  # on the drill tool, so far
         ("impact_open", np.uint8),  # whether the last of them is still in contact
         ("standstill", np.int64),  # events in a row without time passing
+        # Of a resonant vibration, see resonator.py; all else is zero if it is prescribed.
+        ("resonant", np.uint8),
+        ("steady", np.uint8),  # no update until a contact or a command
+        ("decay_time", np.float64),
+        ("resistance", np.float64),
+        ("amplitude_per_volt", np.float64),
+        ("voltage", np.float64),
+        ("drive_frequency", np.float64),
+        ("drive_phase", np.float64),
+        ("resonance_frequency", np.float64),
+        ("envelope_real", np.float64),
+        ("envelope_imag", np.float64),
+        ("envelope_age", np.float64),  # time since the envelope was written
+        ("update_due", np.float64),  # time until the next update is due
+        ("drawn", np.float64),
+        ("heat", np.float64),
+        ("work", np.float64),
+        ("owed", np.float64),
     ],
     align=True,
 )

@@ -9,6 +9,7 @@ import numpy as np
 from rpud_sim.model.drill import STATE, Drill, derive
 from rpud_sim.model.events import FULL, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import Parameters
+from rpud_sim.model.resonator import Account, Resonance, account
 from rpud_sim.model.seating import seating
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.model.tolerances import LONGEST_STANDSTILL
@@ -29,10 +30,15 @@ class Engine:
         parameters: of the drill.
         initial_phase: of the vibration [cycles].
         drive: whether the actuator vibrates from the start.
+        resonance: of the vibration, which starts at rest; None if its amplitude is prescribed.
     """
 
     def __init__(
-        self, parameters: Parameters, initial_phase: float = 0.0, drive: bool = True
+        self,
+        parameters: Parameters,
+        initial_phase: float = 0.0,
+        drive: bool = True,
+        resonance: Resonance | None = None,
     ) -> None:
         self._drill = derive(parameters)
         self._target = self._drill
@@ -49,6 +55,8 @@ class Engine:
         self._state["amplitude"] = amplitude
         self._state["target_amplitude"] = amplitude
         self._state["weight_on_bit"] = parameters.weight_on_bit
+        if resonance is not None:
+            self._begin_resonance(resonance)
         impacts = np.zeros(2, IMPACT)
         count = start(self._drill, self._state, self._open_segment, self._open_impact, impacts)
         self._impacts.append(impacts[:count])
@@ -57,6 +65,20 @@ class Engine:
     def impact_count(self) -> int:
         """Impacts on the drill tool that have begun."""
         return int(self._state["impacts"][0])
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude of the vibration at the last event [m]."""
+        return float(self._state["amplitude"][0])
+
+    def account(self, seconds: int, fraction: float) -> Account:
+        """Return envelope and energies of the resonance at a time, not before the last event.
+
+        They are zero if the vibration is prescribed.
+        """
+        if not self._state["resonant"][0]:
+            return Account(0j, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return account(self._state[0], self._open_segment[0], self._ahead(seconds, fraction))
 
     def advance(self, seconds: int, fraction: float) -> None:
         """Advance to a time, whole seconds and a fraction from 0 to 1; not back.
@@ -67,17 +89,16 @@ class Engine:
         while self._seating and self._seating[0][0] <= (seconds, fraction):
             time, drill = self._seating.popleft()
             self._advance(*time)
-            state = self._state[0]
-            commands = (
-                float(state["weight_on_bit"]),
-                float(state["target_amplitude"]),
-                float(state["frequency"]),
-            )
-            self._interrupt(*time, drill, commands)
+            self._interrupt(*time, drill, self._commands())
         self._advance(seconds, fraction)
 
     def change(
-        self, seconds: int, fraction: float, drill: Drill, commands: tuple[float, float, float]
+        self,
+        seconds: int,
+        fraction: float,
+        drill: Drill,
+        commands: tuple[float, float, float],
+        resonance_frequency: float = 0.0,
     ) -> None:
         """Advance to a time and go on from there with other commands, and with another drill.
 
@@ -89,7 +110,9 @@ class Engine:
             seconds: whole seconds of the time, not before the last one.
             fraction: the rest of it [s].
             drill: the constants from there on.
-            commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz].
+            commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz]; of a
+                resonance weight on bit [N], voltage [V] and drive frequency [Hz].
+            resonance_frequency: of a resonance [Hz].
 
         Raises:
             EngineError: if events follow each other without time passing.
@@ -102,7 +125,34 @@ class Engine:
                 whole, rest = divmod(fraction + delay, 1.0)
                 self._seating.append(((seconds + int(whole), rest), step))
             self._drill = self._seating.popleft()[1]
-        self._interrupt(seconds, fraction, self._drill, commands)
+        self._interrupt(seconds, fraction, self._drill, (*commands, resonance_frequency))
+
+    def _begin_resonance(self, resonance: Resonance) -> None:
+        state = self._state
+        state["resonant"] = 1
+        state["amplitude"] = state["target_amplitude"] = 0.0
+        state["drive_phase"] = state["phase"]
+        state["decay_time"] = resonance.decay_time
+        state["resistance"] = resonance.resistance
+        state["amplitude_per_volt"] = resonance.amplitude_per_volt
+        state["voltage"] = resonance.voltage
+        state["drive_frequency"] = resonance.drive_frequency
+        state["resonance_frequency"] = resonance.frequency
+
+    def _commands(self) -> tuple[float, float, float, float]:
+        """Commands in force, and the resonance frequency."""
+        state = self._state[0]
+        weight_on_bit = float(state["weight_on_bit"])
+        if state["resonant"]:
+            names = ("voltage", "drive_frequency", "resonance_frequency")
+            voltage, drive_frequency, resonance_frequency = (float(state[name]) for name in names)
+            return weight_on_bit, voltage, drive_frequency, resonance_frequency
+        return weight_on_bit, float(state["target_amplitude"]), float(state["frequency"]), 0.0
+
+    def _ahead(self, seconds: int, fraction: float) -> float:
+        """Time from the start of the open segment to a time [s]."""
+        state = self._state[0]
+        return float(seconds - state["seconds"]) + (fraction - state["fraction"])
 
     def _advance(self, seconds: int, fraction: float) -> None:
         status = FULL
@@ -126,11 +176,13 @@ class Engine:
             raise EngineError(f"more than {LONGEST_STANDSTILL} events at one instant: {values}")
 
     def _interrupt(
-        self, seconds: int, fraction: float, drill: Drill, commands: tuple[float, float, float]
+        self,
+        seconds: int,
+        fraction: float,
+        drill: Drill,
+        commands: tuple[float, float, float, float],
     ) -> None:
         self._drill = drill
-        state = self._state[0]
-        time = float(seconds - state["seconds"]) + (fraction - state["fraction"])
         segments = np.empty(1, SEGMENT)
         impacts = np.empty(2, IMPACT)
         count = interrupt(
@@ -138,7 +190,7 @@ class Engine:
             self._state,
             self._open_segment,
             self._open_impact,
-            time,
+            self._ahead(seconds, fraction),
             segments,
             impacts,
             commands,

@@ -25,6 +25,15 @@ from rpud_sim.model.guards import (
 from rpud_sim.model.impact import follow_impact, open_impact
 from rpud_sim.model.motion import begin_segment, set_constants
 from rpud_sim.model.resets import close_gaps, exchange_momentum, join_held_bodies, lasting_contact
+from rpud_sim.model.resonator import (
+    begin_resonance,
+    change_drive,
+    contact_load,
+    hold,
+    load_by_contact,
+    move_resonance,
+    update,
+)
 from rpud_sim.model.search import next_event
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
@@ -73,6 +82,18 @@ def move_state(state, segment, time):
 
 
 @compiled
+def end_segment(state, segment, impact, time):
+    """Follow the open segment to a time after its start, and move the state there."""
+    if state.impact_open:
+        follow_impact(segment, impact, time)
+    move_state(state, segment, time)
+    if state.resonant:
+        integral, work = contact_load(state, segment, time)
+        move_resonance(state, time)
+        load_by_contact(state, integral, work)
+
+
+@compiled
 def settle(drill, state, impact, impacts, count, met, opened, event):
     """Resolve what happens at the state's instant.
 
@@ -95,7 +116,10 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
     struck = collisions.actuator_struck or collisions.drill_tool_struck
     if struck:
         opened = 0
+    alone = state.v_np
     state.contact = lasting_contact(drill, state, closed, opened, collisions.drill_tool_struck)
+    if state.resonant and state.v_np != alone:
+        hold(drill, state, alone)
     in_contact = state.contact & CONTACT_DRILL_TOOL
     join_held_bodies(state)
     if collisions.actuator_struck or abs(state.v_np - v_np) > SAME_VELOCITY:
@@ -139,9 +163,7 @@ def open_segment(drill, state, segment):
 def pass_event(drill, state, segment, impact, impacts, count):
     """Go through the event that ends the open segment; returns the number of finished impacts."""
     end = state.next_event
-    if state.impact_open:
-        follow_impact(segment, impact, segment.duration)
-    move_state(state, segment, segment.duration)
+    end_segment(state, segment, impact, segment.duration)
     if end == END_LIMIT:
         state.event = EVENT_LIMIT
         if state.impact_open and impact.contact_duration >= LONGEST_SEGMENT:
@@ -157,6 +179,9 @@ def pass_event(drill, state, segment, impact, impacts, count):
         met = CONTACT_ACTUATOR
     elif end == END_DRILL_TOOL_IMPACT:
         met = CONTACT_DRILL_TOOL
+    elif end == END_AMPLITUDE and state.resonant:
+        update(state)
+        event = EVENT_COMMAND
     elif end == END_AMPLITUDE:
         state.amplitude = state.target_amplitude
         # The sine is exactly zero here, so that the tip does not jump.
@@ -224,7 +249,8 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
         time: after the segment's start [s].
         segments: room for one finished segment.
         impacts: room for two finished impacts.
-        new: weight on bit [N], vibration amplitude [m] and frequency [Hz] from here on.
+        new: weight on bit [N], vibration amplitude [m], frequency [Hz] and resonance frequency
+            [Hz] from here on; with a resonance the voltage [V] instead of the amplitude.
 
     Returns:
         The number of finished impacts.
@@ -232,15 +258,16 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     state = states[0]
     segment = open_segments[0]
     impact = open_impacts[0]
-    if state.impact_open:
-        follow_impact(segment, impact, time)
-    move_state(state, segment, time)
+    end_segment(state, segment, impact, time)
     segments[0] = segment
     segments[0].duration = time
-    weight_on_bit, amplitude, frequency = new
+    weight_on_bit, level, frequency, resonance_frequency = new
     state.weight_on_bit = weight_on_bit
-    state.target_amplitude = amplitude
-    state.frequency = frequency
+    if state.resonant:
+        change_drive(state, level, frequency, resonance_frequency)
+    else:
+        state.target_amplitude = level
+        state.frequency = frequency
     set_constants(drill, segment)
     if not drill.in_rock:
         state.tool_at_rest = 0
@@ -253,6 +280,8 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
 def start(drill, states, open_segments, open_impacts, impacts):
     """Begin with every gap closed and every body at rest; returns the finished impacts' number."""
     state = states[0]
+    if state.resonant:
+        begin_resonance(state)
     state.u_np = -state.amplitude * math.sin(TWO_PI * state.phase)
     set_constants(drill, open_segments[0])
     count = settle(drill, state, open_impacts[0], impacts, 0, 0, 0, 0)

@@ -24,6 +24,7 @@ from rpud_sim.model.motion import (
     drill_tool_closed_form,
     nodal_plane_closed_form,
 )
+from rpud_sim.model.resonator import blow, tip_mass
 from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
 from rpud_sim.model.suspension import decaying_derivatives, decaying_part
 from rpud_sim.model.tolerances import (
@@ -87,6 +88,8 @@ def exchange_momentum(drill, state, closed):
     """
     _, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
     v_ut = state.v_np + v_hv
+    mass = tip_mass(drill, state)
+    given = 0.0
     actuator_struck = False
     drill_tool_struck = False
     impact_velocity = 0.0
@@ -106,7 +109,9 @@ def exchange_momentum(drill, state, closed):
             approaching = True
             actuator_struck = True
             restitution = drill.actuator_restitution if count < MOST_COLLISIONS - 1 else 0.0
-            v_ut, state.v_fm = collide(drill.rpud_mass, v_ut, struck_mass, state.v_fm, restitution)
+            arriving = v_ut
+            v_ut, state.v_fm = collide(mass, v_ut, struck_mass, state.v_fm, restitution)
+            given += mass * (arriving - v_ut)
             if wedged:
                 state.v_dt = state.v_fm
         if closed & CONTACT_DRILL_TOOL and state.v_fm - state.v_dt > SAME_VELOCITY:
@@ -128,7 +133,9 @@ def exchange_momentum(drill, state, closed):
     if closed & CONTACT_DRILL_TOOL and state.v_fm > state.v_dt:
         state.v_fm = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
         state.v_dt = state.v_fm
-    if actuator_struck:
+    if actuator_struck and state.resonant:
+        blow(drill, state, given)
+    elif actuator_struck:
         state.v_np = v_ut - v_hv  # eq. (7)
     return Collisions(actuator_struck, drill_tool_struck, impact_velocity, energy, impulse)
 

@@ -28,6 +28,7 @@ from rpud_sim.model.guards import (
     guard_bounds,
 )
 from rpud_sim.model.motion import CONTACT_BOTH
+from rpud_sim.model.resonator import time_to_update
 from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
 from rpud_sim.model.tolerances import (
     LONGEST_SEARCH,
@@ -161,7 +162,13 @@ def next_event(drill, state, segment):
     """
     duration = LONGEST_SEGMENT
     event = END_LIMIT
-    if state.target_amplitude != state.amplitude:
+    if state.resonant:
+        if not state.steady:
+            change = time_to_update(state)
+            if change < duration:
+                duration = change
+                event = END_AMPLITUDE
+    elif state.target_amplitude != state.amplitude:
         change = time_to_zero_displacement(state.phase, state.frequency)
         if change < duration:
             duration = change

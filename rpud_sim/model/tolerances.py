@@ -46,6 +46,14 @@ LONGEST_SEARCH = 2000
 # Collisions at one instant after which the bodies go on together.
 MOST_COLLISIONS = 1000
 
+# The vibration of a resonance is steady when its amplitude is this near to its end, relatively, or
+# LOWEST_BOUNCE near, and its phase is as near [cycles].
+STEADY = 0.001
+SAME_PHASE = 1e-4
+
+# Updates of the amplitude of a resonance in one decay time, while it is not steady.
+UPDATES_PER_DECAY = 40.0
+
 # Events in a row within SHORTEST_SEGMENT [s] of each other after which the engine fails. Without
 # this limit it would never return.
 LONGEST_STANDSTILL = 10_000

@@ -20,7 +20,7 @@ change without notice.
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters, preset
-from rpud_sim.simulation.actuator import Actuator, ActuatorParameters
+from rpud_sim.simulation.actuator import ActuatorParameters, ActuatorReading
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
 from rpud_sim.simulation.configuration import (
@@ -50,8 +50,8 @@ __all__ = [
     "KINDS",
     "PARAMETERS",
     "TOPICS",
-    "Actuator",
     "ActuatorParameters",
+    "ActuatorReading",
     "Applied",
     "Beginning",
     "Block",

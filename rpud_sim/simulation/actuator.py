@@ -1,4 +1,4 @@
-"""Actuator: from the voltage on the piezoelectric stack to the amplitude of the vibration."""
+"""Actuator: drive, generator and temperature; the engine computes the vibration that follows."""
 
 from __future__ import annotations
 
@@ -9,21 +9,13 @@ import math
 from rpud_sim.foundation.parameters import ParameterGroup, choice, flag, number, quantities
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
+from rpud_sim.model.resonator import Account, Resonance
 from rpud_sim.simulation.commands import Drive
 
-# The temperature is computed at whole multiples of this [ns]. Otherwise it would depend on how the
-# simulation is stepped.
+# The temperature is computed, and a tracking generator sets its frequency, at whole multiples of
+# these [ns]. Otherwise they would depend on how the simulation is stepped.
 HEATING_INTERVAL = 10_000_000
-
-# A step changes the amplitude by at most STEP of its greatest. It lasts at least one cycle and
-# SHORTEST_STEP of the time constant; otherwise steps far from resonance would be too many.
-STEP = 0.01
-SHORTEST_STEP = 0.002
-
-# The amplitude is steady when its distance from its end is below STEADY of its greatest, or the
-# envelope is within SMALLEST_VOLTAGE [V] of its end, where rounding ends the approach.
-STEADY = 0.001
-SMALLEST_VOLTAGE = 1e-9
+TRACKING_INTERVAL = 1_000_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,8 +26,8 @@ class ActuatorParameters(ParameterGroup):
     assumed; docs/explanation/actuator.md says why.
 
     Raises:
-        ParameterError: if a value is outside its range, or if the actuator is to heat without the
-            power that its resonance model gives.
+        ParameterError: if a value is outside its range, or if the actuator is to heat, or its
+            generator to track, without the resonance model.
     """
 
     actuator_model: str = choice(
@@ -61,6 +53,23 @@ class ActuatorParameters(ParameterGroup):
     motional_resistance: float = number(
         100.0, "ohm", "electrical resistance of the actuator on resonance", 1e-3, 1e6
     )
+    generator: str = choice(
+        "fixed",
+        ("fixed", "tracking"),
+        "fixed: the frequency is the commanded one; tracking: it follows the resonance, so that "
+        "the current is in phase with the voltage",
+    )
+    tracking_bandwidth: float = number(
+        20.0, "Hz", "bandwidth in which a tracking generator follows the resonance", 0.1, 100.0
+    )
+    tracking_range: float = number(
+        1000.0,
+        "Hz",
+        "greatest distance of a tracking generator from the commanded frequency",
+        0.0,
+        1e4,
+        exclusive=True,
+    )
     heating: bool = flag(False, "whether the actuator warms up and its resonance drifts")
     thermal_resistance: float = number(
         1.0, "K/W", "thermal resistance from the actuator to its surroundings", 1e-3, 1e3
@@ -75,28 +84,71 @@ class ActuatorParameters(ParameterGroup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.heating and self.actuator_model != "resonance":
-            raise ParameterError("heating = True needs actuator_model = resonance")
+        if self.actuator_model != "resonance":
+            if self.heating:
+                raise ParameterError("heating = True needs actuator_model = resonance")
+            if self.generator == "tracking":
+                raise ParameterError("generator = tracking needs actuator_model = resonance")
 
 
 RESONANCE_FREQUENCY = quantities(ActuatorParameters)["resonance_frequency"]
 
 
+@dataclasses.dataclass(frozen=True)
+class ActuatorReading:
+    """State of the actuator at one time, immutable.
+
+    With the gain model all that follows from currents is NaN.
+
+    Args:
+        voltage: amplitude of the voltage [V].
+        frequency: of the voltage [Hz].
+        amplitude: of the vibration at the tip [m].
+        resonance_frequency: at the present temperature, with its offset, without load [Hz].
+        temperature: at the last whole multiple of ``HEATING_INTERVAL`` [K].
+        current: amplitude of the current [A].
+        phase: by which the current leads the voltage [rad].
+        electrical_power: drawn, averaged over a cycle [W]; negative where the vibration gives
+            power back to the drive.
+        electrical_energy: drawn since time zero [J].
+        heat: since time zero [J].
+        mechanical_work: of the vibration on the bodies since time zero [J].
+        stored: energy of the vibration [J].
+        owed: part of the work that the vibration has not yet given [J].
+    """
+
+    voltage: float
+    frequency: float
+    amplitude: float
+    resonance_frequency: float
+    temperature: float
+    current: float = math.nan
+    phase: float = math.nan
+    electrical_power: float = math.nan
+    electrical_energy: float = math.nan
+    heat: float = math.nan
+    mechanical_work: float = math.nan
+    stored: float = math.nan
+    owed: float = math.nan
+
+    @property
+    def impedance(self) -> float:
+        """Magnitude of the impedance [ohm]; NaN without a current."""
+        return self.voltage / self.current if self.current > 0.0 else math.nan
+
+
 class Actuator:
-    """Amplitude of the vibration under drives, and the power that they take.
+    """Drive of the actuator, its generator and its temperature.
 
-    The gain model follows the voltage at once, at every frequency. The resonance model is the
-    motional branch of the Butterworth-Van Dyke circuit seen through its envelope z(t), the complex
-    voltage across the motional resistance R, which changes by
-
-        dz/dt = (V - (1 + j delta) z) / tau,  tau = Q / (pi f_r),  delta = 2 Q (f - f_r) / f_r
-
-    The amplitude is proportional to abs(z), the power drawn is V Re(z) / 2 R and the heat abs(z)^2
-    / 2 R. Impacts do not load the branch. The amplitude changes in steps, which depend on the
-    drives and their times alone, not on the calls of ``advance_to``. Times are integer
+    With the gain model the amplitude follows the voltage at once, at every frequency. With the
+    resonance model the engine integrates the vibration (``rpud_sim.model.resonator``), and this
+    object sets the voltage, the drive's frequency and the resonance frequency. Times are integer
     nanoseconds of simulation time.
 
     Every drive must have passed ``Configuration.check_drive``.
+
+    Attributes:
+        resonance: of the engine's vibration at time zero; None with the gain model.
 
     Args:
         parameters: of the actuator.
@@ -109,35 +161,45 @@ class Actuator:
     ) -> None:
         self._parameters = parameters
         self._vibration_amplitude = vibration_amplitude
-        self._resonant = parameters.actuator_model == "resonance"
-        self._time = 0
         self._voltage = drive.voltage if drive.enabled else 0.0
-        self._frequency = drive.frequency or parameters.resonance_frequency
+        self._commanded = drive.frequency or parameters.resonance_frequency
+        self._frequency = self._commanded
+        self._tracking = parameters.generator == "tracking"
+        self._locked = True
+        self._pulled = 0.0  # by the generator's integrator [Hz]
         self._temperature = parameters.ambient_temperature
         self._offset = 0.0
-        # Time and value of the envelope at its last change of course, and heat of this interval.
-        self._since = 0
-        self._envelope = 0j
-        self._heat = 0.0
+        self._heat = 0.0  # up to the last change of the temperature [J]
         self._heating = HEATING_INTERVAL if parameters.heating else NEVER
-        self._amplitude = 0.0
-        self._begin()
+        self._tuning = TRACKING_INTERVAL if self._tracking else NEVER
+        self._decay_time = parameters.quality_factor / (math.pi * parameters.resonance_frequency)
+        self.resonance: Resonance | None = None
+        if parameters.actuator_model == "resonance":
+            self.resonance = Resonance(
+                self._decay_time,
+                parameters.motional_resistance,
+                vibration_amplitude / parameters.nominal_voltage,
+                self._voltage,
+                self._frequency,
+                self.resonance_frequency,
+            )
 
     @property
-    def amplitude(self) -> float:
-        """Amplitude of the vibration, constant between steps [m]."""
-        return self._amplitude
+    def level(self) -> float:
+        """What the engine gets: the voltage [V] of a resonance, else the amplitude [m]."""
+        if self.resonance is not None:
+            return self._voltage
+        return self._vibration_amplitude * self._voltage / self._parameters.nominal_voltage
 
     @property
     def frequency(self) -> float:
-        """Frequency of the vibration, that of the drive [Hz]; kept while ringing down."""
+        """Frequency of the drive [Hz]."""
         return self._frequency
 
     @property
     def next_step(self) -> int:
-        """Time before which the amplitude stays the same [ns]; ``NEVER`` if it is steady."""
-        idle = self._voltage == 0.0 and self._envelope == 0j
-        return self._step if idle else min(self._step, self._heating)
+        """Time of the next step of temperature or generator [ns]; ``NEVER`` if there is none."""
+        return min(self._heating, self._tuning)
 
     @property
     def resonance_frequency(self) -> float:
@@ -146,121 +208,86 @@ class Actuator:
         rise = self._temperature - self._parameters.ambient_temperature
         frequency = self._parameters.resonance_frequency * (1.0 + coefficient * rise)
         # The linear law holds for small changes; far beyond them the frequency stays positive.
-        allowed = RESONANCE_FREQUENCY
-        return min(max(frequency + self._offset, allowed.minimum), allowed.maximum)
+        return _limited(frequency + self._offset)
 
-    @property
-    def temperature(self) -> float:
-        """Temperature at the last whole multiple of ``HEATING_INTERVAL`` [K]."""
-        return self._temperature
+    def read(self, amplitude: float, account: Account) -> ActuatorReading:
+        """Return the state that belongs to the engine's amplitude [m] and its account."""
+        if self.resonance is None:
+            amplitude = self.level
+        reading = ActuatorReading(
+            self._voltage, self._frequency, amplitude, self.resonance_frequency, self._temperature
+        )
+        if self.resonance is None:
+            return reading
+        resistance = self._parameters.motional_resistance
+        envelope = account.envelope
+        return dataclasses.replace(
+            reading,
+            current=abs(envelope) / resistance,
+            phase=cmath.phase(envelope),
+            electrical_power=self._voltage * envelope.real / (2.0 * resistance),
+            electrical_energy=account.drawn,
+            heat=account.heat,
+            mechanical_work=account.work,
+            stored=account.stored,
+            owed=account.owed,
+        )
 
-    @property
-    def electrical_power(self) -> float:
-        """Power drawn, averaged over a cycle [W]; NaN with the gain model, which has none.
+    def step(self, time: int, account: Account) -> None:
+        """Take the steps that are due at a time [ns], not beyond ``next_step``."""
+        if time == self._heating:
+            self._warm(account.heat)
+            self._heating += HEATING_INTERVAL
+        if time == self._tuning:
+            self._tune(account.envelope)
+            self._tuning += TRACKING_INTERVAL
 
-        It is negative where the vibration gives power back to the drive.
-        """
-        if not self._resonant:
-            return math.nan
-        envelope, _ = self._at(self._time)
-        return self._voltage * envelope.real / (2.0 * self._parameters.motional_resistance)
+    def drive(self, drive: Drive) -> None:
+        """Put a drive into force; a frequency of zero keeps the present one."""
+        self._voltage = drive.voltage if drive.enabled else 0.0
+        frequency = drive.frequency or self._commanded
+        if frequency != self._commanded:
+            self._commanded = frequency
+            self._run_free()
 
-    def advance_to(self, time: int) -> None:
-        """Advance to a time [ns], not before the present one, over all steps until then."""
-        while (event := min(self._step, self._heating)) <= time:
-            self._rebase(event)
-            if event == self._heating:
-                self._warm()
-                self._heating += HEATING_INTERVAL
-            self._follow()
-        self._time = time
+    def drift(self, offset: float) -> None:
+        """Shift the resonance frequency by an offset [Hz]."""
+        self._offset = offset
 
-    def drive(self, time: int, drive: Drive) -> None:
-        """Advance to a time [ns] and put a drive into force; the amplitude goes on from its own.
+    def lock(self, locked: bool) -> None:
+        """Let a tracking generator track, or run at the commanded frequency."""
+        self._locked = locked
+        if not locked:
+            self._run_free()
 
-        A frequency of zero keeps the present one. A drive that changes nothing has no effect.
-        """
-        self.advance_to(time)
-        voltage = drive.voltage if drive.enabled else 0.0
-        frequency = drive.frequency or self._frequency
-        if (voltage, frequency) != (self._voltage, self._frequency):
-            self._rebase(time)
-            self._voltage, self._frequency = voltage, frequency
-            self._begin()
+    def _run_free(self) -> None:
+        self._pulled = 0.0
+        self._frequency = self._commanded
 
-    def drift(self, time: int, offset: float) -> None:
-        """Advance to a time [ns] and shift the resonance frequency by an offset [Hz]."""
-        self.advance_to(time)
-        if offset != self._offset:
-            self._rebase(time)
-            self._offset = offset
-            self._begin()
+    def _tune(self, envelope: complex) -> None:
+        """Follow the phase of the current; its lag by the decay time is compensated."""
+        if not self._locked or self._voltage == 0.0 or envelope == 0.0:
+            return
+        # Below the resonance the current leads: the phase is that of a detuning, in cycles per
+        # decay time.
+        bandwidth = self._parameters.tracking_bandwidth
+        greatest = self._parameters.tracking_range
+        phase = cmath.phase(envelope)
+        step = bandwidth * phase * (TRACKING_INTERVAL / SECOND) / self._decay_time
+        self._pulled = min(max(self._pulled + step, -greatest), greatest)
+        pulled = min(max(self._pulled + bandwidth * phase, -greatest), greatest)
+        self._frequency = _limited(self._commanded + pulled)
 
-    def _begin(self) -> None:
-        """Go on from the present envelope under a new drive or resonance."""
-        self._tune()
-        if not self._resonant:
-            self._envelope = self._end
-        self._scale = max(abs(self._envelope), abs(self._end))
-        # A step that is due now: the amplitude follows even if the envelope is at its end already.
-        self._step = self._since
-        self._follow()
-
-    def _tune(self) -> None:
-        """Set the course of the envelope, to the end that drive and resonance give."""
-        resonance = self.resonance_frequency
-        quality = self._parameters.quality_factor
-        detuning = 2.0 * quality * (self._frequency - resonance) / resonance
-        self._decay = math.pi * resonance / quality  # 1 / tau [1/s]
-        self._rate = self._decay * complex(1.0, detuning)
-        self._end = complex(self._voltage)
-        if self._resonant:
-            self._end /= complex(1.0, detuning)
-
-    def _at(self, time: int) -> tuple[complex, float]:
-        """Return the envelope [V] at a time on this course, and the heat [J] since its start."""
-        elapsed = (time - self._since) / SECOND
-        end, away = self._end, self._envelope - self._end
-        decayed = cmath.exp(-self._rate * elapsed)
-        area = away * (1.0 - decayed) / self._rate
-        square = abs(away) ** 2 * -math.expm1(-2.0 * self._decay * elapsed) / (2.0 * self._decay)
-        heat = abs(end) ** 2 * elapsed + 2.0 * (end.conjugate() * area).real + square
-        return end + away * decayed, heat / (2.0 * self._parameters.motional_resistance)
-
-    def _rebase(self, time: int) -> None:
-        """Let the course start at a time."""
-        self._envelope, heat = self._at(time)
-        self._heat += heat
-        self._since = time
-
-    def _warm(self) -> None:
-        """Set the temperature after the heat of one interval."""
+    def _warm(self, heat: float) -> None:
+        """Set the temperature after one interval; the heat is that since time zero [J]."""
         parameters = self._parameters
         interval = HEATING_INTERVAL / SECOND
-        end = parameters.ambient_temperature + parameters.thermal_resistance * self._heat / interval
+        power = (heat - self._heat) / interval
+        end = parameters.ambient_temperature + parameters.thermal_resistance * power
         time_constant = parameters.thermal_resistance * parameters.heat_capacity
         self._temperature -= (end - self._temperature) * math.expm1(-interval / time_constant)
-        self._heat = 0.0
-        self._tune()
+        self._heat = heat
 
-    def _follow(self) -> None:
-        """Set the amplitude of the present envelope if a step is due, and plan the next one."""
-        away = abs(self._envelope - self._end)
-        if away <= max(STEADY * self._scale, SMALLEST_VOLTAGE):
-            self._envelope = self._end
-            self._scale = abs(self._end)
-            taken = self._amplitude_of(self._end)
-            # A slow drift of the end makes steps as well.
-            if self._step != NEVER or abs(taken - self._amplitude) > STEADY * taken:
-                self._amplitude = taken
-            self._step = NEVER
-        elif self._step in (NEVER, self._since):
-            self._amplitude = self._amplitude_of(self._envelope)
-            # An envelope that rings down does not beat.
-            rate = abs(self._rate) if self._end else self._decay
-            shortest = max(SHORTEST_STEP / self._decay, 1.0 / self._frequency)
-            duration = max(STEP * self._scale / (rate * away), shortest)
-            self._step = self._since + math.ceil(duration * SECOND)
 
-    def _amplitude_of(self, envelope: complex) -> float:
-        return self._vibration_amplitude * abs(envelope) / self._parameters.nominal_voltage
+def _limited(frequency: float) -> float:
+    return min(max(frequency, RESONANCE_FREQUENCY.minimum), RESONANCE_FREQUENCY.maximum)

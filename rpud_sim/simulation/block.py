@@ -9,6 +9,7 @@ import numpy as np
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.sampling import Samples, Times, sample
 
 
@@ -34,12 +35,14 @@ class Block:
         covering: the ``SEGMENT`` records that cover the block, in order, without a gap. The last
             one is open: it has its full duration, which a command may shorten.
         impacts: the ``IMPACT`` records of the impacts on the drill tool that ended in it, in order.
+        actuator: its state at the end of the block.
     """
 
     start: int
     end: int
     covering: np.ndarray
     impacts: np.ndarray
+    actuator: ActuatorReading | None = None
 
     @property
     def segments(self) -> np.ndarray:
@@ -74,4 +77,5 @@ def join_blocks(blocks: Sequence[Block]) -> Block:
         last.end,
         join_records([*(block.segments for block in blocks), last.open_segment], SEGMENT),
         join_records([block.impacts for block in blocks], IMPACT),
+        last.actuator,
     )

@@ -26,6 +26,7 @@ class Conditions:
         progress_factor: on the progress into the rock, 0 to 1.
         resonance_offset: of the actuator [Hz].
         preload_factor: on the commanded weight on bit, 0 to 1.
+        lock_lost: whether a tracking generator does not track.
     """
 
     parameters: Parameters
@@ -34,6 +35,7 @@ class Conditions:
     progress_factor: float = 1.0
     resonance_offset: float = 0.0
     preload_factor: float = 1.0
+    lock_lost: bool = False
 
 
 def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
@@ -44,7 +46,7 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
     ratio xi to 1 - (1 - xi)/f, up to ``MOST_DAMPING_RATIO`` (assumed). A parameter that would leave
     its range takes the end of the range.
     """
-    jammed = False
+    jammed = lock_lost = False
     load_spring = restoring_spring = restitution = drill_tool_restitution = 1.0
     specific_energy = progress = preload = 1.0
     offset = 0.0
@@ -52,6 +54,8 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
         magnitude = fault.magnitude
         if fault.kind == "free_mass_jammed":
             jammed = True
+        elif fault.kind == "generator_lock_loss":
+            lock_lost = True
         elif fault.kind == "lost_preload":
             preload *= 1.0 - magnitude
         elif fault.kind == "load_spring_binding":
@@ -86,6 +90,7 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
         progress_factor=progress,
         resonance_offset=offset,
         preload_factor=preload,
+        lock_lost=lock_lost,
     )
 
 
@@ -116,6 +121,8 @@ def check_honoured(fault: Fault, configuration: Configuration) -> None:
             reason = f"needs actuator_model = resonance, which is {actuator.actuator_model}"
         elif not allowed.minimum <= drifted <= allowed.maximum:
             reason = f"takes the resonance to {drifted:g} Hz, outside its range {allowed.range}"
+    elif fault.kind == "generator_lock_loss" and actuator.generator != "tracking":
+        reason = f"needs generator = tracking, which is {actuator.generator}"
     elif no_rock and fault.kind in ("hard_rock", "choking"):
         reason = "needs a rock_model, which is none"
     elif no_rock and drilling and fault.kind == "drill_tool_binding":

@@ -115,6 +115,9 @@ KINDS: Mapping[str, Kind] = {
         Quantity("", "factor on both coefficients of restitution", 0.0, 1.0, below=True),
         0.5,
     ),
+    "generator_lock_loss": Kind(
+        True, "the generator tracks no more and runs at the commanded frequency"
+    ),
     "off": Kind(False, "nothing is published"),
     "stuck": Kind(False, "the values last published are repeated with new stamps"),
     "garbage": Kind(False, "random bit patterns in place of every value"),

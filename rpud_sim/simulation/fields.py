@@ -17,6 +17,7 @@ import numpy as np
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
+from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
@@ -63,6 +64,33 @@ def nodal_plane_fields(samples: Samples, index: int, stamp: int) -> Fields:
         "header": header_fields("nodal_plane", stamp),
         "position": float(samples.nodal_plane_position[index]),
         "velocity": float(samples.nodal_plane_velocity[index]),
+    }
+
+
+def actuator_state_fields(
+    reading: ActuatorReading, mechanical_power: float, stamp: int
+) -> Fields:
+    """Fields of ``rpud_msgs/ActuatorState`` for one reading.
+
+    Args:
+        reading: of the actuator.
+        mechanical_power: since the reading before [W].
+        stamp: of the sample.
+    """
+    return {
+        "header": header_fields("actuator_state", stamp),
+        "voltage": reading.voltage,
+        "current": reading.current,
+        "phase": reading.phase,
+        "impedance": reading.impedance,
+        "frequency": reading.frequency,
+        "resonance_frequency": reading.resonance_frequency,
+        "amplitude": reading.amplitude,
+        "electrical_power": reading.electrical_power,
+        "mechanical_power": mechanical_power,
+        "electrical_energy": reading.electrical_energy,
+        "mechanical_work": reading.mechanical_work,
+        "temperature": reading.temperature,
     }
 
 

@@ -8,7 +8,7 @@ from rpud_sim.foundation.time import split_fraction
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
-from rpud_sim.simulation.actuator import Actuator
+from rpud_sim.simulation.actuator import Actuator, ActuatorReading
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.conditions import Conditions
 from rpud_sim.simulation.configuration import Configuration
@@ -24,7 +24,8 @@ class Plant:
         time: simulation time [ns].
         weight_on_bit: commanded force [N]; a change takes effect at the present time.
         engine: of the motion.
-        actuator: of the drill; its next step is the furthest time to advance to at once.
+        actuator: drive, generator and temperature; its next step is the furthest time to advance to
+            at once.
         progress: into the rock.
 
     Args:
@@ -38,20 +39,30 @@ class Plant:
         self.time = 0
         self.weight_on_bit = parameters.weight_on_bit
         self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
-        self.engine = Engine(parameters, initial_phase, self.actuator.amplitude > 0.0)
+        self.engine = Engine(
+            parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance
+        )
         self.progress = Progress(configuration.rock)
         self._conditions = Conditions(parameters)
         self._hardness = 1.0
         self._drill = derive(parameters)
-        self._in_force = (self._drill, self._commands())
+        self._in_force = (self._drill, *self._commands())
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
+
+    @property
+    def reading(self) -> ActuatorReading:
+        """State of the actuator at the present time."""
+        return self.actuator.read(
+            self.engine.amplitude, self.engine.account(*split_fraction(self.time))
+        )
 
     def advance_to(self, time: int) -> None:
         """Advance to a time [ns], not beyond the actuator's next step."""
         self._push_to_engine()
         self.engine.advance(*split_fraction(time))
-        self.actuator.advance_to(time)
+        if time == self.actuator.next_step:
+            self.actuator.step(time, self.engine.account(*split_fraction(time)))
         self.time = time
 
     def change(self, conditions: Conditions, hardness: float) -> None:
@@ -66,8 +77,8 @@ class Plant:
         self._make_progress(impacts)
         self._segments.append(segments)
         self._impacts.append(impacts)
-        if conditions.resonance_offset != self._conditions.resonance_offset:
-            self.actuator.drift(self.time, conditions.resonance_offset)
+        self.actuator.drift(conditions.resonance_offset)
+        self.actuator.lock(not conditions.lock_lost)
         self._conditions = conditions
         self._hardness = hardness
         self._drill = derive(conditions.parameters, conditions.jammed)
@@ -93,16 +104,18 @@ class Plant:
                 impacts, self._hardness * acting.specific_energy_factor, acting.progress_factor
             )
 
-    def _commands(self) -> tuple[float, float, float]:
+    def _commands(self) -> tuple[tuple[float, float, float], float]:
         weight = self.weight_on_bit * self._conditions.preload_factor
-        return weight, self.actuator.amplitude, self.actuator.frequency
+        actuator = self.actuator
+        resonance = 0.0 if actuator.resonance is None else actuator.resonance_frequency
+        return (weight, actuator.level, actuator.frequency), resonance
 
     def _push_to_engine(self) -> None:
         """Push what has changed to the engine; no change leaves the trajectory as it is.
 
         It happens once for each instant, so that the order of changes there makes no difference.
         """
-        in_force = (self._drill, self._commands())
+        in_force = (self._drill, *self._commands())
         if in_force != self._in_force:
             self._in_force = in_force
             self.engine.change(*split_fraction(self.time), *in_force)

@@ -7,7 +7,7 @@ from collections import deque
 from typing import Any
 
 from rpud_sim.model.parameters import Parameters
-from rpud_sim.simulation.actuator import Actuator
+from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
 from rpud_sim.simulation.conditions import check_honoured, conditions, honoured_kinds
@@ -97,9 +97,9 @@ class Simulation:
         return self._plant.engine.impact_count
 
     @property
-    def actuator(self) -> Actuator:
-        """The actuator, read-only."""
-        return self._plant.actuator
+    def actuator(self) -> ActuatorReading:
+        """State of the actuator at the present time, without commands since the last advance."""
+        return self._plant.reading
 
     @property
     def faults(self) -> FaultLedger:
@@ -136,7 +136,7 @@ class Simulation:
             self._plant.advance_to(stop)
             self._apply_due_faults()
         self._plant.advance_to(time)
-        return Block(start, time, *self._plant.drain())
+        return Block(start, time, *self._plant.drain(), self._plant.reading)
 
     def apply(self, command: WeightOnBit | Drive) -> None:
         """Put a command into force at the present time.
@@ -159,7 +159,7 @@ class Simulation:
         else:
             drive = command.after(before.drive)
             self._configuration.check_drive(drive)
-            self._plant.actuator.drive(self.time, drive)
+            self._plant.actuator.drive(drive)
             self._applied = dataclasses.replace(before, drive=drive, drive_time=self.time)
             kind = "drive"
         self._note(kind, **dataclasses.asdict(command))

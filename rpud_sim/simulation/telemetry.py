@@ -8,6 +8,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
 from rpud_sim.simulation.fields import (
     Fields,
+    actuator_state_fields,
     contact_force_fields,
     drill_tool_fields,
     joint_state_fields,
@@ -64,6 +65,9 @@ class Telemetry:
         self._pending: list[Block] = []
         self.origin = 0
         self._segments = 0
+        # Time and work of the actuator's last sample.
+        self._actuator_time = 0
+        self._actuator_work = 0.0
 
     def prompt(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
         """Yield the messages that are due at once: impacts of a block and the sample at its end.
@@ -121,6 +125,13 @@ class Telemetry:
             yield from self._signal(channel, block.end, make(samples, 0, stamp), faults)
         if self._wanted("joint_states"):
             yield block.end, "joint_states", joint_state_fields(samples, 0, stamp)
+        if (reading := block.actuator) is not None:
+            work = reading.mechanical_work - self._actuator_work
+            elapsed = block.end - self._actuator_time
+            power = work * SECOND / elapsed if elapsed else 0.0
+            self._actuator_time, self._actuator_work = block.end, reading.mechanical_work
+            if self._wanted("actuator_state"):
+                yield block.end, "actuator_state", actuator_state_fields(reading, power, stamp)
 
     def _waveform(self, block: Block) -> Iterator[Entry]:
         rate = self._sample_rate

@@ -34,6 +34,7 @@ class Topic:
 # Reliable publishers match reliable and best-effort subscribers. The depth allows a slow subscriber
 # to fall behind by about a second at the greatest telemetry rate.
 TOPICS: Mapping[str, Topic] = {
+    "actuator_state": Topic("rpud_msgs/msg/ActuatorState", 1000, frame=NODAL_PLANE_FRAME),
     "contact_force": Topic("rpud_msgs/msg/ContactForce", 2000, frame=TOOL_TIP_FRAME),
     "drill_tool": Topic("rpud_msgs/msg/DrillTool", 1000, frame=TOOL_TIP_FRAME),
     "faults": Topic("rpud_msgs/msg/Faults", 1, latched=True, complete=False),

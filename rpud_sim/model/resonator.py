@@ -1,0 +1,378 @@
+"""Resonator: the vibration as a resonance that a voltage feeds and that the contacts load.
+
+The motional branch of the Butterworth-Van Dyke circuit is kept as its envelope z, the complex
+voltage across the motional resistance R in the frame of the drive:
+
+    dz/dt = (V - (1 + j delta) z) / tau,  delta = 2 pi (f - f_r) tau
+
+The vibration that the bodies feel has the amplitude s abs(z) and the phase of the drive plus that
+of z; s is the amplitude per volt. So the energy that the branch stores, tau abs(z)^2 / 4 R, is that
+of a modal mass M at the tip: M = tau / (2 R (s Omega)^2). The rest of the branch's energy is drawn,
+V Re(z) / 2 R, and heat, abs(z)^2 / 2 R, both in closed form.
+
+- A blow on the tip changes velocity and energy of the vibration at once, exactly.
+- A contact that lasts feels the vibration as it is. Its work is owed and taken at the next update.
+- An update, at a zero of the vibration, gives the bodies the amplitude of the envelope, and the
+  frequency that turns their vibration to the phase of the envelope until the next update.
+
+drawn = heat + work + stored - owed holds at every time, by construction.
+"""
+
+import cmath
+import math
+from typing import NamedTuple
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.guards import END_ACTUATOR_RELEASE, load_of
+from rpud_sim.model.segment import CONTACT_ACTUATOR
+from rpud_sim.model.tolerances import (
+    LOWEST_BOUNCE,
+    SAME_PHASE,
+    STEADY,
+    UPDATES_PER_DECAY,
+)
+from rpud_sim.model.vibration import TWO_PI, advance_phase, harmonic_vibration
+
+
+class Resonance(NamedTuple):
+    """Constants of the resonance, and the drive at time zero."""
+
+    decay_time: float  # tau = Q / (pi f_r) [s]
+    resistance: float  # R [ohm]
+    amplitude_per_volt: float  # s [m/V]
+    voltage: float  # V [V]
+    drive_frequency: float  # f [Hz]
+    frequency: float  # f_r [Hz]
+
+
+class Account(NamedTuple):
+    """Envelope of the resonance at a time, and its energies since time zero."""
+
+    envelope: complex  # z [V]
+    drawn: float  # from the drive [J]
+    heat: float  # in the motional resistance [J]
+    work: float  # on the bodies [J]
+    stored: float  # in the vibration [J]
+    owed: float  # of the work, not yet taken from the vibration [J]
+
+
+@compiled
+def less_one(exponent):
+    """exp(x) - 1 of a complex number, without cancellation."""
+    half = math.sin(0.5 * exponent.imag)
+    growth = math.expm1(exponent.real)
+    real = growth * math.cos(exponent.imag) - 2.0 * half * half
+    return complex(real, (growth + 1.0) * math.sin(exponent.imag))
+
+
+@compiled
+def exponential_integral(exponent, time):
+    """Integral of exp(x s) over s from 0 to a time, for a complex x."""
+    if exponent == 0.0:
+        return complex(time, 0.0)
+    return less_one(exponent * time) / exponent
+
+
+@compiled
+def stored_energy(state, envelope):
+    """Energy of the vibration that belongs to an envelope [J]."""
+    square = envelope.real * envelope.real + envelope.imag * envelope.imag
+    return 0.25 * state.decay_time * square / state.resistance
+
+
+@compiled
+def compliance(state):
+    """1 / (M Omega^2): compliance of the vibration at the tip [m/N]; zero if it is prescribed."""
+    if not state.resonant:
+        return 0.0
+    scale = state.amplitude_per_volt
+    return 2.0 * state.resistance * scale * scale / state.decay_time
+
+
+@compiled
+def tip_mass(drill, state):
+    """Mass with which the tip takes part in a blow [kg]: RPUD and vibration yield both."""
+    if not state.resonant:
+        return drill.rpud_mass
+    omega = TWO_PI * state.frequency
+    return 1.0 / (1.0 / drill.rpud_mass + compliance(state) * omega * omega)
+
+
+@compiled
+def course(state):
+    """Complex rate [1/s] at which the envelope approaches its end, and that end [V]."""
+    detuning = TWO_PI * (state.drive_frequency - state.resonance_frequency) * state.decay_time
+    factor = complex(1.0, detuning)
+    return factor / state.decay_time, state.voltage / factor
+
+
+@compiled
+def envelope_after(state, time):
+    """Envelope without further contacts.
+
+    Args:
+        state: the moving state.
+        time: since the start of the open segment [s].
+
+    Returns:
+        The envelope [V], and the energies drawn and turned to heat since its last change [J].
+    """
+    elapsed = state.envelope_age + time
+    rate, end = course(state)
+    away = complex(state.envelope_real, state.envelope_imag) - end
+    change = less_one(-rate * elapsed)
+    area = -away * change / rate
+    decay = 2.0 / state.decay_time
+    square = (away * away.conjugate()).real * -math.expm1(-decay * elapsed) / decay
+    heat = (end * end.conjugate()).real * elapsed + 2.0 * (end.conjugate() * area).real + square
+    drawn = state.voltage * (end * elapsed + area).real
+    double = 2.0 * state.resistance
+    return end + away + away * change, drawn / double, heat / double
+
+
+@compiled
+def account(state, segment, time):
+    """``Account`` at a time since the start of the open segment [s]; changes nothing."""
+    envelope, drawn, heat = envelope_after(state, time)
+    _, work = contact_load(state, segment, time)
+    return Account(
+        envelope,
+        state.drawn + drawn,
+        state.heat + heat,
+        state.work + work,
+        stored_energy(state, envelope),
+        state.owed + work,
+    )
+
+
+@compiled
+def set_envelope(state, envelope):
+    """Write an envelope that holds at the state's time."""
+    state.envelope_real = envelope.real
+    state.envelope_imag = envelope.imag
+    state.envelope_age = 0.0
+
+
+@compiled
+def bring_envelope(state):
+    """Bring envelope and energies to the state's time."""
+    envelope, drawn, heat = envelope_after(state, 0.0)
+    state.drawn += drawn
+    state.heat += heat
+    set_envelope(state, envelope)
+    return envelope
+
+
+@compiled
+def replace_envelope(state, before, after):
+    """Put another envelope in place of one [V]; what energy that adds is owed."""
+    set_envelope(state, after)
+    state.owed += stored_energy(state, after) - stored_energy(state, before)
+
+
+@compiled
+def load(state, impulse, work):
+    """Let the bodies load the envelope.
+
+    Args:
+        state: the moving state.
+        impulse: integral of the force on the free mass, turned by the drive's phase [N s].
+        work: of the vibration on the bodies [J].
+    """
+    before = bring_envelope(state)
+    omega = TWO_PI * state.frequency
+    share = 2.0 * omega * state.resistance * state.amplitude_per_volt / state.decay_time
+    replace_envelope(state, before, before - share * impulse)
+    state.work += work
+    state.owed += work
+    if state.steady:
+        state.steady = 0
+        state.update_due = update_interval(state, state.drive_frequency)
+
+
+@compiled
+def drive_turn(state):
+    """Factor that turns a complex number from the tip's frame at phase zero to the drive's."""
+    angle = TWO_PI * state.drive_phase
+    return complex(math.cos(angle), -math.sin(angle))
+
+
+@compiled
+def blow(drill, state, impulse):
+    """Let the tip strike: nodal plane and vibration give the impulse [N s] to what is struck.
+
+    The tip stays where it is; amplitude and phase of the vibration follow from its velocity.
+    """
+    omega = TWO_PI * state.frequency
+    u_hv, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    after = v_hv - impulse * omega * omega * compliance(state)
+    state.v_np -= impulse / drill.rpud_mass
+    load(state, impulse * drive_turn(state), 0.5 * impulse * (v_hv + after))
+    if after != v_hv:
+        phase = math.atan2(u_hv, after / omega) / TWO_PI
+        state.amplitude = math.hypot(u_hv, after / omega)
+        state.phase = phase - math.floor(phase)
+
+
+@compiled
+def hold(drill, state, v_np):
+    """Account for bodies that were given one velocity; the nodal plane had v_np [m/s] before."""
+    impulse = drill.rpud_mass * (v_np - state.v_np)
+    _, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    load(state, impulse * drive_turn(state), impulse * v_hv)
+
+
+@compiled
+def contact_load(state, segment, time):
+    """Load of a contact that lasts, over the first part of the open segment.
+
+    Returns:
+        Integral of the tip's force on the free mass times exp(j 2 pi phase) [N s], and the work of
+        the vibration on the bodies [J].
+    """
+    if not segment.contact & CONTACT_ACTUATOR or segment.vibration_amplitude == 0.0:
+        return complex(0.0, 0.0), 0.0
+    mass, damping, spring_rate, force = load_of(segment, END_ACTUATOR_RELEASE)
+    omega = TWO_PI * segment.vibration_frequency
+    steady = complex(0.0, omega)
+    decay = complex(-segment.nodal_plane_decay_rate, segment.nodal_plane_angular_frequency)
+    slow = complex(segment.nodal_plane_cosine, -segment.nodal_plane_sine)
+    slow *= mass * decay * decay + damping * decay + spring_rate
+    angle = TWO_PI * segment.vibration_phase
+    turn = complex(math.cos(angle), math.sin(angle))
+    in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
+    fast = complex(segment.nodal_plane_vibration_cosine, -in_phase) * turn
+    fast *= complex(spring_rate - mass * omega * omega, damping * omega)
+    constant = spring_rate * segment.nodal_plane_offset - force
+    integral = constant * exponential_integral(steady, time)
+    integral += 0.5 * slow * exponential_integral(decay + steady, time)
+    integral += 0.5 * slow.conjugate() * exponential_integral(decay.conjugate() + steady, time)
+    integral += 0.5 * fast * exponential_integral(2.0 * steady, time)
+    integral += 0.5 * fast.conjugate() * time
+    integral *= turn
+    return integral, omega * segment.vibration_amplitude * integral.real
+
+
+@compiled
+def move_resonance(state, time):
+    """Move the resonance to a time after the start of its segment."""
+    state.envelope_age += time
+    state.update_due -= time
+    state.drive_phase = advance_phase(state.drive_phase, state.drive_frequency, time)
+
+
+@compiled
+def load_by_contact(state, integral, work):
+    """Let the contact of the segment that ended load the envelope, given ``contact_load``."""
+    if work != 0.0 or integral != 0.0:
+        angle = TWO_PI * state.phase
+        turn = complex(math.cos(angle), math.sin(angle))
+        load(state, integral.conjugate() * turn * drive_turn(state), work)
+
+
+@compiled
+def update_interval(state, frequency):
+    """Time from one update to the next [s]: whole cycles, few against the decay time."""
+    cycles = math.ceil(frequency * state.decay_time / UPDATES_PER_DECAY)
+    return max(cycles, 1.0) / frequency
+
+
+@compiled
+def phase_error(state, frequency, interval):
+    """How far the vibration at a frequency is behind the envelope after an interval [cycles]."""
+    envelope, _, _ = envelope_after(state, interval)
+    if envelope == 0.0:
+        return 0.0
+    ahead = state.drive_phase + cmath.phase(envelope) / TWO_PI - state.phase
+    ahead += (state.drive_frequency - frequency) * interval
+    return ahead - math.floor(ahead + 0.5)
+
+
+@compiled
+def plan(state):
+    """Choose the vibration's frequency and the next update, from an envelope that holds now."""
+    frequency = state.drive_frequency
+    envelope = complex(state.envelope_real, state.envelope_imag)
+    if envelope != 0.0:
+        # The rate at which the envelope turns, between drive and resonance.
+        rate, end = course(state)
+        frequency += (rate * (end - envelope) / envelope).imag / TWO_PI
+        low = min(state.drive_frequency, state.resonance_frequency)
+        frequency = min(max(frequency, low), state.drive_frequency + state.resonance_frequency - low)
+    interval = update_interval(state, frequency)
+    error = phase_error(state, frequency, interval)
+    if state.amplitude == 0.0:
+        # Without amplitude the phase is free.
+        state.frequency = frequency
+        phase = state.phase + error
+        state.phase = phase - math.floor(phase)
+    else:
+        state.frequency = frequency + error / interval
+    # The update comes at the zero that is nearest to the interval's end.
+    state.update_due = interval - 0.5 / state.frequency
+
+
+@compiled
+def begin_resonance(state):
+    """Begin from rest under the drive."""
+    state.frequency = state.drive_frequency
+    state.steady = 1 if state.voltage == 0.0 else 0
+    plan(state)
+
+
+@compiled
+def change_drive(state, voltage, drive_frequency, resonance_frequency):
+    """Go on under another drive or resonance; the vibration follows from its next zero on."""
+    if (
+        voltage == state.voltage
+        and drive_frequency == state.drive_frequency
+        and resonance_frequency == state.resonance_frequency
+    ):
+        return
+    bring_envelope(state)
+    state.voltage = voltage
+    state.drive_frequency = drive_frequency
+    state.resonance_frequency = resonance_frequency
+    state.steady = 0
+    state.update_due = 0.0
+    if state.amplitude == 0.0:
+        plan(state)
+
+
+@compiled
+def update(state):
+    """Give the bodies the envelope's amplitude, at an upward zero of the vibration."""
+    before = bring_envelope(state)
+    energy = stored_energy(state, before)
+    left = energy - state.owed
+    if left <= 0.0:
+        envelope = complex(0.0, 0.0)
+    elif energy > 0.0:
+        envelope = before * math.sqrt(left / energy)
+    else:
+        size = math.sqrt(4.0 * state.resistance * left / state.decay_time)
+        envelope = size * drive_turn(state)
+    replace_envelope(state, before, envelope)
+    _, end = course(state)
+    away = abs(envelope - end)
+    near = away <= STEADY * abs(end) or 0.0 < state.amplitude_per_volt * away <= LOWEST_BOUNCE
+    state.phase = 0.0
+    steady = near and abs(phase_error(state, state.drive_frequency, 0.0)) <= SAME_PHASE
+    if end == 0.0:
+        steady = near or away == 0.0
+    if steady:
+        replace_envelope(state, envelope, end)
+        envelope = end
+    state.amplitude = state.amplitude_per_volt * abs(envelope)
+    if steady:
+        state.steady = 1
+        state.frequency = state.drive_frequency
+    else:
+        plan(state)
+
+
+@compiled
+def time_to_update(state):
+    """Time until the next upward zero of the vibration at which an update is due [s]."""
+    cycles = state.phase + state.frequency * max(state.update_due, 0.0)
+    return (math.floor(cycles) + 1.0 - state.phase) / state.frequency
