@@ -264,15 +264,7 @@ def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fractio
     first = covering[0]
     start = float(start_seconds - first.start_seconds) + (start_fraction - first.start_fraction)
     start = min(max(start, 0.0), first.duration)
-    motion = motion_at(first, start)
-    if start_seconds == 0 and start_fraction == 0.0:
-        # Every run begins at rest, with the first blow at time zero.
-        u_np, _, u_ut, _, u_fm, _, u_dt, _ = motion
-        rest = (u_np, 0.0, u_ut, 0.0, u_fm, 0.0, u_dt, 0.0)
-        account[STORED] -= stored_energy(first, rest, rpud.mass)
-        add_event(rpud, rest, motion, first, account)
-    else:
-        account[STORED] -= stored_energy(first, motion, rpud.mass)
+    account[STORED] -= stored_energy(first, motion_at(first, start), rpud.mass)
     last = len(covering) - 1
     for i in range(last + 1):
         segment = covering[i]

@@ -20,8 +20,8 @@ _WINDOW = SECOND
 class EnergyAccount:
     """Energy that flowed in, was lost and is stored, in joules.
 
-    What flows in is positive: work on the moving bodies. So is what is lost. The account begins
-    before the blow of time zero.
+    What flows in is positive: work on the moving bodies. So is what is lost. The account of a run
+    begins after the blow at time zero.
 
     Args:
         actuator_work: of the vibration on the free mass, the integral of tip force times v_hv.
