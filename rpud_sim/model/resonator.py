@@ -23,6 +23,7 @@ import math
 from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
+from rpud_sim.model.energy import exponential_integral, nodal_plane_parts
 from rpud_sim.model.guards import END_ACTUATOR_RELEASE, load_of
 from rpud_sim.model.segment import CONTACT_ACTUATOR
 from rpud_sim.model.tolerances import (
@@ -44,6 +45,11 @@ class Resonance(NamedTuple):
     drive_frequency: float  # f [Hz]
     frequency: float  # f_r [Hz]
 
+    @property
+    def compliance(self) -> float:
+        """1 / (M Omega^2): displacement of the vibration by a static force at the tip [m/N]."""
+        return 2.0 * self.resistance * self.amplitude_per_volt**2 / self.decay_time
+
 
 class Account(NamedTuple):
     """Envelope of the resonance at a time, and its energies since time zero."""
@@ -54,23 +60,6 @@ class Account(NamedTuple):
     work: float  # on the bodies [J]
     stored: float  # in the vibration [J]
     owed: float  # of the work, not yet taken from the vibration [J]
-
-
-@compiled
-def less_one(exponent):
-    """exp(x) - 1 of a complex number, without cancellation."""
-    half = math.sin(0.5 * exponent.imag)
-    growth = math.expm1(exponent.real)
-    real = growth * math.cos(exponent.imag) - 2.0 * half * half
-    return complex(real, (growth + 1.0) * math.sin(exponent.imag))
-
-
-@compiled
-def exponential_integral(exponent, time):
-    """Integral of exp(x s) over s from 0 to a time, for a complex x."""
-    if exponent == 0.0:
-        return complex(time, 0.0)
-    return less_one(exponent * time) / exponent
 
 
 @compiled
@@ -120,14 +109,13 @@ def envelope_after(state, time):
     elapsed = state.envelope_age + time
     rate, end = course(state)
     away = complex(state.envelope_real, state.envelope_imag) - end
-    change = less_one(-rate * elapsed)
-    area = -away * change / rate
+    area = away * exponential_integral(-rate, elapsed)
     decay = 2.0 / state.decay_time
     square = (away * away.conjugate()).real * -math.expm1(-decay * elapsed) / decay
     heat = (end * end.conjugate()).real * elapsed + 2.0 * (end.conjugate() * area).real + square
     drawn = state.voltage * (end * elapsed + area).real
     double = 2.0 * state.resistance
-    return end + away + away * change, drawn / double, heat / double
+    return end + away - rate * area, drawn / double, heat / double
 
 
 @compiled
@@ -233,24 +221,18 @@ def contact_load(state, segment, time):
     if not segment.contact & CONTACT_ACTUATOR or segment.vibration_amplitude == 0.0:
         return complex(0.0, 0.0), 0.0
     mass, damping, spring_rate, force = load_of(segment, END_ACTUATOR_RELEASE)
-    omega = TWO_PI * segment.vibration_frequency
-    steady = complex(0.0, omega)
-    decay = complex(-segment.nodal_plane_decay_rate, segment.nodal_plane_angular_frequency)
-    slow = complex(segment.nodal_plane_cosine, -segment.nodal_plane_sine)
-    slow *= mass * decay * decay + damping * decay + spring_rate
-    angle = TWO_PI * segment.vibration_phase
-    turn = complex(math.cos(angle), math.sin(angle))
-    in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
-    fast = complex(segment.nodal_plane_vibration_cosine, -in_phase) * turn
-    fast *= complex(spring_rate - mass * omega * omega, damping * omega)
+    decaying, rate, steady, turn, omega = nodal_plane_parts(segment, 0.0)
+    tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
     constant = spring_rate * segment.nodal_plane_offset - force
-    integral = constant * exponential_integral(steady, time)
-    integral += 0.5 * slow * exponential_integral(decay + steady, time)
-    integral += 0.5 * slow.conjugate() * exponential_integral(decay.conjugate() + steady, time)
-    integral += 0.5 * fast * exponential_integral(2.0 * steady, time)
+    slow = (mass * rate * rate + damping * rate + spring_rate) * decaying
+    fast = (mass * omega * omega + damping * omega + spring_rate) * tip
+    integral = 0.5 * slow * exponential_integral(rate + omega, time)
+    integral += 0.5 * slow.conjugate() * exponential_integral(rate.conjugate() + omega, time)
+    integral += 0.5 * fast * exponential_integral(2.0 * omega, time)
     integral += 0.5 * fast.conjugate() * time
+    integral += constant * exponential_integral(omega, time)
     integral *= turn
-    return integral, omega * segment.vibration_amplitude * integral.real
+    return integral, omega.imag * segment.vibration_amplitude * integral.real
 
 
 @compiled
@@ -298,7 +280,9 @@ def plan(state):
         rate, end = course(state)
         frequency += (rate * (end - envelope) / envelope).imag / TWO_PI
         low = min(state.drive_frequency, state.resonance_frequency)
-        frequency = min(max(frequency, low), state.drive_frequency + state.resonance_frequency - low)
+        frequency = min(
+            max(frequency, low), state.drive_frequency + state.resonance_frequency - low
+        )
     interval = update_interval(state, frequency)
     error = phase_error(state, frequency, interval)
     if state.amplitude == 0.0:

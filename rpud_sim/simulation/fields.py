@@ -67,9 +67,7 @@ def nodal_plane_fields(samples: Samples, index: int, stamp: int) -> Fields:
     }
 
 
-def actuator_state_fields(
-    reading: ActuatorReading, mechanical_power: float, stamp: int
-) -> Fields:
+def actuator_state_fields(reading: ActuatorReading, mechanical_power: float, stamp: int) -> Fields:
     """Fields of ``rpud_msgs/ActuatorState`` for one reading.
 
     Args:

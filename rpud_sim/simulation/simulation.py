@@ -6,6 +6,7 @@ import dataclasses
 from collections import deque
 from typing import Any
 
+from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block
@@ -61,6 +62,13 @@ class Simulation:
         self._first_specific_energy = configuration.rock.rock_specific_energy
         self._applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0)
         self._plant = Plant(configuration, initial_phase, drive)
+        resonance = self._plant.actuator.resonance
+        self._rpud = RpudConstants(
+            parameters.rpud_mass,
+            parameters.gravity_on_drill,
+            0.0 if resonance is None else resonance.compliance,
+        )
+        self._drawn = 0.0  # electrical energy up to the last block [J]
         self._faults = FaultLedger()
         self._schedule = FaultSchedule()
         self._refusals: deque[str] = deque(maxlen=_MOST_REFUSALS)
@@ -136,7 +144,9 @@ class Simulation:
             self._plant.advance_to(stop)
             self._apply_due_faults()
         self._plant.advance_to(time)
-        return Block(start, time, *self._plant.drain(), self._plant.reading)
+        reading = self._plant.reading
+        drawn, self._drawn = reading.electrical_energy - self._drawn, reading.electrical_energy
+        return Block(start, time, *self._plant.drain(), self._rpud, drawn, reading)
 
     def apply(self, command: WeightOnBit | Drive) -> None:
         """Put a command into force at the present time.
