@@ -119,7 +119,7 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
     alone = state.v_np
     state.contact = lasting_contact(drill, state, closed, opened, collisions.drill_tool_struck)
     if state.resonant and state.v_np != alone:
-        hold(drill, state, alone)
+        hold(drill, state, alone, drill.rpud_mass * (v_np - alone))
     in_contact = state.contact & CONTACT_DRILL_TOOL
     join_held_bodies(state)
     if collisions.actuator_struck or abs(state.v_np - v_np) > SAME_VELOCITY:

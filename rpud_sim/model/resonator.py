@@ -15,7 +15,8 @@ V Re(z) / 2 R, and heat, abs(z)^2 / 2 R, both in closed form.
 - An update, at a zero of the vibration, gives the bodies the amplitude of the envelope, and the
   frequency that turns their vibration to the phase of the envelope until the next update.
 
-drawn = heat + work + stored - owed holds at every time, by construction.
+drawn = heat + work + stored - owed holds at every time, by construction. Work that a contact takes
+beyond what is stored, within one interval of updates, is drawn from the drive at once.
 """
 
 import cmath
@@ -123,13 +124,16 @@ def account(state, segment, time):
     """``Account`` at a time since the start of the open segment [s]; changes nothing."""
     envelope, drawn, heat = envelope_after(state, time)
     _, work = contact_load(state, segment, time)
+    stored = stored_energy(state, envelope)
+    owed = state.owed + work
+    beyond = max(owed - stored, 0.0)
     return Account(
         envelope,
-        state.drawn + drawn,
+        state.drawn + drawn + beyond,
         state.heat + heat,
         state.work + work,
-        stored_energy(state, envelope),
-        state.owed + work,
+        stored,
+        owed - beyond,
     )
 
 
@@ -203,11 +207,22 @@ def blow(drill, state, impulse):
 
 
 @compiled
-def hold(drill, state, v_np):
-    """Account for bodies that were given one velocity; the nodal plane had v_np [m/s] before."""
+def hold(drill, state, v_np, blow_impulse):
+    """Account for bodies that were given one velocity.
+
+    The vibration keeps its velocity, and gives the work of an impulse that joins the blow.
+
+    Args:
+        drill: the constants.
+        state: the moving state.
+        v_np: velocity of the nodal plane before [m/s].
+        blow_impulse: of the blow at the same instant [N s].
+    """
     impulse = drill.rpud_mass * (v_np - state.v_np)
+    omega = TWO_PI * state.frequency
     _, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
-    load(state, impulse * drive_turn(state), impulse * v_hv)
+    mean = v_hv + omega * omega * compliance(state) * (blow_impulse + 0.5 * impulse)
+    load(state, impulse * drive_turn(state), impulse * mean)
 
 
 @compiled
@@ -328,6 +343,9 @@ def update(state):
     """Give the bodies the envelope's amplitude, at an upward zero of the vibration."""
     before = bring_envelope(state)
     energy = stored_energy(state, before)
+    beyond = max(state.owed - energy, 0.0)
+    state.drawn += beyond
+    state.owed -= beyond
     left = energy - state.owed
     if left <= 0.0:
         envelope = complex(0.0, 0.0)

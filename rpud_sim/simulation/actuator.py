@@ -90,6 +90,20 @@ class ActuatorParameters(ParameterGroup):
             if self.generator == "tracking":
                 raise ParameterError("generator = tracking needs actuator_model = resonance")
 
+    def modal_mass(self, vibration_amplitude: float) -> float:
+        """Return the mass of the vibration at the tip [kg]; infinite with the gain model.
+
+        Args:
+            vibration_amplitude: at nominal voltage on resonance [m].
+        """
+        if self.actuator_model != "resonance" or vibration_amplitude == 0.0:
+            return math.inf
+        omega = 2.0 * math.pi * self.resonance_frequency
+        velocity_per_volt = omega * vibration_amplitude / self.nominal_voltage
+        if velocity_per_volt**2 == 0.0:
+            return math.inf
+        return self.quality_factor / (omega * self.motional_resistance * velocity_per_volt**2)
+
 
 RESONANCE_FREQUENCY = quantities(ActuatorParameters)["resonance_frequency"]
 

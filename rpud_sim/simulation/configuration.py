@@ -23,6 +23,9 @@ from rpud_sim.simulation.scenario import Scenario, read_scenario
 
 _LEAST_REAL_TIME_FACTOR = 0.01
 
+# A resonant vibration needs at least this modal mass, as a multiple of the free mass.
+LEAST_MASS_RATIO = 2.0
+
 
 @dataclasses.dataclass(frozen=True)
 class Configuration(ParameterGroup):
@@ -35,13 +38,29 @@ class Configuration(ParameterGroup):
         drive_enabled: whether the actuator is driven from the start.
 
     Raises:
-        ParameterError: if ``drive_enabled`` is neither true nor false.
+        ParameterError: if ``drive_enabled`` is neither true nor false, or if a resonant vibration
+            is too light for the free mass.
     """
 
     parameters: Parameters = dataclasses.field(default_factory=Parameters)
     actuator: ActuatorParameters = dataclasses.field(default_factory=ActuatorParameters)
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
     drive_enabled: bool = flag(True, "whether the actuator is driven from the start")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check_modal_mass()
+
+    def _check_modal_mass(self) -> None:
+        """Refuse a vibration that blows would turn about: the model has no contact with one."""
+        actuator, free_mass = self.actuator, self.parameters.free_mass
+        modal_mass = actuator.modal_mass(self.parameters.vibration_amplitude)
+        if modal_mass < LEAST_MASS_RATIO * free_mass:
+            raise ParameterError(
+                f"free_mass = {free_mass:g} kg is more than 1/{LEAST_MASS_RATIO:g} of the "
+                f"actuator's modal mass {modal_mass:g} kg, which vibration_amplitude, "
+                "nominal_voltage, resonance_frequency, quality_factor and motional_resistance give"
+            )
 
     def check_drive(self, drive: Drive) -> None:
         """Check that the greatest amplitude of a drive, that on resonance, is allowed.
