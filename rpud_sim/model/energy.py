@@ -53,7 +53,7 @@ class RpudConstants(NamedTuple):
 
     mass: float  # m_ud [kg]
     gravity_acts: bool  # on the RPUD, not on the free mass alone
-    tip_compliance: float  # of the vibration at the tip [m/N]; zero where blows do not change it
+    tip_compliance: float  # of the vibration, unless at rest [m/N]; zero if blows leave it
 
 
 @compiled
@@ -220,8 +220,10 @@ def add_event(rpud, before, after, segment, account):
     tool_mass, tool_spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
     from_tip = rpud.mass * (np_before - np_after)  # impulse on the free mass [N s]
     vibration = ut_after - np_after
-    omega = TWO_PI * segment.vibration_frequency
-    vibration_before = vibration + from_tip * omega * omega * rpud.tip_compliance
+    vibration_before = vibration
+    if segment.vibration_amplitude > 0.0:
+        omega = TWO_PI * segment.vibration_frequency
+        vibration_before += from_tip * omega * omega * rpud.tip_compliance
     at_rest = (
         not segment.contact & CONTACT_DRILL_TOOL
         and segment.drill_tool_cosine == 0.0

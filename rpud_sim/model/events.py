@@ -88,7 +88,7 @@ def end_segment(state, segment, impact, time):
         follow_impact(segment, impact, time)
     move_state(state, segment, time)
     if state.resonant:
-        integral, work = contact_load(state, segment, time)
+        integral, work = contact_load(segment, time)
         move_resonance(state, time)
         load_by_contact(state, integral, work)
 

@@ -10,13 +10,14 @@ of z; s is the amplitude per volt. So the energy that the branch stores, tau abs
 of a modal mass M at the tip: M = tau / (2 R (s Omega)^2). The rest of the branch's energy is drawn,
 V Re(z) / 2 R, and heat, abs(z)^2 / 2 R, both in closed form.
 
-- A blow on the tip changes velocity and energy of the vibration at once, exactly.
+- A blow on the tip changes velocity and energy of the vibration at once, exactly. A vibration at
+  rest stays at rest.
 - A contact that lasts feels the vibration as it is. Its work is owed and taken at the next update.
 - An update, at a zero of the vibration, gives the bodies the amplitude of the envelope, and the
   frequency that turns their vibration to the phase of the envelope until the next update.
 
-drawn = heat + work + stored - owed holds at every time, by construction. Work that a contact takes
-beyond what is stored, within one interval of updates, is drawn from the drive at once.
+drawn = heat + work + stored - owed holds at every time, by construction. If a contact takes more
+than is stored, the vibration rests, and does no work, until the drive has made up for it.
 """
 
 import cmath
@@ -72,8 +73,10 @@ def stored_energy(state, envelope):
 
 @compiled
 def compliance(state):
-    """1 / (M Omega^2): compliance of the vibration at the tip [m/N]; zero if it is prescribed."""
-    if not state.resonant:
+    """1 / (M Omega^2): compliance of the vibration [m/N]; zero if it is prescribed or at rest."""
+    # Blows that set a resting vibration going would let it pump: at a small amplitude a contact
+    # gives and takes more in half a cycle than is stored.
+    if not state.resonant or state.amplitude == 0.0:
         return 0.0
     scale = state.amplitude_per_volt
     return 2.0 * state.resistance * scale * scale / state.decay_time
@@ -123,17 +126,17 @@ def envelope_after(state, time):
 def account(state, segment, time):
     """``Account`` at a time since the start of the open segment [s]; changes nothing."""
     envelope, drawn, heat = envelope_after(state, time)
-    _, work = contact_load(state, segment, time)
-    stored = stored_energy(state, envelope)
-    owed = state.owed + work
-    beyond = max(owed - stored, 0.0)
+    _, work = contact_load(segment, time)
+    drawn += state.drawn
+    work += state.work
+    advanced = max(work - drawn, 0.0)
     return Account(
         envelope,
-        state.drawn + drawn + beyond,
+        drawn + advanced,
         state.heat + heat,
-        state.work + work,
-        stored,
-        owed - beyond,
+        work,
+        stored_energy(state, envelope),
+        state.owed + work - state.work - advanced,
     )
 
 
@@ -226,7 +229,7 @@ def hold(drill, state, v_np, blow_impulse):
 
 
 @compiled
-def contact_load(state, segment, time):
+def contact_load(segment, time):
     """Load of a contact that lasts, over the first part of the open segment.
 
     Returns:
@@ -343,9 +346,6 @@ def update(state):
     """Give the bodies the envelope's amplitude, at an upward zero of the vibration."""
     before = bring_envelope(state)
     energy = stored_energy(state, before)
-    beyond = max(state.owed - energy, 0.0)
-    state.drawn += beyond
-    state.owed -= beyond
     left = energy - state.owed
     if left <= 0.0:
         envelope = complex(0.0, 0.0)

@@ -1,0 +1,200 @@
+"""The resonance follows its equation, gives and takes energy exactly, and rests when it may."""
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad, solve_ivp
+
+from rpud_sim.model import resonator
+from rpud_sim.model.drill import STATE, derive
+from rpud_sim.model.energy import actuator_work
+from rpud_sim.model.engine import Engine
+from rpud_sim.model.guards import END_ACTUATOR_RELEASE, force_from_tip, load_of
+from rpud_sim.model.parameters import preset
+from rpud_sim.model.resonator import Resonance
+from rpud_sim.model.segment import SEGMENT
+from rpud_sim.model.vibration import advance_phase, harmonic_vibration
+
+TAU = 500.0 / (math.pi * 16000.0)
+RESISTANCE = 100.0
+SCALE = 35e-6 / 100.0
+RESONANCE = Resonance(TAU, RESISTANCE, SCALE, 100.0, 16000.0, 16000.0)
+NOMINAL = 100.0 * SCALE
+
+
+def made(resonance=RESONANCE, phase=0.2):
+    """A resonance at rest."""
+    state = np.zeros(1, STATE)[0]
+    state["resonant"] = 1
+    state["phase"] = state["drive_phase"] = phase
+    state["decay_time"], state["resistance"], state["amplitude_per_volt"] = resonance[:3]
+    state["voltage"], state["drive_frequency"], state["resonance_frequency"] = resonance[3:]
+    resonator.begin_resonance(state)
+    return state
+
+
+def updates(state, most=20_000):
+    """Advance without load until it is steady; yield time, amplitude and frequency."""
+    time = 0.0
+    for _ in range(most):
+        if state["steady"]:
+            return
+        step = resonator.time_to_update(state)
+        resonator.move_resonance(state, step)
+        state["phase"] = advance_phase(state["phase"], state["frequency"], step)
+        resonator.update(state)
+        time += step
+        yield time, float(state["amplitude"]), float(state["frequency"])
+    raise AssertionError("it never comes to rest")
+
+
+def balance(state):
+    """Energies drawn, and those that it went to."""
+    stored = resonator.stored_energy(state, complex(state["envelope_real"], state["envelope_imag"]))
+    return state["drawn"], state["heat"] + state["work"] + stored - state["owed"]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-100.0, 100.0), st.floats(0.0, 200.0), st.floats(1e-5, 0.03))
+def test_envelope_and_energies_follow_their_equations(detuning, voltage, time):
+    state = made(RESONANCE._replace(voltage=voltage, drive_frequency=16000.0 + detuning))
+    state["envelope_real"], state["envelope_imag"] = 30.0, -20.0
+    rate = complex(1.0, 2.0 * math.pi * detuning * TAU) / TAU
+
+    def change(_, y):
+        z = complex(y[0], y[1])
+        slope = voltage / TAU - rate * z
+        return slope.real, slope.imag, voltage * z.real / 200.0, abs(z) ** 2 / 200.0
+
+    expected = solve_ivp(change, (0, time), (30, -20, 0, 0), rtol=1e-10, atol=1e-12).y[:, -1]
+    envelope, drawn, heat = resonator.envelope_after(state, time)
+    assert (envelope.real, envelope.imag, drawn, heat) == pytest.approx(expected, rel=1e-6, abs=1e-7)
+
+
+def test_it_rings_up_and_down_with_its_time_constant():
+    state = made()
+    for time, amplitude, frequency in updates(state):
+        assert amplitude == pytest.approx(-NOMINAL * math.expm1(-time / TAU), rel=2e-3)
+        assert frequency == pytest.approx(16000.0, abs=1e-6)
+    assert state["amplitude"] == NOMINAL
+    assert np.diff(balance(state)) == pytest.approx(0.0, abs=1e-12)
+
+    resonator.change_drive(state, 0.0, 16000.0, 15990.0)
+    for time, amplitude, frequency in updates(state):
+        if amplitude > 0.0:
+            # What was owed for taking the end as reached is given back at first.
+            assert amplitude == pytest.approx(NOMINAL * math.exp(-time / TAU), rel=2e-3)
+            assert frequency == pytest.approx(15990.0, abs=0.5)
+    assert state["amplitude"] == 0.0
+    assert np.diff(balance(state)) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("side", [-0.5, 0.5])
+def test_half_the_power_is_left_half_a_bandwidth_away(side):
+    state = made(RESONANCE._replace(drive_frequency=16000.0 + side * 32.0))
+    list(updates(state))
+    assert state["amplitude"] == pytest.approx(NOMINAL / math.sqrt(2.0), rel=1e-9)
+    envelope, drawn, _ = resonator.envelope_after(state, 1.0)
+    assert cmath.phase(envelope) == pytest.approx(-math.copysign(math.pi / 4.0, side))
+    assert drawn == pytest.approx(25.0, rel=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(100.0, 2e5), st.floats(100.0, 2e5), st.floats(10.0, 1e5), st.floats(0.0, 1e3))
+def test_updates_are_few_however_far_from_resonance_and_however_sharp(f, f_r, quality, voltage):
+    decay_time = quality / (math.pi * f_r)
+    state = made(Resonance(decay_time, 100.0, SCALE, voltage, f, f_r))
+    found = list(updates(state))
+    assert len(found) < 1000
+    assert all(frequency > 0.0 and math.isfinite(amplitude) for _, amplitude, frequency in found)
+    resonator.change_drive(state, 0.0, f, f_r)
+    assert len(list(updates(state))) < 1500
+    assert state["amplitude"] == 0.0
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(0.0, 1.0), st.floats(-0.1, 0.1))
+def test_a_blow_moves_no_tip_and_takes_its_work_from_the_vibration(phase, impulse):
+    drill = derive(preset("drilling"))
+    state = made()
+    list(updates(state))
+    state["phase"] = state["drive_phase"] = phase % 1.0
+    state["v_np"] = 0.3
+    owed = float(state["owed"])
+    mass = TAU / (2.0 * RESISTANCE * (SCALE * 2.0 * math.pi * 16000.0) ** 2)
+    u, v = harmonic_vibration(state["amplitude"], state["frequency"], state["phase"])
+    before = balance(state)[1] - state["work"] + state["owed"]
+    resonator.blow(drill, state, impulse)
+    u_after, v_after = harmonic_vibration(state["amplitude"], state["frequency"], state["phase"])
+    assert u_after == pytest.approx(u, abs=1e-18)
+    assert state["v_np"] == pytest.approx(0.3 - impulse / drill.rpud_mass, abs=1e-15)
+    assert v_after == pytest.approx(v - impulse / mass, abs=1e-12)
+    assert state["work"] == pytest.approx(0.5 * mass * (v**2 - v_after**2), abs=1e-13)
+    # The envelope was the vibration's, so that nothing is owed.
+    after = balance(state)[1] - state["work"] + state["owed"]
+    assert before - after == pytest.approx(state["work"], abs=1e-12)
+    assert state["owed"] == pytest.approx(owed, abs=1e-12)
+    assert resonator.tip_mass(drill, state) == pytest.approx(1.0 / (1.0 / drill.rpud_mass + 1 / mass))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([1, 3]), st.floats(1e-7, 1e-4))
+def test_the_load_of_a_contact_is_the_integral_of_its_force(seed, contact, time):
+    random = np.random.default_rng(seed)
+    segment = np.zeros(1, SEGMENT)[0]
+    for name in SEGMENT.names:
+        segment[name] = random.random()
+    segment["contact"] = contact
+    segment["vibration_frequency"] = 16000.0
+    segment["nodal_plane_angular_frequency"] = 1e5
+    segment["vibration_amplitude"] = 1e-5
+    segment["drill_tool_spring_rate"] = 1e7
+
+    def force(s):
+        return force_from_tip(load_of(segment, END_ACTUATOR_RELEASE), segment, s).value
+
+    def angle(s):
+        return 2.0 * math.pi * (segment["vibration_phase"] + 16000.0 * s)
+
+    integral, work = resonator.contact_load(segment, time)
+    real = quad(lambda s: force(s) * math.cos(angle(s)), 0.0, time, limit=200)[0]
+    imag = quad(lambda s: force(s) * math.sin(angle(s)), 0.0, time, limit=200)[0]
+    assert integral == pytest.approx(complex(real, imag), rel=1e-6, abs=1e-9)
+    assert work == pytest.approx(actuator_work(segment, 0.0, time), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_the_result_does_not_depend_on_where_a_caller_stops(regime):
+    def run(times):
+        engine = Engine(preset(regime), 0.2, resonance=RESONANCE)
+        for time in times:
+            engine.advance(0, time)
+            engine.account(0, time)
+        covering, _ = engine.drain_covering()
+        return covering.tobytes(), engine.account(0, 0.2)
+
+    assert run([0.2]) == run([*np.linspace(0.0, 0.199, 333), 0.2])
+
+
+def test_the_loaded_vibration_is_smaller():
+    engine = Engine(preset("drilling"), 0.2, resonance=RESONANCE)
+    envelopes = []
+    for time in np.arange(0.1, 1.0, 1e-3):
+        engine.advance(0, time)
+        envelopes.append(engine.account(0, time).envelope)
+    assert np.abs(envelopes).mean() < 50.0
+
+
+def test_a_drill_without_drive_comes_to_rest():
+    engine = Engine(preset("drilling"), 0.2, resonance=RESONANCE)
+    drill = derive(preset("drilling"))
+    engine.change(0, 0.1, drill, (10.0, 0.0, 16000.0), 16000.0)
+    engine.advance(2, 0.0)
+    engine.drain()
+    engine.advance(3, 0.0)
+    assert len(engine.drain()[0]) <= 101
+    assert engine.amplitude == 0.0
