@@ -1,4 +1,4 @@
-"""The actuator drives, tracks and warms as docs/explanation/actuator.md says, and no energy is free.
+"""The actuator drives, tracks and warms as docs/explanation/actuator.md says; no energy is free.
 
 The vibration itself is in test/model/test_resonator.py.
 """

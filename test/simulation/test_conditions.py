@@ -151,13 +151,22 @@ def test_a_fault_shows_in_the_impacts(kind):
     assert abs(len(failed) - len(well)) > 0.1 * len(well)
 
 
-FULL = {"actuator_model": "resonance", "rock_model": "specific_energy"}
+FULL = {
+    "actuator_model": "resonance",
+    "generator": "tracking",
+    "rock_model": "specific_energy",
+}
 
 
 @pytest.mark.parametrize(
     ("kind", "lacking", "reason"),
     [
-        ("resonance_drift", {"actuator_model": "gain"}, "needs actuator_model = resonance"),
+        (
+            "resonance_drift",
+            {"actuator_model": "gain", "generator": "fixed"},
+            "needs actuator_model = resonance",
+        ),
+        ("generator_lock_loss", {"generator": "fixed"}, "needs generator = tracking"),
         ("resonance_drift", {"resonance_frequency": 250.0}, "takes the resonance to 50 Hz"),
         ("hard_rock", {"rock_model": "none"}, "needs a rock_model, which is none"),
         ("choking", {"rock_model": "none"}, "needs a rock_model, which is none"),
@@ -176,5 +185,11 @@ def test_a_bound_bit_needs_no_rock_before_drilling():
 
 def test_the_kinds_that_a_drill_honours():
     assert honoured_kinds(to_configuration(FULL)) == tuple(KINDS)
-    refused = {"resonance_drift", "hard_rock", "choking", "drill_tool_binding"}
+    refused = {
+        "resonance_drift",
+        "generator_lock_loss",
+        "hard_rock",
+        "choking",
+        "drill_tool_binding",
+    }
     assert {*honoured_kinds(to_configuration({}))} == {*KINDS} - refused

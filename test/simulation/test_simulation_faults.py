@@ -23,7 +23,8 @@ SANDSTONE = RockParameters(rock_model="specific_energy")
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 END = 80 * MILLISECOND
-RESONANT = ActuatorParameters(actuator_model="resonance")
+RESONANT = ActuatorParameters(actuator_model="resonance", generator="tracking")
+FIXED = dataclasses.replace(RESONANT, generator="fixed")
 FULL = Configuration(actuator=RESONANT, rock=SANDSTONE)
 HOT = dataclasses.replace(RESONANT, heating=True, heat_capacity=0.01)
 PHYSICAL = [name for name, kind in KINDS.items() if kind.physical]
@@ -384,31 +385,27 @@ def test_commands_and_faults_outlast_another_configuration():
     assert simulation.applied.weight_on_bit == WeightOnBit(20.0)
 
 
-def test_the_actuator_rings_up_as_its_segments_show():
-    simulation = Simulation(Configuration(actuator=RESONANT))
-    segments = simulation.advance_to(100 * MILLISECOND).segments
-    amplitude = segments["vibration_amplitude"]
+def test_the_actuator_rings_up_from_rest_as_its_segments_show():
+    simulation = Simulation(Configuration(actuator=FIXED))
+    amplitude = simulation.advance_to(100 * MILLISECOND).segments["vibration_amplitude"]
     assert amplitude[0] == 0.0
-    assert (np.diff(amplitude) >= 0.0).all()
-    assert amplitude[-1] == pytest.approx(35e-6, rel=2e-3)
-    # A new amplitude waits for the vibration's zero, at most half a cycle.
-    time_constant = RESONANT.quality_factor / (math.pi * RESONANT.resonance_frequency)
-    expected = 35e-6 * -np.expm1(-starts(segments) / SECOND / time_constant)
-    late = 35e-6 * 0.5 / 16000.0 / time_constant
-    assert np.abs(amplitude - expected).max() < 0.01 * 35e-6 + late
+    # The impacts load it, so that it stays below its nominal amplitude.
+    assert 5e-6 < amplitude.max() < 36e-6
 
 
 def test_the_resonance_drifts_and_comes_back():
-    simulation = Simulation(FULL)
-    simulation.advance_to(SECOND)
+    def greatest(time):
+        return simulation.advance_to(time).segments["vibration_amplitude"].max()
+
+    simulation = Simulation(Configuration(actuator=FIXED))
+    before = greatest(SECOND)
     number = simulation.inject(Fault("resonance_drift", magnitude=-100.0))
     assert simulation.actuator.resonance_frequency == 15_900.0
-    faint = simulation.advance_to(2 * SECOND).open_segment["vibration_amplitude"][0]
-    detuning = 2.0 * RESONANT.quality_factor * 100.0 / 15_900.0
-    assert faint == pytest.approx(35e-6 / math.hypot(1.0, detuning), rel=2e-3)
+    simulation.advance_to(SECOND + 100 * MILLISECOND)
+    assert greatest(2 * SECOND) < 0.5 * before
     simulation.clear(number)
-    whole = simulation.advance_to(3 * SECOND).open_segment["vibration_amplitude"][0]
-    assert whole == pytest.approx(35e-6, rel=2e-3)
+    simulation.advance_to(2 * SECOND + 100 * MILLISECOND)
+    assert greatest(3 * SECOND) > 0.7 * before
 
 
 def test_a_drive_that_is_off_rings_down():
@@ -418,5 +415,6 @@ def test_a_drive_that_is_off_rings_down():
     amplitude = simulation.advance_to(SECOND + 10 * MILLISECOND).open_segment[
         "vibration_amplitude"
     ][0]
-    assert amplitude == pytest.approx(35e-6 * math.exp(-0.01 * math.pi * 32.0), rel=0.05)
+    # The impacts load it, so that it falls faster than by itself.
+    assert 0.0 < amplitude < 35e-6 * math.exp(-0.01 * math.pi * 32.0)
     assert simulation.advance_to(2 * SECOND).open_segment["vibration_amplitude"] == 0.0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.simulation import Parameters, fields
+from rpud_sim.simulation import ActuatorParameters, Configuration, Parameters, fields
 from rpud_sim.simulation.block import boundary
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.sampling import Times
@@ -72,6 +72,26 @@ def test_sensors_are_sampled_at_the_boundaries_alone(rate):
         assert stamps(found[topic]) == [ORIGIN + time for time in due]
     for index, (_, values) in enumerate(found["nodal_plane"]):
         assert values["position"] == samples.nodal_plane_position[index]
+
+
+def test_the_state_of_the_actuator_is_complete_and_its_powers_add_up():
+    resonant = ActuatorParameters(actuator_model="resonance")
+    times = sorted({*periods(100), *range(7_654_321, END, 7_654_321), END})
+    simulation = Simulation(Configuration(actuator=resonant))
+    states = told(made(), times, simulation=simulation)["actuator_state"]
+    assert [time for time, _ in states] == periods(100)
+    work = sum(values["mechanical_power"] * 0.01 for _, values in states)
+    last = states[-1][1]
+    assert work == pytest.approx(last["mechanical_work"], rel=1e-12)
+    assert last["mechanical_work"] < last["electrical_energy"]
+    assert last["impedance"] == pytest.approx(last["voltage"] / last["current"])
+    power = 0.5 * last["voltage"] * last["current"] * np.cos(last["phase"])
+    assert last["electrical_power"] == pytest.approx(power)
+    unknown = told(made(), times)["actuator_state"][-1][1]
+    assert (unknown["voltage"], unknown["amplitude"]) == (100.0, 35e-6)
+    assert np.isnan(
+        [unknown["current"], unknown["electrical_power"], unknown["mechanical_power"]]
+    ).all()
 
 
 def test_every_impact_is_told_once_and_in_order():
@@ -194,7 +214,8 @@ def test_what_is_wanted_at_once_comes_before_the_streams():
         block = simulation.advance_to(time)
         prompt = list(telemetry.prompt(block, ()))
         streams = list(telemetry.streams(block))
-        assert {topic for _, topic, _ in prompt} <= {*SENSORS, "joint_states", "contact_force"}
+        others = {"actuator_state", "joint_states", "contact_force"}
+        assert {topic for _, topic, _ in prompt} <= {*SENSORS, *others}
         due = time % (50 * MILLISECOND) == 0
         assert [topic for _, topic, _ in streams] == ["waveform", "trajectory"] * due
         assert repr([*prompt, *streams]) == repr(list(everything(whole, block, ())))
