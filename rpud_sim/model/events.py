@@ -109,8 +109,8 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
         impacts[count] = impact
         count += 1
         state.impact_open = 0
-    if state.impact_open:
-        # The actuator struck the pair: the contact goes on.
+    if state.impact_open and drill.strike_pair:
+        # The actuator struck both: the contact goes on.
         impact.impulse += collisions.impulse
         impact.energy_transferred += collisions.energy_transferred
     if impacted:

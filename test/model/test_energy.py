@@ -1,6 +1,7 @@
 """The energy account of segments, against quadrature, and what it finds in a broken trajectory."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -148,7 +149,7 @@ def test_a_collision_loses_what_its_restitution_says():
     engine.advance(0, 0.3)
     segments, impacts = engine.drain_covering()
     lost = 0.0
-    for before, after in zip(segments[:-1], segments[1:], strict=True):
+    for before, after in pairwise(segments):
         if after["event"] == 2:
             motion = motion_at(before, before["duration"])
             masses = before["free_mass"], before["drill_tool_mass"]
