@@ -48,8 +48,8 @@ from rpud_sim.model.tolerances import (
 )
 from rpud_sim.model.vibration import TWO_PI, advance_phase
 
-# How an advance ends: at the requested time, with no room for more results, in a standstill, or with
-# more events than the budget has.
+# How an advance ends: at the requested time, with no room for more results, in a standstill, or
+# with more events than their budget.
 DONE = 0
 FULL = 1
 STALLED = 2

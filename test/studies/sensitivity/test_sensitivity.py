@@ -36,7 +36,7 @@ def test_the_free_mass_explains_the_contact_force_and_gravity_nothing_but_noise(
 def test_the_noise_share_is_the_total_index_of_the_initial_phase(result):
     for figure in result.content()["figures"].values():
         assert figure["noise_share"] == figure["inputs"][PHASE]["total"]
-        assert 0.0 <= figure["noise_share"]
+        assert figure["noise_share"] >= 0.0
 
 
 def test_the_distribution_is_that_of_the_independent_points(result):
@@ -70,4 +70,4 @@ def test_a_point_without_an_impact_ends_the_study_with_its_reason():
 def test_a_drill_beyond_the_event_budget_ends_the_study_with_its_reason():
     light = {"free_mass": {"minimum": 1e-10, "maximum": 1e-9, "source": "test"}}
     with pytest.raises(SensitivityError, match="events exceed their budget"):
-        run_sensitivity(parse_specification(STUDY | {"inputs": light}))
+        run_sensitivity(parse_specification(STUDY | {"inputs": light, "samples": 2}))
