@@ -63,7 +63,7 @@ def unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list
 
 def _acting(parameters: Parameters, drill: Drill, state: np.void) -> dict[str, float]:
     """Return the values that act on the motion: those that may change from where they are."""
-    tool = _BEFORE_DRILLING
+    tool: tuple[str, ...] = _BEFORE_DRILLING
     if drill.in_rock:
         tool = _GIVEN if parameters.contact_model == "given" else _SECTIONS
     values = {name: float(getattr(parameters, name)) for name in (*_ALWAYS, *tool)}
