@@ -1,4 +1,4 @@
-"""A drill beyond its event budget: one line and an exit code, and what was made until there is whole."""
+"""A drill beyond its event budget: one line, an exit code, and a whole bag until there."""
 
 import json
 import re
