@@ -147,6 +147,7 @@ def _figures(
     phases: Sequence[float],
     scenario: Scenario | None,
 ) -> dict[str, Any]:
+    from rpud_sim.simulation.energy_account import mean_account
     from rpud_sim.simulation.ensemble import run_ensemble
 
     duration = arguments.duration
@@ -155,6 +156,7 @@ def _figures(
         ensemble = run_ensemble(configuration, duration, phases, bar.update, scenario)
     figures: dict[str, Any] = dict(ensemble.mean())
     figures["real_time_factor"] = ensemble.real_time_factor
+    figures["energy_account"] = mean_account(list(ensemble.accounts)).to_dict()
     figures["regime"] = configuration.parameters.regime
     figures["repeat"] = arguments.repeat
     figures["seed"] = arguments.seed

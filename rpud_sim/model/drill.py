@@ -33,6 +33,7 @@ class Drill(NamedTuple):
     """
 
     rpud_mass: float
+    rpud_weight: float  # [N]; zero unless gravity acts on the RPUD as well
     rpud_damping: float
     load_spring_rate: float
     free_mass: float
@@ -45,14 +46,13 @@ class Drill(NamedTuple):
     gravity: float
     in_rock: bool
     jammed: bool
+    strike_pair: bool  # whether a strike during a contact in the rock moves the drill tool as well
 
 
 def effective_tool(parameters: Parameters) -> EffectiveTool:
     """Return m_eff,dt [kg] and k_eff,dt [N/m] of the drill tool by the chosen contact model."""
     if parameters.contact_model == "given":
-        return EffectiveTool(
-            parameters.effective_tool_mass, parameters.effective_tool_spring_rate
-        )
+        return EffectiveTool(parameters.effective_tool_mass, parameters.effective_tool_spring_rate)
     sections = (
         (parameters.section_1_area, parameters.section_1_length),
         (parameters.section_2_area, parameters.section_2_length),
@@ -81,6 +81,9 @@ def derive(parameters: Parameters, jammed: bool = False) -> Drill:
         damping_ratio = parameters.drill_tool_damping_ratio
     return Drill(
         rpud_mass=parameters.rpud_mass,
+        rpud_weight=(
+            parameters.rpud_mass * parameters.gravity if parameters.gravity_on_drill else 0.0
+        ),
         rpud_damping=damping_coefficient(
             parameters.rpud_damping_ratio, parameters.rpud_mass, parameters.load_spring_rate
         ),
@@ -95,6 +98,7 @@ def derive(parameters: Parameters, jammed: bool = False) -> Drill:
         gravity=parameters.gravity,
         in_rock=in_rock,
         jammed=jammed,
+        strike_pair=parameters.strike_pair,
     )
 
 

@@ -9,6 +9,7 @@ import math
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
+from rpud_sim.model.energy import drill_tool_damper_loss
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.segment import (
@@ -51,6 +52,16 @@ def contact_impulse(segment, time):
 
 
 @compiled
+def energy_into_drill_tool(segment, time):
+    """Energy that the drill tool receives in the first part of a segment in contact [J]."""
+    _, _, _, _, _, _, u_start, v_start = motion_at(segment, 0.0)
+    _, _, _, _, _, _, u_end, v_end = motion_at(segment, time)
+    motion = segment.drill_tool_mass * (v_end - v_start) * (v_end + v_start)
+    strain = segment.drill_tool_spring_rate * (u_end - u_start) * (u_end + u_start)
+    return 0.5 * (motion + strain) + drill_tool_damper_loss(segment, 0.0, time)
+
+
+@compiled
 def greatest_contact_force(segment, time):
     """Greatest force on the drill tool in the first part of a segment in contact [N]."""
     start, _ = force_on_drill_tool(segment, 0.0)
@@ -88,6 +99,8 @@ def open_impact(drill, state, impact, collisions):
     impact.impact_velocity = collisions.impact_velocity
     impact.energy = collisions.energy
     impact.impulse = collisions.impulse
+    impact.energy_transferred = collisions.energy_transferred
+    impact.squeezed = state.contact == CONTACT_BOTH
     impact.peak_force = 0.0
     impact.contact_duration = 0.0
     state.impacts += 1
@@ -109,5 +122,8 @@ def open_impact(drill, state, impact, collisions):
 def follow_impact(segment, impact, time):
     """Add the first part of a segment in contact to the record of the impact."""
     impact.impulse += contact_impulse(segment, time)
+    impact.energy_transferred += energy_into_drill_tool(segment, time)
+    if segment.contact == CONTACT_BOTH and time > 0.0:
+        impact.squeezed = True
     impact.contact_duration += time
     impact.peak_force = max(impact.peak_force, greatest_contact_force(segment, time))

@@ -18,15 +18,16 @@ def nodal_plane_closed_form(drill, state, contact):
     """Return the ``Oscillation`` of the nodal plane under the given contact.
 
     Alone, or with the free mass in flight or on the drill tool, it obeys eq. (2) with the preload
-    W. With the free mass (and the drill tool behind it) held against the vibrating tip, their
-    inertia and the drill tool's spring act on it as well, moved by u_hv of eq. (1).
+    W, and its weight if gravity acts on it. With the free mass (and the drill tool behind it) held
+    against the vibrating tip, their inertia and the drill tool's spring act on it as well, moved
+    by u_hv of eq. (1).
     """
     if not contact & CONTACT_ACTUATOR:
         return free_vibration(
             drill.rpud_mass,
             drill.rpud_damping,
             drill.load_spring_rate,
-            state.weight_on_bit,
+            state.weight_on_bit + drill.rpud_weight,
             state.u_np,
             state.v_np,
         )
@@ -42,7 +43,7 @@ def nodal_plane_closed_form(drill, state, contact):
         drill.rpud_mass + carried,
         drill.rpud_damping + damping,
         drill.load_spring_rate + spring_rate,
-        state.weight_on_bit + drill.free_mass * drill.gravity,
+        state.weight_on_bit + drill.free_mass * drill.gravity + drill.rpud_weight,
         (carried * omega * omega - spring_rate) * state.amplitude,
         -damping * omega * state.amplitude,
         state.frequency,

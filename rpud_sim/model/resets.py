@@ -5,7 +5,8 @@
         actuator and free mass collide by eqs. (4)-(7)
         free mass and drill tool collide by eqs. (11)-(13), or share their momentum by eq. (21) in
         the rock
-    a jammed free mass that touches the drill tool is one body with it
+    a jammed free mass that touches the drill tool is one body with it; so is one in contact in the
+    rock when the actuator strikes it, if strike_pair is set
     keep the contacts that would close again at once, if their forces then push
 
 A free mass that chatters comes to rest in finite time. That is recognised when its next bounce
@@ -45,6 +46,7 @@ class Collisions(NamedTuple):
     impact_velocity: float  # closing velocity of the first blow on the drill tool [m/s]
     energy: float  # kinetic energy of the free mass before that blow [J]
     impulse: float  # of all its blows on the drill tool [N s]
+    energy_transferred: float  # that the drill tool and its blows take [J]
 
 
 @compiled
@@ -74,6 +76,17 @@ def close_gaps(state, met):
 
 
 @compiled
+def is_struck_as_pair(drill, state, closed):
+    """Whether the actuator now strikes free mass and drill tool, in contact in the rock, as one."""
+    return (
+        drill.strike_pair
+        and drill.in_rock
+        and state.contact == CONTACT_DRILL_TOOL
+        and closed == CONTACT_BOTH
+    )
+
+
+@compiled
 def exchange_momentum(drill, state, closed):
     """Apply all collisions among the touching bodies; only velocities change.
 
@@ -92,9 +105,11 @@ def exchange_momentum(drill, state, closed):
     impact_velocity = 0.0
     energy = 0.0
     impulse = 0.0
+    transferred = 0.0
     struck_mass = drill.free_mass
     wedged = drill.jammed and closed & CONTACT_DRILL_TOOL
-    if wedged:
+    paired = is_struck_as_pair(drill, state, closed)
+    if wedged or paired:
         struck_mass += drill.tool_mass
         if state.v_fm < state.v_dt:
             state.v_fm = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
@@ -108,6 +123,10 @@ def exchange_momentum(drill, state, closed):
             restitution = drill.actuator_restitution if count < MOST_COLLISIONS - 1 else 0.0
             v_ut, state.v_fm = collide(drill.rpud_mass, v_ut, struck_mass, state.v_fm, restitution)
             if wedged:
+                state.v_dt = state.v_fm
+            elif paired:
+                impulse += drill.tool_mass * (state.v_fm - state.v_dt)
+                transferred += 0.5 * drill.tool_mass * (state.v_fm**2 - state.v_dt**2)
                 state.v_dt = state.v_fm
         if closed & CONTACT_DRILL_TOOL and state.v_fm - state.v_dt > SAME_VELOCITY:
             approaching = True
@@ -123,6 +142,7 @@ def exchange_momentum(drill, state, closed):
                 drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt, restitution
             )
             impulse += drill.free_mass * (before - state.v_fm)
+            transferred += 0.5 * drill.free_mass * (before * before - state.v_fm * state.v_fm)
         if not approaching:
             break
     if closed & CONTACT_DRILL_TOOL and state.v_fm > state.v_dt:
@@ -130,7 +150,9 @@ def exchange_momentum(drill, state, closed):
         state.v_dt = state.v_fm
     if actuator_struck:
         state.v_np = v_ut - v_hv  # eq. (7)
-    return Collisions(actuator_struck, drill_tool_struck, impact_velocity, energy, impulse)
+    return Collisions(
+        actuator_struck, drill_tool_struck, impact_velocity, energy, impulse, transferred
+    )
 
 
 @compiled

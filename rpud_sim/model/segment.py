@@ -74,6 +74,8 @@ IMPACT = np.dtype(
         ("impact_velocity", np.float64),
         ("impulse", np.float64),
         ("energy", np.float64),
+        ("energy_transferred", np.float64),
+        ("squeezed", np.bool_),
     ],
     align=True,
 )

@@ -165,6 +165,11 @@ class Actuator:
         envelope, _ = self._at(self._time)
         return self._voltage * envelope.real / (2.0 * self._parameters.motional_resistance)
 
+    @property
+    def energy_drawn(self) -> float:
+        """Electrical energy drawn since time zero [J]; NaN with the gain model, which has none."""
+        return math.nan
+
     def advance_to(self, time: int) -> None:
         """Advance to a time [ns], not before the present one, over all steps until then."""
         while (event := min(self._step, self._heating)) <= time:

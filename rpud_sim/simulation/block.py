@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.simulation.sampling import Samples, Times, sample
 
@@ -34,12 +36,16 @@ class Block:
         covering: the ``SEGMENT`` records that cover the block, in order, without a gap. The last
             one is open: it has its full duration, which a command may shorten.
         impacts: the ``IMPACT`` records of the impacts on the drill tool that ended in it, in order.
+        rpud: constants of the RPUD that the segments lack.
+        electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
     """
 
     start: int
     end: int
     covering: np.ndarray
     impacts: np.ndarray
+    rpud: RpudConstants
+    electrical_energy: float
 
     @property
     def segments(self) -> np.ndarray:
@@ -74,4 +80,6 @@ def join_blocks(blocks: Sequence[Block]) -> Block:
         last.end,
         join_records([*(block.segments for block in blocks), last.open_segment], SEGMENT),
         join_records([block.impacts for block in blocks], IMPACT),
+        last.rpud,
+        math.fsum(block.electrical_energy for block in blocks),
     )

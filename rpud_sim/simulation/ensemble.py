@@ -16,6 +16,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.energy_account import EnergyAccount
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
@@ -37,11 +38,13 @@ class Ensemble:
     Args:
         phases: initial phase of each member [cycles].
         members: the figures of each member, at least one; all have the same names.
+        accounts: the energy account of each member.
         real_time_factor: simulated seconds over wall seconds in the engine, over all members.
     """
 
     phases: tuple[float, ...]
     members: tuple[Figures, ...]
+    accounts: tuple[EnergyAccount, ...]
     real_time_factor: float
 
     def mean(self) -> Figures:
@@ -145,6 +148,7 @@ def run_ensemble(
     compile_kernels(configuration)
     end = round(duration * SECOND)
     members: list[Figures] = []
+    accounts: list[EnergyAccount] = []
     wall = 0.0
     for phase in phases:
         simulation = Simulation(configuration, phase, scenario)
@@ -161,5 +165,7 @@ def run_ensemble(
             figures["depth"] = simulation.depth
             figures["penetration_rate"] = simulation.depth / statistics.duration
         members.append(figures)
+        accounts.append(statistics.account)
     simulated = end / SECOND * len(members)
-    return Ensemble(tuple(phases), tuple(members), simulated / wall if wall > 0.0 else math.inf)
+    speed = simulated / wall if wall > 0.0 else math.inf
+    return Ensemble(tuple(phases), tuple(members), tuple(accounts), speed)

@@ -41,7 +41,11 @@ class RockParameters(ParameterGroup):
         changeable=True,
     )
     rock_energy_transfer: float = number(
-        0.01, "", "share of an impact's kinetic energy that breaks the rock", 0.0, 1.0
+        0.01,
+        "",
+        "share of the energy that an impact leaves in drill tool and rock, which breaks the rock",
+        0.0,
+        1.0,
     )
     hole_area: float = number(2.0e-5, "m^2", "cross-sectional area of the hole", 1e-8, 1.0)
 
@@ -49,8 +53,9 @@ class RockParameters(ParameterGroup):
 class Progress:
     """Depth of the hole, from the impacts on the drill tool while it is in the rock.
 
-    Each impact deepens the hole by its kinetic energy, times the share that breaks the rock, over
-    specific energy and area. Without a rock model depth and rate are NaN.
+    Each impact deepens the hole by the energy that it leaves in drill tool and rock, times the
+    share that breaks the rock, over specific energy and area. Without a rock model depth and rate
+    are NaN.
 
     Args:
         parameters: of the rock.
@@ -61,6 +66,7 @@ class Progress:
         self._metres_per_joule = parameters.rock_energy_transfer / (
             parameters.rock_specific_energy * parameters.hole_area
         )
+        self._reached = 0.0
         self._depth = 0.0 if self._modelled else math.nan
         self._times = np.empty(0, np.int64)
         self._depths = np.empty(0)
@@ -81,10 +87,14 @@ class Progress:
         """
         if not (self._modelled and len(impacts)):
             return
-        deeper = impacts["energy"] * (self._metres_per_joule * clearing / hardness)
+        deeper = impacts["energy_transferred"] * (self._metres_per_joule * clearing / hardness)
         # One after the other: a sum in pairs would depend on the blocks.
-        depths = np.add.accumulate(np.concatenate([[self._depth], deeper]))[1:]
+        reached = np.add.accumulate(np.concatenate([[self._reached], deeper]))[1:]
+        self._reached = float(reached[-1])
+        # A free mass that takes energy back from the drill tool does not fill the hole again.
+        depths = np.maximum.accumulate(np.concatenate([[self._depth], reached]))
         self._depth = float(depths[-1])
+        deeper = np.diff(depths)
         fractions = np.rint(impacts["fraction"] * SECOND).astype(np.int64)
         self._times = np.concatenate([self._times, impacts["seconds"] * SECOND + fractions])
         self._depths = np.concatenate([self._depths, deeper])

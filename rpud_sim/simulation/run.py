@@ -9,6 +9,7 @@ from typing import Any
 from rpud_sim.simulation.block import Block, boundaries_until, boundary
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.control import Control
+from rpud_sim.simulation.energy_account import RecentEnergy
 from rpud_sim.simulation.ensemble import initial_phases
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_fields, status_fields
@@ -16,7 +17,7 @@ from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.telemetry import Entry, Telemetry
-from rpud_sim.simulation.versions import engine_and_processor
+from rpud_sim.simulation.versions import PHYSICS, engine_and_processor
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,6 +62,7 @@ class Beginning:
                 }
                 for planned in (self.scenario.faults if self.scenario else ())
             ],
+            "physics": PHYSICS,
             "made_by": engine_and_processor(),
         }
 
@@ -128,6 +130,7 @@ class Run:
         self._control = Control(
             self._simulation, settings.command_timeout, settings.command_loss_ramp, active
         )
+        self._recent_energy = RecentEnergy()
         self._published_faults: object = self._simulation.faults.active
 
     @property
@@ -190,6 +193,7 @@ class Run:
             if block.end < end:
                 self._note("stop")
                 yield from self._entries()
+            self._recent_energy.add(block)
             yield from self._telemetry.prompt(block, simulation.faults.since(block.start))
             yield from self._changed_faults()
             yield from self._telemetry.streams(block)
@@ -216,7 +220,10 @@ class Run:
         return (
             self.time,
             "status",
-            status_fields(self._simulation, self.origin, state, bookkeeping),
+            {
+                **status_fields(self._simulation, self.origin, state, bookkeeping),
+                **self._recent_energy.powers(),
+            },
         )
 
     def _note(self, kind: str, **content: Any) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import deque
 from typing import Any
 
+from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.block import Block
@@ -57,6 +59,7 @@ class Simulation:
             parameters.vibration_frequency,
         )
         self._configuration = configuration
+        self._rpud = RpudConstants(parameters.rpud_mass, parameters.gravity_on_drill, math.inf)
         self._journal = journal
         self._first_specific_energy = configuration.rock.rock_specific_energy
         self._applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0)
@@ -132,11 +135,13 @@ class Simulation:
         start = self.time
         if time < start:
             raise ValueError(f"time {time} ns is before the present {start} ns")
+        drawn = self._plant.actuator.energy_drawn
         while (stop := min(self._plant.actuator.next_step, self._schedule.next_time)) <= time:
             self._plant.advance_to(stop)
             self._apply_due_faults()
         self._plant.advance_to(time)
-        return Block(start, time, *self._plant.drain())
+        drawn = self._plant.actuator.energy_drawn - drawn
+        return Block(start, time, *self._plant.drain(), self._rpud, drawn)
 
     def apply(self, command: WeightOnBit | Drive) -> None:
         """Put a command into force at the present time.

@@ -17,6 +17,7 @@ from rpud_sim.model.segment import (
     nodal_plane_integral,
 )
 from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.energy_account import EnergyAccount
 
 # Names and units of the figures.
 FIGURES = MappingProxyType(
@@ -26,9 +27,13 @@ FIGURES = MappingProxyType(
         "actuator_impact_rate": "1/s",
         "impact_velocity_mean": "m/s",
         "contact_force_mean": "N",
+        "contact_force_p99": "N",
         "contact_force_max": "N",
         "contact_duration_mean": "s",
+        "squeezed_impact_rate": "1/s",
         "kinetic_energy_rate": "W",
+        "energy_transferred_rate": "W",
+        "energy_absorbed_rate": "W",
         "reacting_force_mean": "N",
     }
 )
@@ -76,8 +81,44 @@ def count_events(event: np.ndarray) -> tuple[int, int]:
     )
 
 
+class ForceClasses:
+    """Counts of forces in logarithmic classes, for quantiles in bounded memory."""
+
+    _LEAST, _GREATEST = 1e-6, 1e12  # [N]; what is beyond counts as these
+    _PER_DECADE = 1000
+
+    def __init__(self) -> None:
+        decades = math.log10(self._GREATEST / self._LEAST)
+        self._counts = np.zeros(round(decades * self._PER_DECADE) + 1, np.int64)
+
+    def __add__(self, other: ForceClasses) -> ForceClasses:
+        """Return the counts of both."""
+        total = ForceClasses()
+        total._counts = self._counts + other._counts
+        return total
+
+    def add(self, forces: np.ndarray) -> None:
+        """Count forces [N]."""
+        bounded = np.clip(forces, self._LEAST, self._GREATEST)
+        classes = np.rint(np.log10(bounded / self._LEAST) * self._PER_DECADE).astype(np.intp)
+        np.add.at(self._counts, classes, 1)
+
+    def quantile(self, share: float) -> float | None:
+        """Return the least force that a share of all do not exceed [N]; None if there are none."""
+        reached = np.cumsum(self._counts)
+        if not reached[-1]:
+            return None
+        number = int(np.searchsorted(reached, math.ceil(share * int(reached[-1]))))
+        return float(self._LEAST * 10.0 ** (number / self._PER_DECADE))
+
+
 class Statistics:
     """Sums over blocks, and the figures of a run from them.
+
+    ``kinetic_energy_rate`` is the energy that arrives with the free mass,
+    ``energy_transferred_rate`` what it does not take back with it, and ``energy_absorbed_rate``
+    what drill tool and rock turn into heat and cracks. The 99 % quantile of the contact force is
+    good to 0.12 %.
 
     The mean reacting force is the exact time average of the closed forms; impacts count when their
     contact ends.
@@ -91,15 +132,24 @@ class Statistics:
         self._impacts = 0
         self._impact_velocity = 0.0
         self._contact_force = 0.0
+        self._contact_forces = ForceClasses()
         self._contact_force_max = -math.inf
         self._contact_duration = 0.0
         self._energy = 0.0
+        self._energy_transferred = 0.0
+        self._squeezed = 0
+        self._account = EnergyAccount()
         self._reacting_impulse = 0.0
 
     @property
     def duration(self) -> float:
         """Simulated time of the blocks so far [s]."""
         return self._duration / SECOND
+
+    @property
+    def account(self) -> EnergyAccount:
+        """The energy account of the blocks so far."""
+        return self._account
 
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
@@ -122,6 +172,10 @@ class Statistics:
             )
             self._contact_duration += float(impacts["contact_duration"].sum())
             self._energy += float(impacts["energy"].sum())
+            self._energy_transferred += float(impacts["energy_transferred"].sum())
+            self._squeezed += int(np.count_nonzero(impacts["squeezed"]))
+            self._contact_forces.add(impacts["peak_force"])
+        self._account += EnergyAccount.of(block)
         self._reacting_impulse += _reacting_impulse(block)
 
     def merge(self, other: Statistics) -> None:
@@ -150,9 +204,13 @@ class Statistics:
             "actuator_impact_rate": rate(self._actuator_impacts),
             "impact_velocity_mean": mean(self._impact_velocity),
             "contact_force_mean": mean(self._contact_force),
+            "contact_force_p99": self._contact_forces.quantile(0.99),
             "contact_force_max": self._contact_force_max if count else None,
             "contact_duration_mean": mean(self._contact_duration),
+            "squeezed_impact_rate": rate(self._squeezed),
             "kinetic_energy_rate": rate(self._energy),
+            "energy_transferred_rate": rate(self._energy_transferred),
+            "energy_absorbed_rate": rate(self._account.absorbed),
             "reacting_force_mean": rate(self._reacting_impulse),
         }
 

@@ -4,11 +4,33 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import rpud_sim
+
+# Revision of the physics, which is 1 where a journal has none. It grows when an error in the
+# equations is mended: runs of an earlier revision that it touches cannot be computed again.
+PHYSICS = 2
+
+
+def mended_since(beginning: Mapping[str, Any]) -> str:
+    """Return in one line what was mended since a run that touches it; empty if nothing was.
+
+    Args:
+        beginning: content of a journal's entry ``begin``.
+    """
+    parameters = beginning.get("parameters")
+    model = parameters.get("actuator_model") if isinstance(parameters, dict) else None
+    if "physics" not in beginning and model == "resonance":
+        return (
+            "the run cannot be computed again, for the physics was mended after version 0.1.0: "
+            "with actuator_model = resonance impacts now take their energy from the vibration"
+        )
+    return ""
 
 
 @cache

@@ -1,6 +1,7 @@
 """Blocks that follow each other have everything once, and joined they are the one they are of."""
 
 import dataclasses
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.model.energy import RpudConstants
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
 from rpud_sim.simulation.sampling import Times
@@ -17,6 +19,7 @@ SECOND = 1_000_000_000
 END = SECOND // 5
 rates = st.integers(1, 1_000_000)
 EMPTY = np.empty(0)
+RPUD = RpudConstants(1.0, False, math.inf)
 
 
 def blocks_until(times):
@@ -46,8 +49,10 @@ def test_every_whole_second_is_a_boundary(rate):
 
 @given(rates, st.lists(st.integers(0, 3 * SECOND), min_size=2).map(sorted))
 def test_blocks_that_follow_each_other_have_every_sample_once(rate, times):
-    grids = [Block(start, end, EMPTY, EMPTY).grid(rate) for start, end in pairwise(times)]
-    whole = Block(times[0], times[-1], EMPTY, EMPTY).grid(rate)
+    grids = [
+        Block(start, end, EMPTY, EMPTY, RPUD, 0.0).grid(rate) for start, end in pairwise(times)
+    ]
+    whole = Block(times[0], times[-1], EMPTY, EMPTY, RPUD, 0.0).grid(rate)
     assert sum(map(len, grids)) == len(whole)
     for before, after in pairwise([grid for grid in grids if grid]):
         assert before.stop == after.start
@@ -78,4 +83,4 @@ def test_one_block_joined_is_itself():
 
 def test_a_block_does_not_change():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        Block(0, 1, EMPTY, EMPTY).end = 2
+        Block(0, 1, EMPTY, EMPTY, RPUD, 0.0).end = 2

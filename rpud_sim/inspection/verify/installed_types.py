@@ -1,10 +1,16 @@
-"""Message types that are installed here, which the topics of a proof must have."""
+"""Types of the messages of a proof: those that are installed here, or an earlier version of them.
+
+Later versions add fields to messages and take none away. So the computed message has every field of
+the recorded one, and the fields that the recorded one lacks are not proved.
+"""
 
 from __future__ import annotations
 
 from functools import cache
 
-from rpud_sim.bag import Topic
+from rosbags.interfaces import Nodetype
+
+from rpud_sim.bag import BagFormatError, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.inspection.verify.recorded_journal import UnverifiableError
@@ -13,31 +19,67 @@ from rpud_sim.simulation.topics import TOPICS
 JOURNAL = TOPICS["journal"].type
 
 
-def is_installed(topic: Topic) -> bool:
-    """Whether a topic's type is the one that is installed here."""
-    expected = _expected_type(topic)
-    return topic.type == expected and topic.type_hash in ("", find_type_hash(expected))
+def is_provable(summary: TopicSummary) -> bool:
+    """Whether a topic's type is the one that is installed here, or an earlier version of it."""
+    try:
+        proof_codec(summary)
+    except UnverifiableError:
+        return False
+    return True
 
 
-def installed_codec(topic: Topic) -> Codec:
-    """Return the codec of a topic.
+def proof_codec(summary: TopicSummary) -> Codec:
+    """Return the codec of a topic's messages.
 
     Raises:
-        UnverifiableError: if its type is not the one that is installed here.
+        UnverifiableError: if its type is neither the one that is installed here nor an earlier
+            version of it.
     """
-    expected = _expected_type(topic)
+    topic = summary.topic
+    expected = _expected_type(topic.name, topic.type)
     if topic.type != expected:
         raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
-    if not is_installed(topic):
+    if topic.type_hash in ("", find_type_hash(expected)):
+        return _installed_codec(expected)
+    installed = _installed_codec(expected)
+    try:
+        codec = Codec(expected, summary.definition or "")
+    except BagFormatError:
+        codec = None
+    if codec is None or not _fields(codec, expected) <= _fields(installed, expected):
         raise UnverifiableError(f"{topic.name} is of another version of {expected}")
-    return _codec(expected)
+    return codec
 
 
-def _expected_type(topic: Topic) -> str:
-    own = TOPICS.get(topic.name.rpartition("/")[2])
-    return JOURNAL if topic.type == JOURNAL or own is None else own.type
+def fields_not_held(codec: Codec) -> list[str]:
+    """Return the fields of the installed type that a codec's type lacks, such as ``squeezed``."""
+    name = codec.type_name
+    lacking = _fields(_installed_codec(name), name) - _fields(codec, name)
+    return sorted(path for path, _ in lacking)
+
+
+def _fields(codec: Codec, type_name: str, path: str = "") -> frozenset[tuple[str, str]]:
+    """Return path and type of each field, of nested messages too."""
+    found: set[tuple[str, str]] = set()
+    for name, _, (node, described) in codec.fields(type_name):
+        inner = f"{path}.{name}" if path else name
+        kind = f"{node.name}"
+        if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            (node, described), length = described
+            kind += f" of {length} {node.name}"
+        if node == Nodetype.NAME:
+            found |= _fields(codec, described, inner)
+        else:
+            kind += f" {described}"
+        found.add((inner, kind))
+    return frozenset(found)
+
+
+def _expected_type(name: str, type_name: str) -> str:
+    own = TOPICS.get(name.rpartition("/")[2])
+    return JOURNAL if type_name == JOURNAL or own is None else own.type
 
 
 @cache
-def _codec(type_name: str) -> Codec:
+def _installed_codec(type_name: str) -> Codec:
     return Codec(type_name, find_definition(type_name))

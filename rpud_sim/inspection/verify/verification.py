@@ -14,7 +14,12 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.verify.content_comparison import ContentComparison
 from rpud_sim.inspection.verify.coverage import find_coverage
-from rpud_sim.inspection.verify.installed_types import JOURNAL, installed_codec, is_installed
+from rpud_sim.inspection.verify.installed_types import (
+    JOURNAL,
+    fields_not_held,
+    is_provable,
+    proof_codec,
+)
 from rpud_sim.inspection.verify.recorded_journal import (
     BEGINNINGS,
     Position,
@@ -27,7 +32,7 @@ from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.topics import PROVED, TOPICS
-from rpud_sim.simulation.versions import engine_and_processor
+from rpud_sim.simulation.versions import engine_and_processor, mended_since
 
 # Time that is simulated beyond the last stamp: a block may end later [ns].
 _TAIL = 2 * SECOND
@@ -105,7 +110,7 @@ class _Proof:
     def __init__(self, bag: BagReader, journal: TopicSummary) -> None:
         self._bag = bag
         self._journal = journal.topic.name
-        self._codec = installed_codec(journal.topic)
+        self._codec = proof_codec(journal)
         prefix = self._journal[: -len("journal")]
         self._summaries = {
             summary.topic.name.removeprefix(prefix): summary
@@ -116,12 +121,18 @@ class _Proof:
             name
             for name in PROVED
             if name in self._summaries
-            and (self._summaries[name].message_count or is_installed(self._summaries[name].topic))
+            and (self._summaries[name].message_count or is_provable(self._summaries[name]))
         ]
         if not any(self._summaries[name].message_count for name in self._names):
             raise UnverifiableError(f"the bag holds nothing that {self._journal} could prove")
-        self._codecs = {name: installed_codec(self._summaries[name].topic) for name in self._names}
+        self._codecs = {name: proof_codec(self._summaries[name]) for name in self._names}
         self._warnings: dict[str, None] = {}
+        for name, codec in self._codecs.items():
+            if lacking := fields_not_held(codec):
+                self._warnings[
+                    f"{self._summaries[name].topic.name} is of an earlier version, without "
+                    f"{', '.join(lacking)}"
+                ] = None
         self._other_versions = False
         self._simulated = 0
 
@@ -264,6 +275,9 @@ class _Proof:
         report(simulated / SECOND)
 
     def _check_versions(self, content: Any) -> None:
+        mended = mended_since(content)
+        if mended:
+            raise UnverifiableError(f"{self._journal}: {mended}")
         own = engine_and_processor()
         made_by = content.get("made_by", {})
         for name, version in own.items():

@@ -1,0 +1,283 @@
+"""Energy account of a trajectory: work, losses and what is stored, from its closed forms.
+
+The account is an audit. It takes no number from the engine but the segments: within a segment it
+integrates powers in closed form, and at an event it takes impulses from the velocities before and
+after. So its residual shows every segment that breaks its equation of motion, and every event that
+breaks the conservation of momentum.
+
+Within a segment every power is a product of sums of ``Re(z exp(rate s))``, complex ``z`` and rate.
+"""
+
+import cmath
+import math
+from typing import NamedTuple
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.motion import CONTACT_BOTH
+from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL, motion_at
+from rpud_sim.model.tolerances import SAME_VELOCITY
+from rpud_sim.model.vibration import TWO_PI
+
+# Terms of an account, in joules. What flows in:
+ACTUATOR_WORK = 0
+WEIGHT_ON_BIT_WORK = 1
+GRAVITY_WORK = 2
+CHANGES = 3
+# what is lost:
+LOAD_DAMPER = 4
+DRILL_TOOL_DAMPER = 5
+ACTUATOR_COLLISIONS = 6
+IMPACTS = 7
+RELEASE = 8
+CONTACT_RESOLUTION = 9
+# and what is stored in motion and springs more than at the start:
+STORED = 10
+
+TERMS = (
+    "actuator_work",
+    "weight_on_bit_work",
+    "gravity_work",
+    "changes",
+    "load_damper",
+    "drill_tool_damper",
+    "actuator_collisions",
+    "impacts",
+    "release",
+    "contact_resolution",
+    "stored",
+)
+
+
+class RpudConstants(NamedTuple):
+    """Constants of the RPUD that an account needs beside the segments."""
+
+    mass: float  # m_ud [kg]
+    gravity_acts: bool  # on the RPUD, not on the free mass alone
+    tip_mass: float  # of the vibration at the tip [kg]; infinite where blows do not change it
+
+
+@compiled
+def exponential_integral(rate, duration):
+    """Integral of exp(rate s) over a duration, with a complex rate [1/s]."""
+    if rate == 0.0:
+        return complex(duration)
+    growth = math.expm1(rate.real * duration)
+    half = math.sin(0.5 * rate.imag * duration)
+    turned = 2.0 * half * half
+    real = growth - (growth + 1.0) * turned
+    imaginary = (growth + 1.0) * math.sin(rate.imag * duration)
+    return complex(real, imaginary) / rate
+
+
+@compiled
+def product_integral(first, first_rate, second, second_rate, duration):
+    """Integral of Re(first exp(first_rate s)) Re(second exp(second_rate s)) over a duration."""
+    other, other_rate = second.conjugate(), second_rate.conjugate()
+    total = first * second * exponential_integral(first_rate + second_rate, duration)
+    total += first * other * exponential_integral(first_rate + other_rate, duration)
+    return 0.5 * total.real
+
+
+@compiled
+def square_integral(first, first_rate, second, second_rate, duration):
+    """Integral of the square of Re(first exp(first_rate s)) + Re(second exp(second_rate s))."""
+    total = product_integral(first, first_rate, first, first_rate, duration)
+    if second != 0.0:
+        total += 2.0 * product_integral(first, first_rate, second, second_rate, duration)
+        total += product_integral(second, second_rate, second, second_rate, duration)
+    return total
+
+
+@compiled
+def nodal_plane_parts(segment, start):
+    """Decaying part and steady vibration of the nodal plane from a time on.
+
+    Returns:
+        Amplitude [m] and rate [1/s] of the decaying part, amplitude [m] of the steady vibration,
+        turn exp(i phi) and rate [1/s] of the harmonic vibration, all complex.
+    """
+    rate = complex(-segment.nodal_plane_decay_rate, segment.nodal_plane_angular_frequency)
+    decaying = complex(segment.nodal_plane_cosine, -segment.nodal_plane_sine)
+    cycles = segment.vibration_phase + segment.vibration_frequency * start
+    turn = cmath.exp(complex(0.0, TWO_PI * cycles))
+    steady = complex(segment.nodal_plane_vibration_cosine, -segment.nodal_plane_vibration_sine)
+    omega = complex(0.0, TWO_PI * segment.vibration_frequency)
+    return decaying * cmath.exp(rate * start), rate, steady * turn, turn, omega
+
+
+@compiled
+def load_damper_loss(segment, start, end):
+    """Energy that the damping of the load spring takes in a part of a segment [J]."""
+    decaying, rate, steady, _, omega = nodal_plane_parts(segment, start)
+    return segment.load_spring_damping * square_integral(
+        rate * decaying, rate, omega * steady, omega, end - start
+    )
+
+
+@compiled
+def drill_tool_damper_loss(segment, start, end):
+    """Energy that the damping of the drill tool takes in a part of a segment [J]."""
+    if segment.drill_tool_damping == 0.0:
+        return 0.0
+    duration = end - start
+    if segment.contact == CONTACT_BOTH:
+        decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
+        tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
+        return segment.drill_tool_damping * square_integral(
+            rate * decaying, rate, omega * tip, omega, duration
+        )
+    rate = complex(-segment.drill_tool_decay_rate, segment.drill_tool_angular_frequency)
+    decaying = complex(segment.drill_tool_cosine, -segment.drill_tool_sine) * cmath.exp(
+        rate * start
+    )
+    return segment.drill_tool_damping * square_integral(
+        rate * decaying, rate, complex(0.0), complex(0.0), duration
+    )
+
+
+@compiled
+def actuator_work(segment, start, end):
+    """Work of the vibration on the free mass, held against the tip, in a part of a segment [J].
+
+    The integral of N v_hv: N is the force of the tip on the free mass, v_hv the velocity of the
+    harmonic vibration, eq. (1). The work of the nodal plane's own motion stays among the bodies.
+    """
+    if not segment.contact & CONTACT_ACTUATOR:
+        return 0.0
+    mass = segment.free_mass
+    damping = 0.0
+    spring_rate = 0.0
+    if segment.contact == CONTACT_BOTH:
+        mass += segment.drill_tool_mass
+        damping = segment.drill_tool_damping
+        spring_rate = segment.drill_tool_spring_rate
+    decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
+    tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
+    velocity = abs(omega) * segment.vibration_amplitude * turn
+    constant = spring_rate * segment.nodal_plane_offset - segment.free_mass * segment.gravity
+    slow = (mass * rate * rate + damping * rate + spring_rate) * decaying
+    fast = (mass * omega * omega + damping * omega + spring_rate) * tip
+    duration = end - start
+    return (
+        constant * (velocity * exponential_integral(omega, duration)).real
+        + product_integral(slow, rate, velocity, omega, duration)
+        + product_integral(fast, omega, velocity, omega, duration)
+    )
+
+
+@compiled
+def stored_energy(segment, motion, rpud_mass):
+    """Energy of motion and springs, given ``motion_at`` a time in a segment [J]."""
+    u_np, v_np, _, _, _, v_fm, u_dt, v_dt = motion
+    return 0.5 * (
+        rpud_mass * v_np * v_np
+        + segment.load_spring_rate * u_np * u_np
+        + segment.free_mass * v_fm * v_fm
+        + segment.drill_tool_mass * v_dt * v_dt
+        + segment.drill_tool_spring_rate * u_dt * u_dt
+    )
+
+
+@compiled
+def add_motion(rpud, segment, start, end, account):
+    """Add what happens in a part of a segment, all but what is stored."""
+    u_start, _, _, _, fm_start, _, _, _ = motion_at(segment, start)
+    u_end, _, _, _, fm_end, _, _, _ = motion_at(segment, end)
+    account[ACTUATOR_WORK] += actuator_work(segment, start, end)
+    account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * (u_end - u_start)
+    gravity_work = segment.free_mass * segment.gravity * (fm_end - fm_start)
+    if rpud.gravity_acts:
+        gravity_work += rpud.mass * segment.gravity * (u_end - u_start)
+    account[GRAVITY_WORK] += gravity_work
+    account[LOAD_DAMPER] += load_damper_loss(segment, start, end)
+    account[DRILL_TOOL_DAMPER] += drill_tool_damper_loss(segment, start, end)
+
+
+@compiled
+def add_change(before, after, motion, account):
+    """Add what new constants do to the energy of the springs and of the drill tool."""
+    u_np, _, _, _, _, _, u_dt, v_dt = motion
+    account[CHANGES] += 0.5 * (
+        (after.load_spring_rate - before.load_spring_rate) * u_np * u_np
+        + (after.drill_tool_mass - before.drill_tool_mass) * v_dt * v_dt
+        + (after.drill_tool_spring_rate - before.drill_tool_spring_rate) * u_dt * u_dt
+    )
+
+
+@compiled
+def add_event(rpud, before, after, segment, account):
+    """Add the collisions and the release at an event.
+
+    Args:
+        rpud: the ``RpudConstants``.
+        before: ``motion_at`` the event, before it.
+        after: the same after it.
+        segment: that begins with it.
+        account: to add to.
+    """
+    _, np_before, _, _, _, fm_before, u_before, dt_before = before
+    _, np_after, _, ut_after, _, fm_after, u_after, dt_after = after
+    tool_mass, tool_spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
+    from_tip = rpud.mass * (np_before - np_after)  # impulse on the free mass [N s]
+    vibration = ut_after - np_after
+    vibration_before = vibration + from_tip / rpud.tip_mass
+    at_rest = (
+        not segment.contact & CONTACT_DRILL_TOOL
+        and segment.drill_tool_cosine == 0.0
+        and segment.drill_tool_sine == 0.0
+    )
+    if at_rest:
+        # The rock has taken what motion and strain the impact left to the drill tool.
+        on_tool = from_tip - segment.free_mass * (fm_after - fm_before)
+        dt_after = dt_before + on_tool / tool_mass
+        account[RELEASE] += 0.5 * (
+            tool_mass * dt_after * dt_after + tool_spring_rate * u_before * u_before
+        )
+    else:
+        on_tool = tool_mass * (dt_after - dt_before)
+        account[CONTACT_RESOLUTION] += (
+            0.5 * tool_spring_rate * (u_before - u_after) * (u_before + u_after)
+        )
+    fm = 0.5 * (fm_before + fm_after)
+    tip = 0.5 * (np_before + np_after + vibration_before + vibration)
+    account[ACTUATOR_WORK] += from_tip * 0.5 * (vibration_before + vibration)
+    # In blows on both at one instant the mean velocities tell the loss of both together alone.
+    both = min(abs(from_tip), abs(on_tool)) > segment.free_mass * SAME_VELOCITY
+    account[IMPACTS if both else ACTUATOR_COLLISIONS] += from_tip * (tip - fm)
+    account[IMPACTS] += on_tool * (fm - 0.5 * (dt_before + dt_after))
+
+
+@compiled
+def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fraction, account):
+    """Add what happens between two times to an account.
+
+    Args:
+        rpud: the ``RpudConstants``.
+        covering: ``SEGMENT`` records, in order, that cover these times; the first may have begun
+            before, and every later one begins between them.
+        start_seconds: whole seconds of the first time.
+        start_fraction: the rest of it [s].
+        seconds: whole seconds of the second time.
+        fraction: the rest of it [s].
+        account: to add to, shape (len(TERMS),) [J].
+    """
+    first = covering[0]
+    start = float(start_seconds - first.start_seconds) + (start_fraction - first.start_fraction)
+    start = min(max(start, 0.0), first.duration)
+    account[STORED] -= stored_energy(first, motion_at(first, start), rpud.mass)
+    last = len(covering) - 1
+    for i in range(last + 1):
+        segment = covering[i]
+        end = segment.duration
+        if i == last:
+            end = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
+            end = min(max(end, 0.0), segment.duration)
+        if end > start:
+            add_motion(rpud, segment, start, end, account)
+        if i < last:
+            after = covering[i + 1]
+            before = motion_at(segment, segment.duration)
+            add_change(segment, after, before, account)
+            add_event(rpud, before, motion_at(after, 0.0), after, account)
+        start = 0.0
+    account[STORED] += stored_energy(covering[last], motion_at(covering[last], end), rpud.mass)

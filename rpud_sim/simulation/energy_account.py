@@ -1,0 +1,138 @@
+"""Energy account of a run: joules by term, summed over blocks, and powers over the last second."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+
+import numpy as np
+
+from rpud_sim.foundation.time import SECOND, split_fraction
+from rpud_sim.model.energy import TERMS, add_segments
+from rpud_sim.simulation.block import Block
+
+# The powers of a status are means over this time [ns].
+_WINDOW = SECOND
+
+
+@dataclasses.dataclass(frozen=True)
+class EnergyAccount:
+    """Energy that flowed in, was lost and is stored, in joules.
+
+    What flows in is positive: work on the moving bodies. So is what is lost. The account of a run
+    begins after the blow at time zero.
+
+    Args:
+        actuator_work: of the vibration on the free mass, the integral of tip force times v_hv.
+        weight_on_bit_work: of the constant force W on the RPUD.
+        gravity_work: on the free mass, and on the RPUD if gravity acts on it.
+        changes: of spring rates and of the drill tool's mass under changed parameters.
+        load_damper: lost in the damping of the load spring.
+        drill_tool_damper: lost in the damping of the drill tool.
+        actuator_collisions: lost in collisions of actuator and free mass, eq. (5).
+        impacts: lost in impacts on the drill tool, eqs. (13) and (21); with a blow of the actuator
+            at the same instant, the loss of both.
+        release: motion and strain of the drill tool that the rock takes after a contact.
+        contact_resolution: lost, or won, by the resolution of contacts (``tolerances.py``).
+        stored: in motion and springs at the end, less that at the start.
+        electrical: drawn by the actuator; NaN where its model has no power.
+    """
+
+    actuator_work: float = 0.0
+    weight_on_bit_work: float = 0.0
+    gravity_work: float = 0.0
+    changes: float = 0.0
+    load_damper: float = 0.0
+    drill_tool_damper: float = 0.0
+    actuator_collisions: float = 0.0
+    impacts: float = 0.0
+    release: float = 0.0
+    contact_resolution: float = 0.0
+    stored: float = 0.0
+    electrical: float = 0.0
+
+    @staticmethod
+    def of(block: Block) -> EnergyAccount:
+        """Return the account of a block."""
+        joules = np.zeros(len(TERMS))
+        add_segments(
+            block.rpud,
+            block.covering,
+            *split_fraction(block.start),
+            *split_fraction(block.end),
+            joules,
+        )
+        return EnergyAccount(*joules.tolist(), block.electrical_energy)
+
+    def __add__(self, other: EnergyAccount) -> EnergyAccount:
+        """Return the account of both."""
+        pairs = zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True)
+        return EnergyAccount(*(one + another for one, another in pairs))
+
+    @property
+    def inflow(self) -> float:
+        """Everything that flowed in [J]."""
+        return math.fsum(
+            (self.actuator_work, self.weight_on_bit_work, self.gravity_work, self.changes)
+        )
+
+    @property
+    def absorbed(self) -> float:
+        """What drill tool and rock took for good [J]."""
+        return math.fsum((self.impacts, self.release, self.drill_tool_damper))
+
+    @property
+    def lost(self) -> float:
+        """Everything that was lost [J]."""
+        return math.fsum(
+            (self.absorbed, self.load_damper, self.actuator_collisions, self.contact_resolution)
+        )
+
+    @property
+    def residual(self) -> float:
+        """Inflow less losses and what is stored [J]; in a sound run rounding alone."""
+        return math.fsum((self.inflow, -self.lost, -self.stored))
+
+    def to_dict(self) -> dict[str, float | None]:
+        """Return the terms and the residual by name, ready for JSON; None for what is unknown."""
+        terms = {**dataclasses.asdict(self), "residual": self.residual}
+        return {name: value if math.isfinite(value) else None for name, value in terms.items()}
+
+
+def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
+    """Return the mean of at least one account, term by term."""
+    table = np.array([dataclasses.astuple(account) for account in accounts])
+    return EnergyAccount(*table.mean(axis=0).tolist())
+
+
+class RecentEnergy:
+    """Accounts of the blocks of the last second of simulation time."""
+
+    def __init__(self) -> None:
+        self._blocks: deque[tuple[int, int, EnergyAccount]] = deque()
+
+    def add(self, block: Block) -> None:
+        """Add the block that follows."""
+        self._blocks.append((block.start, block.end, EnergyAccount.of(block)))
+        while self._blocks and self._blocks[0][1] <= block.end - _WINDOW:
+            self._blocks.popleft()
+
+    def powers(self) -> dict[str, float]:
+        """Return mean powers by their name in ``rpud_msgs/Status`` [W]; zero before the start.
+
+        ``actuator_power + weight_power + change_power`` is ``load_damper_power + collision_power +
+        absorbed_power + stored_power``.
+        """
+        total = sum((account for _, _, account in self._blocks), EnergyAccount())
+        duration = (self._blocks[-1][1] - self._blocks[0][0]) / SECOND if self._blocks else 0.0
+        joules = {
+            "actuator_power": total.actuator_work,
+            "weight_power": total.weight_on_bit_work + total.gravity_work,
+            "change_power": total.changes,
+            "load_damper_power": total.load_damper,
+            "collision_power": total.actuator_collisions + total.contact_resolution,
+            "absorbed_power": total.absorbed,
+            "stored_power": total.stored,
+        }
+        return {name: energy / duration if duration else 0.0 for name, energy in joules.items()}

@@ -1,0 +1,215 @@
+"""The energy account of segments, against quadrature, and what it finds in a broken trajectory."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from rpud_sim.model import energy
+from rpud_sim.model.engine import Engine
+from rpud_sim.model.guards import force_on_drill_tool
+from rpud_sim.model.parameters import preset
+from rpud_sim.model.segment import SEGMENT, motion_at
+from rpud_sim.model.vibration import harmonic_vibration
+
+RPUD = energy.RpudConstants(1.0, False, math.inf)
+ACTUATOR, DRILL_TOOL, BOTH = 1, 2, 3
+INFLOWS = slice(0, energy.LOAD_DAMPER)
+
+
+def trajectory(regime, seconds=0.3, phase=0.2, **changes):
+    """Give segments from time zero on, and the last time."""
+    engine = Engine(preset(regime).replace(**changes), phase)
+    engine.advance(0, seconds)
+    return engine.drain_covering()[0].copy(), seconds
+
+
+def account(segments, seconds, rpud=RPUD, start=0.0):
+    joules = np.zeros(len(energy.TERMS))
+    energy.add_segments(rpud, segments, 0, start, 0, seconds, joules)
+    return joules
+
+
+def residual(joules):
+    """Give what flowed in less what was lost and stored, as a share of what flowed."""
+    flow = abs(joules).sum()
+    return (joules[INFLOWS].sum() - joules[energy.LOAD_DAMPER :].sum()) / flow
+
+
+# One segment of each contact, long enough for quadrature.
+def segments_of_all_contacts():
+    segments, _ = trajectory("drilling", rpud_damping_ratio=0.3, contact_model="rayleigh")
+    pushed, _ = trajectory("drilling", weight_on_bit=500.0, gravity=0.0)
+    free, _ = trajectory("free", weight_on_bit=300.0, actuator_restitution=0.1)
+    found = {}
+    for segment in np.concatenate([segments, pushed, free]):
+        kept = found.get(int(segment["contact"]))
+        if segment["duration"] > 1e-7 and (kept is None or segment["duration"] > kept["duration"]):
+            found[int(segment["contact"])] = segment
+    return found
+
+
+CONTACTS = segments_of_all_contacts()
+
+
+def velocity(segment, body):
+    return lambda time: motion_at(segment, time)[body]
+
+
+def integral(function, start, end):
+    return quad(function, start, end, epsabs=0.0, epsrel=1e-10, limit=2000)[0]
+
+
+def test_every_contact_is_there():
+    assert sorted(CONTACTS) == [0, ACTUATOR, DRILL_TOOL, BOTH]
+
+
+@pytest.mark.parametrize("contact", sorted(CONTACTS))
+@pytest.mark.parametrize("share", [0.0, 0.4])
+def test_the_dampers_take_the_integral_of_c_v_squared(contact, share):
+    segment = CONTACTS[contact]
+    start, end = share * segment["duration"], min(segment["duration"], 5e-4)
+    for body, name, loss in (
+        (1, "load_spring_damping", energy.load_damper_loss),
+        (7, "drill_tool_damping", energy.drill_tool_damper_loss),
+    ):
+        expected = segment[name] * integral(
+            lambda time, body=body: motion_at(segment, time)[body] ** 2, start, end
+        )
+        assert loss(segment, start, end) == pytest.approx(expected, rel=1e-7, abs=1e-18)
+
+
+@pytest.mark.parametrize("contact", sorted(CONTACTS))
+def test_the_actuator_s_work_is_the_integral_of_its_force_and_the_vibration(contact):
+    segment = CONTACTS[contact]
+    end = min(segment["duration"], 2e-4)
+    step = 1e-3 * end
+
+    def force(time):
+        """From the acceleration of the free mass, and the force on the drill tool."""
+        ahead, behind = motion_at(segment, time + step)[5], motion_at(segment, time - step)[5]
+        acceleration = (ahead - behind) / (2.0 * step)
+        on_tool = force_on_drill_tool(segment, time)[0] if contact & DRILL_TOOL else 0.0
+        return segment["free_mass"] * (acceleration - segment["gravity"]) + on_tool
+
+    def power(time):
+        phase = segment["vibration_phase"] + segment["vibration_frequency"] * time
+        _, v_hv = harmonic_vibration(
+            segment["vibration_amplitude"], segment["vibration_frequency"], phase
+        )
+        return force(time) * v_hv
+
+    expected = quad(power, 0.0, end, limit=500, epsrel=1e-7)[0] if contact & ACTUATOR else 0.0
+    size = quad(lambda time: abs(power(time)), 0.0, end, limit=500, epsrel=1e-4)[0]
+    assert energy.actuator_work(segment, 0.0, end) == pytest.approx(expected, abs=1e-4 * size)
+
+
+@given(
+    real=st.floats(-1e4, 0.0),
+    imaginary=st.floats(-1e6, 1e6),
+    duration=st.floats(1e-9, 1e-2),
+)
+def test_the_integral_of_an_exponential_is_exact_near_zero_too(real, imaginary, duration):
+    rate = complex(real, imaginary)
+    assume(abs(rate) * duration < 50.0)
+    value = energy.exponential_integral(rate, duration)
+    if abs(rate) * duration < 1e-3:
+        product = rate * duration
+        expected = duration * (1.0 + product / 2.0 + product**2 / 6.0 + product**3 / 24.0)
+    else:
+        expected = (np.exp(rate * duration) - 1.0) / rate
+    assert value == pytest.approx(expected, rel=1e-9)
+    assert energy.exponential_integral(0j, duration) == duration
+
+
+def test_every_name_is_that_of_its_term():
+    numbers = [getattr(energy, name.upper()) for name in energy.TERMS]
+    assert numbers == list(range(len(energy.TERMS)))
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_elastic_collisions_lose_nothing(regime):
+    segments, end = trajectory(regime, actuator_restitution=1.0, drill_tool_restitution=1.0)
+    joules = account(segments, end)
+    flow = joules[energy.ACTUATOR_WORK]
+    assert flow > 1.0
+    assert abs(joules[energy.ACTUATOR_COLLISIONS]) < 1e-9 * flow
+    if regime == "free":
+        assert abs(joules[energy.IMPACTS]) < 1e-9 * flow
+        assert joules[energy.RELEASE] == 0.0
+
+
+def test_a_collision_loses_what_its_restitution_says():
+    changes = {"actuator_restitution": 0.6, "drill_tool_restitution": 0.7, "gravity": 0.0}
+    engine = Engine(preset("free").replace(**changes), 0.2)
+    engine.advance(0, 0.3)
+    segments, impacts = engine.drain_covering()
+    lost = 0.0
+    for before, after in pairwise(segments):
+        if after["event"] == 2:
+            motion = motion_at(before, before["duration"])
+            masses = before["free_mass"], before["drill_tool_mass"]
+            reduced = masses[0] * masses[1] / sum(masses)
+            lost += 0.5 * reduced * (1.0 - 0.7**2) * (motion[5] - motion[7]) ** 2
+    assert len(impacts) > 20
+    assert account(segments, 0.3)[energy.IMPACTS] == pytest.approx(lost, rel=1e-6)
+
+
+def test_in_the_rock_all_that_is_transferred_is_absorbed():
+    engine = Engine(preset("drilling"), 0.2)
+    engine.advance(2, 0.0)
+    segments, impacts = engine.drain_covering()
+    joules = np.zeros(len(energy.TERMS))
+    energy.add_segments(RPUD, segments, 0, 0.0, 2, 0.0, joules)
+    absorbed = joules[energy.IMPACTS] + joules[energy.RELEASE]
+    assert impacts["energy_transferred"].sum() == pytest.approx(absorbed, rel=2e-3)
+    assert absorbed < impacts["energy"].sum()
+
+
+def test_accounts_of_parts_add_up():
+    segments, end = trajectory("drilling")
+    starts = segments["start_fraction"]
+    middle = 0.5 * (starts[40] + starts[41])
+    first, second = segments[:41], segments[40:]
+    whole = account(segments, end)
+    parts = account(first, middle) + account(second, end, start=middle)
+    assert parts == pytest.approx(whole, rel=1e-9, abs=1e-12)
+
+
+BREAKS = {
+    "a spring that is softer": ("load_spring_rate", 0, 1.0 - 1e-4),
+    "a nodal plane that moves too far": ("nodal_plane_sine", 0, 1.0 + 1e-3),
+    "a drill tool that moves too far": ("drill_tool_sine", DRILL_TOOL, 1.0 + 1e-3),
+    "a weaker damping": ("nodal_plane_decay_rate", 0, 1.0 - 1e-3),
+}
+
+
+@pytest.mark.parametrize("name", BREAKS)
+def test_a_segment_that_breaks_its_equation_of_motion_shows(name):
+    field, contact, factor = BREAKS[name]
+    segments, end = trajectory("drilling", rpud_damping_ratio=0.9)
+    assert abs(residual(account(segments, end))) < 1e-12
+    number = np.flatnonzero((segments["contact"] == contact) & (segments["duration"] > 1e-6))[20]
+    segments[field][number] *= factor
+    assert abs(residual(account(segments, end))) > 1e-12
+
+
+@settings(max_examples=20)
+@given(mass=st.floats(0.5, 2.0), start=st.floats(0.0, 0.2))
+def test_gravity_on_the_drill_is_work_on_the_rpud(mass, start):
+    segments, end = trajectory("drilling", rpud_mass=mass, gravity_on_drill=True)
+    first = max(int(np.searchsorted(segments["start_fraction"], start, side="right")) - 1, 0)
+    part = segments[first:]
+    sound = energy.RpudConstants(mass, True, math.inf)
+    assert abs(residual(account(part, end, sound, start))) < 1e-9
+    assert abs(residual(account(part, end, sound._replace(gravity_acts=False), start))) > 1e-7
+
+
+def test_the_terms_of_an_empty_stretch_are_zero():
+    segments = np.zeros(1, SEGMENT)
+    segments["duration"] = 1.0
+    assert not account(segments, 0.0).any()

@@ -1,0 +1,141 @@
+"""The energy account closes, whatever the drill, its commands, its faults and its blocks."""
+
+import dataclasses
+import json
+import math
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.model.parameters import CONTACT_MODELS, REGIMES
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy, mean_account
+from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.simulation.simulation import Simulation
+
+SECOND = 1_000_000_000
+PHYSICAL = ["free_mass_jammed", "lost_preload", "load_spring_binding", "restitution_loss"]
+
+restitutions = st.sampled_from([0.0, 0.3, 0.9, 1.0])
+drills = st.fixed_dictionaries(
+    {"regime": st.sampled_from(REGIMES)},
+    optional={
+        "contact_model": st.sampled_from(CONTACT_MODELS),
+        "strike_pair": st.booleans(),
+        "gravity_on_drill": st.booleans(),
+        "actuator_restitution": restitutions,
+        "drill_tool_restitution": restitutions,
+        "rpud_damping_ratio": st.sampled_from([0.0, 0.1, 0.99]),
+        "drill_tool_damping_ratio": st.sampled_from([0.0, 0.1, 0.9]),
+        "gravity": st.sampled_from([0.0, 1.62, 100.0]),
+        "rpud_mass": st.floats(0.1, 100.0),
+        "free_mass": st.floats(1e-3, 0.1),
+        "drill_tool_mass": st.floats(1e-3, 1.0),
+        "load_spring_rate": st.floats(100.0, 1e5),
+        "restoring_spring_rate": st.floats(100.0, 1e6),
+        "vibration_frequency": st.sampled_from([1000.0, 16000.0, 40000.0]),
+    },
+)
+changes = st.one_of(
+    st.floats(0.0, 100.0).map(WeightOnBit),
+    st.builds(Drive, st.booleans(), st.floats(0.0, 150.0), st.sampled_from([900.0, 15990.0])),
+    st.sampled_from(PHYSICAL).map(Fault),
+    st.sampled_from(REGIMES),
+    st.none(),  # faults end
+)
+plans = st.lists(st.tuples(st.integers(0, SECOND // 4), changes), max_size=6)
+
+
+def put_into_force(simulation, change):
+    if change is None:
+        simulation.clear_all()
+    elif isinstance(change, str):
+        parameters = simulation.parameters.replace(regime=change)
+        simulation.configure(dataclasses.replace(simulation.configuration, parameters=parameters))
+    elif isinstance(change, Fault):
+        if change.kind not in [record.fault.kind for record in simulation.faults.active]:
+            simulation.inject(change)
+    else:
+        simulation.apply(change)
+
+
+def throughput(account):
+    """Everything that flowed, whichever way, and the motion that it went through [J]."""
+    return sum(map(abs, dataclasses.astuple(dataclasses.replace(account, electrical=0.0))))
+
+
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(values=drills, plan=plans, phase=st.floats(0.0, 1.0))
+def test_the_account_closes(values, plan, phase):
+    simulation = Simulation(preset(values["regime"]).replace(**values), phase)
+    account = EnergyAccount()
+    for at, change in sorted(plan, key=lambda item: item[0]):
+        account += EnergyAccount.of(simulation.advance_to(at))
+        put_into_force(simulation, change)
+    account += EnergyAccount.of(simulation.advance_to(SECOND * 3 // 10))
+    assert abs(account.residual) <= 1e-9 * throughput(account) + 1e-15
+    for name in ("load_damper", "drill_tool_damper", "release"):
+        assert getattr(account, name) >= -1e-12 * throughput(account)
+    # Collisions never add energy; what the resolution of contacts moves is a nanometre's work.
+    lost = account.impacts + account.actuator_collisions
+    assert lost >= -1e-6 * throughput(account) - 1e-9
+
+
+def test_it_is_the_same_in_any_blocks():
+    accounts = []
+    for step in (SECOND, SECOND // 100, 12_345_678):
+        simulation = Simulation(preset("drilling"), 0.3)
+        account = EnergyAccount()
+        while simulation.time < SECOND:
+            account += EnergyAccount.of(simulation.advance_to(min(simulation.time + step, SECOND)))
+        accounts.append(dataclasses.astuple(account))
+    for other in accounts[1:]:
+        assert other == pytest.approx(accounts[0], rel=1e-9, abs=1e-12, nan_ok=True)
+
+
+def test_the_gain_model_has_no_electrical_energy():
+    account = EnergyAccount.of(Simulation(preset("drilling")).advance_to(SECOND // 10))
+    assert math.isnan(account.electrical)
+    content = json.loads(json.dumps(account.to_dict(), allow_nan=False))
+    assert content["electrical"] is None
+    assert content["residual"] == account.residual
+    assert content["actuator_work"] > 0.0
+
+
+def test_the_mean_is_term_by_term():
+    one, other = EnergyAccount(actuator_work=1.0, stored=3.0), EnergyAccount(actuator_work=2.0)
+    assert mean_account([one, other]) == EnergyAccount(actuator_work=1.5, stored=1.5)
+
+
+def test_powers_are_those_of_the_last_second_and_balance():
+    simulation = Simulation(preset("drilling"), 0.3)
+    recent = RecentEnergy()
+    assert set(recent.powers().values()) == {0.0}
+    blocks = [simulation.advance_to(number * SECOND // 100) for number in range(1, 351)]
+    for block in blocks:
+        recent.add(block)
+    powers = recent.powers()
+    last = sum((EnergyAccount.of(block) for block in blocks[-100:]), EnergyAccount())
+    assert powers["actuator_power"] == pytest.approx(last.actuator_work)
+    assert powers["absorbed_power"] == pytest.approx(last.absorbed)
+    inflow = powers["actuator_power"] + powers["weight_power"] + powers["change_power"]
+    outflow = sum(
+        powers[f"{name}_power"] for name in ("load_damper", "collision", "absorbed", "stored")
+    )
+    assert inflow == pytest.approx(outflow, rel=1e-9)
+
+
+def test_a_step_of_no_length_leaves_the_powers():
+    simulation = Simulation(Configuration())
+    recent = RecentEnergy()
+    recent.add(simulation.advance_to(SECOND // 2))
+    powers = recent.powers()
+    recent.add(simulation.advance_to(SECOND // 2))
+    assert recent.powers() == pytest.approx(powers)
+
+
+def test_the_kinds_of_faults_here_exist():
+    assert set(PHYSICAL) < set(KINDS)
