@@ -61,7 +61,9 @@ TOOLS: Mapping[str, Tool] = MappingProxyType(
             "mass and rate of two springs in series, E_dt as printed",
             {"contact_model": "rayleigh", "elastic_modulus": PRINTED_MODULUS},
         ),
-        "mode_shape": Tool("mass and rate of the shape (24), steel", {"contact_model": "mode_shape"}),
+        "mode_shape": Tool(
+            "mass and rate of the shape (24), steel", {"contact_model": "mode_shape"}
+        ),
         "mode_shape, E printed": Tool(
             "mass and rate of the shape (24), E_dt as printed",
             {"contact_model": "mode_shape", "elastic_modulus": PRINTED_MODULUS},
@@ -225,7 +227,7 @@ class Reading:
 
     @property
     def consistent(self) -> bool:
-        """Whether amplitude, restitution and gravity are the same before drilling and in the rock."""
+        """Whether A, e_1 and g are the same before drilling and in the rock."""
         return all(
             getattr(self.before, name) == getattr(self.rock, name)
             for name in ("vibration_amplitude", "actuator_restitution", "gravity")

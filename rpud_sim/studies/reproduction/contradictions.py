@@ -35,7 +35,7 @@ def contradiction_rows(result: Reproduction) -> list[Row]:
             "Fig. 12 and Table 2",
             "1650 N and 42 µm at 5 m/s",
             "Table 2 with (20)-(36) as printed",
-            f"{_blow('printed')} with steel, {_blow('printed, E printed')} with the printed modulus",
+            f"{_blow('printed')} with steel, {_blow('printed, E printed')} with E_dt as printed",
         ),
         (
             "(22) and (24)",
@@ -127,8 +127,9 @@ def _masses() -> str:
         for name in ("printed", "rayleigh", "mode_shape")
     }
     return (
-        f"(22) as printed {masses['printed']:.3f} g, with the shape (24) {masses['mode_shape']:.3f} "
-        f"g, with the opposite one {masses['rayleigh']:.3f} g; Fig. 12 implies "
+        f"(22) as printed {masses['printed']:.3f} g, with the shape (24) "
+        f"{masses['mode_shape']:.3f} g, with the opposite one {masses['rayleigh']:.3f} g; "
+        "Fig. 12 implies "
         f"{1e3 * figure_12_implies()['tool_mass']:.2f} g"
     )
 
@@ -136,7 +137,8 @@ def _masses() -> str:
 def _section_mass() -> float:
     drill = preset("drilling")
     volume = (
-        drill.section_1_area * drill.section_1_length + drill.section_2_area * drill.section_2_length
+        drill.section_1_area * drill.section_1_length
+        + drill.section_2_area * drill.section_2_length
     )
     return 1e3 * drill.drill_tool_density * volume
 
@@ -145,8 +147,8 @@ def _amplitude(result: Reproduction) -> str:
     fits = [fit for fit in result.fits if fit.reading.consistent]
     best = min(fits, key=lambda fit: fit.order)
     return (
-        f"with one A, e_1 and g for both, {best.near()} of 10 numbers within 10 % at best; with two "
-        f"amplitudes, {result.best.near()} of 10"
+        f"with one A, e_1 and g for both, {best.near()} of 10 numbers within 10 % at best; with "
+        f"two amplitudes, {result.best.near()} of 10"
     )
 
 

@@ -26,9 +26,7 @@ def summary(result: Reproduction) -> list[str]:
         f"The presets reproduce {presets.near()} of {total} within 10 %; the model is typically "
         f"off by a factor of {np.exp(presets.misfit):.1f}."
     )
-    one = min(
-        (fit for fit in result.fits if fit.reading.consistent), key=lambda fit: fit.order
-    )
+    one = min((fit for fit in result.fits if fit.reading.consistent), key=lambda fit: fit.order)
     lines.append(
         "The paper's 35 µm fits before drilling, and about half of it fits in the rock. With one "
         f"amplitude, restitution and gravity for both, the best is “{one.reading.name}”, with "
@@ -115,7 +113,10 @@ def captioned_values(result: Reproduction, keys: tuple[str, ...]) -> list[str]:
             for number in numbers
         )
         + (f"; {_share(result, fit)} of the forces from 400 to 2200 N" if share else "")
-        for drill, fit in ((PRESETS, result.presets), (f"best: {result.best.reading.name}", result.best))
+        for drill, fit in (
+            (PRESETS, result.presets),
+            (f"best: {result.best.reading.name}", result.best),
+        )
         if numbers
     ]
 
@@ -129,4 +130,5 @@ def effort_text(result: Reproduction) -> str:
     effort = ", ".join(
         f"{name} {value}" for name, value in dataclasses.asdict(result.effort).items()
     )
-    return f"{effort}; the search made {result.search.runs} runs and compared {result.search.compared} sets"
+    search = result.search
+    return f"{effort}; the search made {search.runs} runs and compared {search.compared} sets"

@@ -25,7 +25,7 @@ _BEFORE_REASONS = (
     "Before drilling: Table 1 as printed, A = 35 µm and both restitutions one.",
     "Before drilling: no gravity, because Table 1 has none, and no weight on bit.",
     "Before drilling: m_dt is 2.124 g in place of 13.5 g, the mass that the shape (24) gives the "
-    "tool; the paper's program may have kept it in both sections.",
+    "tool. That the paper's program used it in both sections is a guess.",
 )
 _DOUBT = (
     "35 µm fits before drilling, half of it in the rock. One amplitude for both does not fit both."

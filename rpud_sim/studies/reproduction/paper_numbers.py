@@ -65,7 +65,7 @@ _LABELS = {
     "contact_force_low": "low",
     "contact_force_high": "high",
     "peak_force": "force",
-    "peak_displacement": "way",
+    "peak_displacement": "displacement",
     "nodal_plane_displacement": "nodal plane",
     "drill_tool_displacement": "drill tool",
 }
@@ -99,8 +99,6 @@ GROUPS = {
     "before drilling": tuple(number for number in SIMULATED if number.regime == "free"),
     "drilling dynamics": tuple(number for number in SIMULATED if number.source in _DYNAMICS),
     "contact": tuple(
-        number
-        for number in SIMULATED
-        if number.regime != "free" and number.source not in _DYNAMICS
+        number for number in SIMULATED if number.regime != "free" and number.source not in _DYNAMICS
     ),
 }

@@ -10,8 +10,8 @@ from scipy import stats
 
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.studies.reproduction.bar_study import BarStudy, Comparison, run_bar_study
-from rpud_sim.studies.reproduction.jobs import Track, silent
 from rpud_sim.studies.reproduction.choices import Reading
+from rpud_sim.studies.reproduction.jobs import Track, silent
 from rpud_sim.studies.reproduction.named_readings import NAMED, PRESETS
 from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED, NUMBERS
 from rpud_sim.studies.reproduction.parameter_studies import (
@@ -50,7 +50,7 @@ class Effort:
 
     search_points: int = 64
     refined_points: int = 16
-    search_members: int = 2
+    search_members: int = 3
     window_members: int = 40
     study_members: int = 12
     study_duration: float = 20.0
@@ -193,9 +193,7 @@ def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
     )
 
 
-def _extras(
-    reading: Reading, windows: dict[Parameters, Members]
-) -> dict[str, float]:
+def _extras(reading: Reading, windows: dict[Parameters, Members]) -> dict[str, float]:
     regimes = dict(zip(_EXTRAS, ("drilling", "free"), strict=True))
     return {
         name: float(np.nanmean(windows[reading.parameters(regime)].values[name]))

@@ -64,12 +64,11 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _figures(result: Reproduction) -> dict[str, Figure]:
-    named = [fit for _, fit in rows.named_readings(result)]
     return {
         **run_figures(result.presets.reading, result.best.reading),
         **plot_studies(result.studies),
         **plot_bar_study(result.bar),
-        "readings": plot_readings(named),
+        "readings": plot_readings(rows.named_fits(result)),
         "search": plot_search(result.search.ridges),
     }
 
@@ -85,8 +84,8 @@ def _context(result: Reproduction, command: str) -> dict[str, Any]:
         "scores": rows.score_rows(result),
         "measured": rows.measured_rows(result),
         "named": [
-            {"reading": reading, "rows": rows.reading_rows(fit), "near": fit.near()}
-            for reading, fit in rows.named_readings(result)
+            {"reading": fit.reading, "rows": rows.reading_rows(fit), "near": fit.near()}
+            for fit in rows.named_fits(result)
         ],
         "numbers": rows.number_rows(result),
         "choices": rows.choice_rows(result),

@@ -6,7 +6,8 @@ import dataclasses
 
 from rpud_sim.model.parameters import CONTACT_MODELS
 from rpud_sim.simulation import preset
-from rpud_sim.studies.reproduction.choices import TOOLS, Reading
+from rpud_sim.studies.reproduction.choices import TOOLS
+from rpud_sim.studies.reproduction.named_readings import NAMED
 from rpud_sim.studies.reproduction.paper_numbers import (
     CONTACT_SPEED,
     GROUPS,
@@ -70,14 +71,12 @@ def score_rows(result: Reproduction) -> list[tuple[Cell, ...]]:
         (
             Cell(str(rank)),
             Cell(fit.reading.name),
-            Cell("fitted" if fit.reading.searched else "named"),
+            Cell("found" if fit.reading.searched else "named"),
             *(_cell(fit.values[number.key], number) for number in SCORED),
             Cell(f"{fit.close_figures} of {len({number.source for number in SIMULATED})}"),
             Cell(f"{fit.near()} of {len(SIMULATED)}"),
             *(Cell(_group_score(fit, name)) for name in GROUPS),
-            Cell(
-                f"{fit.misfit:.3f} [{fit.misfit_interval[0]:.3f}, {fit.misfit_interval[1]:.3f}]"
-            ),
+            Cell(f"{fit.misfit:.3f} [{fit.misfit_interval[0]:.3f}, {fit.misfit_interval[1]:.3f}]"),
         )
         for rank, fit in enumerate(result.fits, 1)
     ]
@@ -92,7 +91,11 @@ def measured_rows(result: Reproduction) -> list[tuple[Cell, ...]]:
     rows: dict[str, tuple[Cell, ...]] = {}
     for fit in result.fits:
         numbers = [_cell(fit.values[number.key], number) for number in MEASURED]
-        row = (Cell(str(fit.reading.before)), *numbers, Cell(f"{fit.group_misfits['measured']:.2f}"))
+        row = (
+            Cell(str(fit.reading.before)),
+            *numbers,
+            Cell(f"{fit.group_misfits['measured']:.2f}"),
+        )
         rows.setdefault(row[0].text, row)
     return list(rows.values())
 
@@ -106,7 +109,7 @@ def choice_rows(result: Reproduction) -> list[Row]:
 
 def reading_rows(fit: Fit) -> list[tuple[Cell, ...]]:
     """Return for each number of one reading the row under ``HEADINGS["reading"]``."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for number in SCORED:
         value = fit.values[number.key]
         rows.append(
@@ -229,6 +232,6 @@ def tool_rows() -> list[Row]:
     return rows
 
 
-def named_readings(result: Reproduction) -> list[tuple[Reading, Fit]]:
-    """Return the named readings with their fits, the best first."""
-    return [(fit.reading, fit) for fit in result.fits if not fit.reading.searched]
+def named_fits(result: Reproduction) -> list[Fit]:
+    """Return the fits of the named readings, in the order of their list."""
+    return [result.fit(reading.name) for reading in NAMED]

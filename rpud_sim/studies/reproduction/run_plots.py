@@ -82,7 +82,11 @@ def run_figures(presets: Reading, best: Reading) -> dict[str, Figure]:
 
 def _show(label: str, color: str, reading: Reading) -> Shown:
     return Shown(
-        label, color, reading, _run(reading.parameters("free")), _run(reading.parameters("drilling"))
+        label,
+        color,
+        reading,
+        _run(reading.parameters("free")),
+        _run(reading.parameters("drilling")),
     )
 
 
@@ -122,7 +126,9 @@ def _reacting_force(shown: list[Shown], regime: str) -> Figure:
         time, samples = _sample(getattr(item, regime), 0.0, LONG, 10_000)
         mean = samples.reacting_force.mean()
         axis.plot(time, samples.reacting_force, linewidth=0.4, color=item.color, alpha=0.6)
-        axis.axhline(mean, color=item.color, linestyle="--", label=f"{item.label}: mean {mean:.1f} N")
+        axis.axhline(
+            mean, color=item.color, linestyle="--", label=f"{item.label}: mean {mean:.1f} N"
+        )
     paper = _PAPER[f"{regime}_reacting_force_mean"]
     axis.axhline(paper, color=PAPER_COLOR, linestyle=":", label=f"paper: mean {paper:g} N")
     axis.set(xlabel="time [s]", ylabel="reacting force [N]")
@@ -187,7 +193,9 @@ def _kinetic_energy(shown: list[Shown]) -> Figure:
             axis.step(time, share * arriving, style, where="post", color="gray", linewidth=0.8,
                       label=f"best, {name}")  # fmt: skip
     paper = _PAPER["drilling_kinetic_energy"]
-    axis.plot([0.0, SHORT], [0.0, paper], ":", color=PAPER_COLOR, label=f"paper: {paper:g} J in 0.6 s")
+    axis.plot(
+        [0.0, SHORT], [0.0, paper], ":", color=PAPER_COLOR, label=f"paper: {paper:g} J in 0.6 s"
+    )
     axis.set(xlabel="time [s]", ylabel="kinetic energy to the drill tool [J]")
     axis.legend(fontsize="small")
     return figure
@@ -211,13 +219,11 @@ def _single_contact(shown: list[Shown]) -> Figure:
         axis.set_ylim(bottom=0.0)
     axes[0, 0].set(xlabel="time [µs]", ylabel="displacement [µm]")
     axes[0, 1].set(xlabel="time [µs]", ylabel="contact force [N]")
-    axes[0, 0].legend(fontsize="x-small")
+    axes[0, 1].legend(fontsize="x-small")
     return figure
 
 
-def _draw_contact(
-    axes: np.ndarray, drill: Parameters, style: str, color: str, label: str
-) -> None:
+def _draw_contact(axes: np.ndarray, drill: Parameters, style: str, color: str, label: str) -> None:
     duration = single_contact(drill, CONTACT_SPEED).duration
     time = np.linspace(0.0, duration, 200)
     displacement, force = contact_history(drill, CONTACT_SPEED, time)

@@ -150,9 +150,7 @@ def columns_of(
     return {number.key: _column(number, reading, windows) for number in numbers}
 
 
-def _column(
-    number: Number, reading: Reading, windows: Mapping[Parameters, Members]
-) -> np.ndarray:
+def _column(number: Number, reading: Reading, windows: Mapping[Parameters, Members]) -> np.ndarray:
     if number.regime == "contact":
         return np.array([getattr(_blow(reading.rock.tool, reading.rock.gravity), number.figure)])
     values = windows[reading.parameters(number.regime)].values

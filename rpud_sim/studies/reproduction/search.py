@@ -135,7 +135,9 @@ def simulate(
     random = np.random.default_rng(seed)
     phases = PHASE_SPREAD * random.uniform(-1.0, 1.0, (len(unique), members))
     jobs = list(zip(unique, phases, strict=True))
-    return dict(zip(unique, gather(lambda job: run_windows(*job, long), jobs, title, track), strict=True))
+    return dict(
+        zip(unique, gather(lambda job: run_windows(*job, long), jobs, title, track), strict=True)
+    )
 
 
 def design(count: int, seed: int, centre: Point | None = None, side: float = 1.0) -> list[Point]:
@@ -153,10 +155,10 @@ def design(count: int, seed: int, centre: Point | None = None, side: float = 1.0
     half = 0.5 * side * (high - low)
     low, high = np.maximum(low, middle - half), np.minimum(high, middle + half)
     points = qmc.scale(qmc.Sobol(3, seed=seed).random(count), low, high)
-    digits = np.rint(-np.log10(step)).astype(int)
+    digits = np.rint(-np.log10(step)).astype(int).tolist()
     return [
-        tuple(round(float(value), int(places)) for value, places in zip(point, digits, strict=True))
-        for point in points
+        (round(amplitude, digits[0]), round(weight, digits[1]), round(restitution, digits[2]))
+        for amplitude, weight, restitution in points.tolist()
     ]
 
 
@@ -173,7 +175,9 @@ def search(points: int, refined: int, members: int, seed: int, track: Track) -> 
     finder = _Finder(members, seed, track)
     wide = design(points, seed)
     families = _families()
-    finder.run([item.at(point) for family in families.values() for item in family for point in wide])
+    finder.run(
+        [item.at(point) for family in families.values() for item in family for point in wide]
+    )
     best = {name: finder.best_of(family, wide) for name, family in families.items()}
     ranked = sorted(best, key=lambda name: finder.misfit(best[name]))
     for number, side in enumerate(_REFINEMENTS, 1):
@@ -219,9 +223,11 @@ def _families() -> dict[str, list[Candidate]]:
 def _readings(best: dict[str, Candidate]) -> Iterable[Reading]:
     for tool in TOOLS:
         one, rock = best[f"{tool} / one"], best[f"{tool} / rock"].rock
-        assert one.before and one.rock and rock
+        assert one.before is not None
+        assert one.rock is not None
+        assert rock is not None
         before = best[f"before / {rock.count}"].before
-        assert before
+        assert before is not None
         yield Reading(f"found, {tool}", before, rock)
         yield Reading(f"found with one A and e_1, {tool}", one.before, one.rock)
 
@@ -251,9 +257,7 @@ class _Finder:
         drills = [drill for item in candidates for drill in item.drills()]
         unknown = [drill for drill in dict.fromkeys(drills) if drill not in self._windows]
         self._seed += 1
-        self._windows |= simulate(
-            unknown, self._members, self._seed, "search", self._track, _LONG
-        )
+        self._windows |= simulate(unknown, self._members, self._seed, "search", self._track, _LONG)
 
     def best_of(self, family: Sequence[Candidate], points: Sequence[Point]) -> Candidate:
         """Return the candidate of the least misfit, over discrete choices and points."""

@@ -69,9 +69,7 @@ def plot_studies(studies: dict[str, list[Study]]) -> dict[str, Figure]:
         _draw(axes[0, 0], _find(group, "weight_on_bit"), "reacting_force_mean", drill, color, 1.0)
     weights = _find(next(iter(studies.values())), "weight_on_bit").values
     axes[0, 0].plot(weights, weights, ":", color="gray", label="reacting force = weight on bit")
-    axes[0, 0].set(
-        xlabel="weight on bit [N] (range assumed)", ylabel="average reacting force [N]"
-    )
+    axes[0, 0].set(xlabel="weight on bit [N] (range assumed)", ylabel="average reacting force [N]")
     axes[0, 0].legend(fontsize="small")
     figures["figure_23"] = figure
     return figures
@@ -81,9 +79,7 @@ def _find(studies: list[Study], parameter: str) -> Study:
     return next(study for study in studies if study.parameter == parameter)
 
 
-def _draw(
-    axis: Axes, study: Study, output: str, label: str, color: str, scale: float
-) -> None:
+def _draw(axis: Axes, study: Study, output: str, label: str, color: str, scale: float) -> None:
     axis.errorbar(
         scale * study.values,
         study.mean(output),

@@ -33,13 +33,13 @@ HEADINGS = {
 }  # fmt: skip
 
 HOW_TO_READ = (
-    "A *reading* is one set of choices in what the paper leaves open. Before drilling these are the "
-    "amplitude A, e_1, gravity g and the drill tool's mass m_dt. In the rock they are A, e_1, g, the "
-    "weight on bit W, the drill tool (its effective mass and its spring rate), and what “kinetic "
-    "energy transferred” means. A choice may differ before drilling and in the rock.",
+    "A *reading* is one set of choices in what the paper leaves open. Before drilling these are "
+    "the amplitude A, e_1, gravity g and the drill tool's mass m_dt. In the rock they are A, e_1, "
+    "g, the weight on bit W, the drill tool (its effective mass and its spring rate), and what "
+    "“kinetic energy transferred” means. A choice may differ before drilling and in the rock.",
     "A reading is *named* if it has reasons; each is listed with them, and they say which values "
-    "are fitted. A reading is *fitted* if a search found it by the very numbers that it is compared "
-    "with: its score shows what can be reached, and explains nothing.",
+    "are fitted. A reading is *found* if a search chose it by the very numbers that it is "
+    "compared with: its score shows what can be reached, and explains nothing.",
     "The search takes Sobol points in A (10 to 40 µm), W (0 to 16 N) and e_1 (0.4 to 1) for each "
     "discrete choice, and refines them around the best. For each tool it keeps two readings: the "
     "best one, and the best one that has the same A, e_1 and g before drilling and in the rock.",
@@ -97,7 +97,9 @@ Figs. 20 and 21 are measurements of another drill than the tables describe; mode
 {{ table(headings.measured, measured) }}
 ## Named readings
 {% for item in named %}
-### {{ item.reading.name }}: {{ item.near }} of 10 within 10 %
+### {{ item.reading.name }}
+
+{{ item.near }} of 10 simulated numbers within 10 %.
 {% for reason in item.reading.reasons %}
 - {{ reason }}
 {%- endfor %}
@@ -128,8 +130,8 @@ The measured reacting force rises with the weight on bit. In the model its slope
 ## The energy balance compared with an elastic bar
 
 The drill tool as a stepped elastic bar, fixed in the rock, struck by the rigid free mass at 5 m/s;
-× is the ratio to the bar, `given` is the tool that Fig. 12 implies. Force and displacement grow with
-the speed.
+× is the ratio to the bar, `given` is the tool that Fig. 12 implies. Force and displacement grow
+with the speed.
 {% for title, rows in bar.items() %}
 {{ title | capitalize }}:
 {{ table(headings.bar, rows) }}
@@ -236,8 +238,9 @@ Before drilling, it measured 2.6 mm (nodal plane), 14 mm (drill tool) and 5.2 N;
 <h2>The energy balance compared with an elastic bar</h2>
 <p>The drill tool as a stepped elastic bar, fixed in the rock, struck by the rigid free mass: the
 one-dimensional wave equation with linear finite elements, a Runge-Kutta method of order 8,
-unilateral contact. × is the ratio to the bar, <code>given</code> the tool that Fig. 12 implies. The bar and all contact models are linear but for
-gravity: force and displacement grow with the speed, contact time and restitution do not change.
+unilateral contact. × is the ratio to the bar, <code>given</code> the tool that Fig. 12 implies.
+The bar and all contact models are linear but for gravity: force and displacement grow with the
+speed, contact time and restitution do not change.
 The ripple on the force of the bar's first wave is that of the mesh.</p>
 {{ picture(images.bar_contact, "one blow") }}
 {{ picture(images.bar_trends, "blows over free mass and speed") }}
