@@ -1,6 +1,7 @@
 """Choices: the drills they give, and what an impact is said to transfer."""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -23,6 +24,7 @@ from rpud_sim.studies.reproduction.choices import (
 )
 from rpud_sim.studies.reproduction.reproduction import figure_12_implies
 from rpud_sim.studies.reproduction.single_contact import single_contact
+from rpud_sim.studies.reproduction.wording import plain
 
 MASSES = st.floats(1e-4, 1e-1)
 
@@ -99,3 +101,25 @@ def test_a_reading_is_consistent_if_both_regimes_share_amplitude_restitution_and
     for change in ({"vibration_amplitude": 1e-5}, {"actuator_restitution": 0.5}, {"gravity": 0.0}):
         other = dataclasses.replace(reading, rock=dataclasses.replace(reading.rock, **change))
         assert not other.consistent
+
+
+def test_the_page_on_the_model_shows_the_contact_models_as_they_are():
+    page = (Path(__file__).parents[3] / "docs" / "explanation" / "model.md").read_text(
+        encoding="utf-8"
+    )
+    section = page[page.index("## Four contact models") : page.index("## A jammed free mass")]
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in section.splitlines()
+        if line.startswith("|")
+    ]
+
+    for column, model in enumerate(rows[0][1:], 1):
+        drill = preset("drilling").replace(contact_model=model.strip("`"))
+        contact = single_contact(drill, 5.0)
+        cells = {row[0].partition(" at ")[0]: row[column] for row in rows}
+        assert f"{1e3 * contact.tool_mass:.3f} g" in cells["m_eff,dt"]
+        assert f"{contact.tool_spring_rate:.4g} N/m" in cells["k_eff,dt"]
+        assert cells["contact force"] == f"{plain(contact.peak_force)} N"
+        assert cells["displacement"] == f"{plain(1e6 * contact.peak_displacement)} um"
+        assert cells["contact time"] == f"{1e6 * contact.duration:#.3g} us"
