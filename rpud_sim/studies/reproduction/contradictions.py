@@ -9,7 +9,12 @@ from rpud_sim.studies.reproduction.choices import (
     SHAPE_MASS,
     TOOLS,
 )
-from rpud_sim.studies.reproduction.named_readings import AS_FIGURE_12, PRESETS, REASONED
+from rpud_sim.studies.reproduction.named_readings import (
+    AS_FIGURE_12,
+    AS_FIGURE_12_PRINTED_AMPLITUDE,
+    PRESETS,
+    REASONED,
+)
 from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED
 from rpud_sim.studies.reproduction.reproduction import (
     BEST,
@@ -47,15 +52,15 @@ def contradiction_rows(result: Reproduction) -> list[Row]:
             "(27) and Fig. 7(b)",
             "(27) = (k_1² - k_1 k_2 + k_2²)/(k_1 + k_2)",
             "two springs in series give k_1 k_2/(k_1 + k_2)",
-            f"{plain(_rate('printed'))} against {plain(_rate('rayleigh'))} N/m; Fig. 12 implies "
-            f"{plain(figure_12_implies()['tool_spring_rate'])} N/m",
+            f"{_rate('printed'):.4g} against {_rate('rayleigh'):.4g} N/m; Fig. 12 implies "
+            f"{figure_12_implies()['tool_spring_rate']:.4g} N/m",
         ),
         (
             "Table 2: E_dt",
             "1.96e9 Pa",
             "steel, with its density of 7.9e3 kg/m³, has about 1.96e11 Pa",
-            f"two springs in series have {plain(_rate('rayleigh, E printed'))} N/m with the first, "
-            f"{plain(_rate('rayleigh'))} N/m with the second",
+            f"two springs in series have {_rate('rayleigh, E printed'):.4g} N/m with the first, "
+            f"{_rate('rayleigh'):.4g} N/m with the second",
         ),
         (
             "Tables 1 and 2: mass of the tool",
@@ -146,9 +151,11 @@ def _section_mass() -> float:
 def _amplitude(result: Reproduction) -> str:
     fits = [fit for fit in result.fits if fit.reading.consistent]
     best = min(fits, key=lambda fit: fit.order)
+    printed = result.fit(AS_FIGURE_12_PRINTED_AMPLITUDE)
     return (
-        f"with one A, e_1 and g for both, {best.near()} of 10 numbers within 10 % at best; with "
-        f"two amplitudes, {result.best.near()} of 10"
+        f"numbers within 10 %: {best.near()} of 10 with one A, e_1 and g for both; "
+        f"{printed.near()} of 10 with 35 µm in both and e_1 = 0.4 in the rock; "
+        f"{result.best.near()} of 10 with two amplitudes"
     )
 
 

@@ -7,7 +7,12 @@ import dataclasses
 import numpy as np
 
 from rpud_sim.model.parameters import CONTACT_MODELS
-from rpud_sim.studies.reproduction.named_readings import AS_FIGURE_12, PRESETS, REASONED
+from rpud_sim.studies.reproduction.named_readings import (
+    AS_FIGURE_12,
+    AS_FIGURE_12_PRINTED_AMPLITUDE,
+    PRESETS,
+    REASONED,
+)
 from rpud_sim.studies.reproduction.paper_numbers import NUMBERS, SIMULATED
 from rpud_sim.studies.reproduction.reproduction import BEST, Reproduction
 from rpud_sim.studies.reproduction.rows import trend_rows
@@ -26,11 +31,13 @@ def summary(result: Reproduction) -> list[str]:
         f"The presets reproduce {presets.near()} of {total} within 10 %; the model is typically "
         f"off by a factor of {np.exp(presets.misfit):.1f}."
     )
+    printed = result.fit(AS_FIGURE_12_PRINTED_AMPLITUDE)
     one = min((fit for fit in result.fits if fit.reading.consistent), key=lambda fit: fit.order)
     lines.append(
-        "The paper's 35 µm fits before drilling, and about half of it fits in the rock. With one "
+        "The paper's 35 µm fits before drilling, and about half of it fits in the rock. With 35 µm "
+        f"in both and e_1 = 0.4 in the rock, {printed.near()} of {total} are within 10 %. With one "
         f"amplitude, restitution and gravity for both, the best is “{one.reading.name}”, with "
-        f"{one.near()} of {total} within 10 % ({one.reading.before}; {one.reading.rock})."
+        f"{one.near()} of {total} within 10 % and a misfit of {one.misfit:.2f} ({one.reading.before}; {one.reading.rock})."
     )
     missing = ", ".join(entry["key"] for entry in not_reproduced(result.fits))
     lines.append(f"Numbers that no reading reproduces within 10 %: {missing or 'none'}.")

@@ -15,6 +15,7 @@ from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.studies.reproduction import findings, rows
 from rpud_sim.studies.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
 from rpud_sim.studies.reproduction.contradictions import contradiction_rows
+from rpud_sim.studies.reproduction.named_readings import AS_FIGURE_12
 from rpud_sim.studies.reproduction.reproduction import Reproduction
 from rpud_sim.studies.reproduction.run_plots import run_figures
 from rpud_sim.studies.reproduction.study_plots import (
@@ -24,6 +25,7 @@ from rpud_sim.studies.reproduction.study_plots import (
     plot_studies,
 )
 from rpud_sim.studies.reproduction.templates import BODY, HEADINGS, HOW_TO_READ, MARKDOWN
+from rpud_sim.studies.reproduction.wording import show
 
 REPORT = "report.html"
 NUMBERS_FILE = "numbers.json"
@@ -82,6 +84,7 @@ def _context(result: Reproduction, command: str) -> dict[str, Any]:
         "how_to_read": HOW_TO_READ,
         "headings": HEADINGS,
         "scores": rows.score_rows(result),
+        "nodal_plane": show(result.extras[AS_FIGURE_12]["nodal_plane_mean"], "m"),
         "measured": rows.measured_rows(result),
         "named": [
             {"reading": fit.reading, "rows": rows.reading_rows(fit), "near": fit.near()}
