@@ -37,7 +37,8 @@ def summary(result: Reproduction) -> list[str]:
         "The paper's 35 µm fits before drilling, and about half of it fits in the rock. With 35 µm "
         f"in both and e_1 = 0.4 in the rock, {printed.near()} of {total} are within 10 %. With one "
         f"amplitude, restitution and gravity for both, the best is “{one.reading.name}”, with "
-        f"{one.near()} of {total} within 10 % and a misfit of {one.misfit:.2f} ({one.reading.before}; {one.reading.rock})."
+        f"{one.near()} of {total} within 10 % and a misfit of {one.misfit:.2f} "
+        f"({one.reading.before}; {one.reading.rock})."
     )
     missing = ", ".join(entry["key"] for entry in not_reproduced(result.fits))
     lines.append(f"Numbers that no reading reproduces within 10 %: {missing or 'none'}.")

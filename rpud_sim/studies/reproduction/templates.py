@@ -93,9 +93,9 @@ The choices of each:
 {{ table(headings.choices, choices) }}
 ## Measured values
 
-Model over paper. The paper says that the measured drill's parameters differ from those of the tables.
-The greatest displacement is compared. The mean displacement of the
-nodal plane, {{ nodal_plane }} with “Fig. 12's tool”, is nearer to 2.6 mm.
+Model over paper. The paper says that the measured drill's parameters differ from those of its
+tables. The greatest displacement is compared. The mean displacement of the nodal plane,
+{{ nodal_plane }} with “Fig. 12's tool”, is nearer to 2.6 mm.
 {{ table(headings.measured, measured) }}
 ## Named readings
 {% for item in named %}
