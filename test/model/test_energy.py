@@ -124,6 +124,7 @@ def test_the_integral_of_an_exponential_is_exact_near_zero_too(real, imaginary, 
         expected = (np.exp(rate * duration) - 1.0) / rate
     assert value == pytest.approx(expected, rel=1e-9)
     assert energy.exponential_integral(0j, duration) == duration
+    assert energy.exponential_integral(complex(0.0, 1e-313), duration) == pytest.approx(duration)
 
 
 def test_every_name_is_that_of_its_term():
