@@ -78,6 +78,12 @@ fuzz: SEED = 0
 fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and read BAGS hostile bags (20000)
 	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --bags $(BAGS) --seed $(SEED)
 
+.PHONY: random-sets
+random-sets: SETS = 400
+random-sets: SEED = 0
+random-sets: install/.package ## Simulate SETS random parameter sets (400) over the whole ranges: none may hang
+	@$(WITH_ENV) python test/random_sets.py --count $(SETS) --seed $(SEED)
+
 .PHONY: lock
 lock: ## Resolve the newest versions of toolchain/requirements/*.in into the lock files (needs uv)
 	toolchain/lock.sh
@@ -93,7 +99,7 @@ distclean: clean ## Remove the virtual environment as well
 .PHONY: help
 help: ## Show this help
 	@awk 'BEGIN { FS = ":.*## " } /^##@/ { printf "\n%s\n", substr($$0, 5) } \
-	  /^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	  /^[a-z-]+:.*## / { printf "  make %-11s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 # Set-up leaves stamps, so that it happens once for each state of the files that it depends on. Python sources are
 # not among them: colcon links to them.

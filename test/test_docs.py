@@ -12,6 +12,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from rpud_sim.cli.main import COMMANDS
+from rpud_sim.model import tolerances
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
@@ -20,6 +21,7 @@ from rpud_sim.simulation.configuration import (
     Configuration,
     Settings,
 )
+from rpud_sim.simulation.energy_account import EnergyAccount
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -199,3 +201,17 @@ def test_every_page_is_in_the_index():
     index = (DOCS / "index.md").read_text()
     pages = {str(page.relative_to(DOCS).with_suffix("")) for page in DOCS.rglob("*.md")}
     assert pages - {"index"} == set(re.findall(r"^([a-z/_-]+)$", index, re.MULTILINE))
+
+
+def test_the_table_of_tolerances_is_that_of_the_code():
+    def value(text):
+        return float(text.split()[0])
+
+    code = {name: getattr(tolerances, name) for name in dir(tolerances) if name.isupper()}
+    table = rows("explanation/engine.md", "How exact it is")
+    assert {row[0]: value(row[1]) for row in table} == code
+
+
+def test_the_table_of_the_energy_account_is_that_of_the_code():
+    table = [row[0] for row in rows("explanation/energy.md", "The energy account")]
+    assert table[: table.index("residual") + 1] == list(EnergyAccount().to_dict())

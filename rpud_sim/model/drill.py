@@ -126,6 +126,7 @@ STATE = np.dtype(
         ("impacts", np.uint64),  # on the drill tool, so far
         ("impact_open", np.uint8),  # whether the last of them is still in contact
         ("standstill", np.int64),  # events in a row without time passing
+        ("effort", np.float64),  # on the event budget, see tolerances.py
         # Of a resonant vibration, see resonator.py; all else is zero if it is prescribed.
         ("resonant", np.uint8),
         ("steady", np.uint8),  # no update until a contact or a command

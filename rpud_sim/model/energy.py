@@ -59,8 +59,8 @@ class RpudConstants(NamedTuple):
 @compiled
 def exponential_integral(rate, duration):
     """Integral of exp(rate s) over a duration, with a complex rate [1/s]."""
-    if rate == 0.0:
-        return complex(duration)
+    if abs(rate) * duration < 1e-9:
+        return duration * (1.0 + 0.5 * rate * duration)
     growth = math.expm1(rate.real * duration)
     half = math.sin(0.5 * rate.imag * duration)
     turned = 2.0 * half * half
@@ -81,11 +81,19 @@ def product_integral(first, first_rate, second, second_rate, duration):
 @compiled
 def square_integral(first, first_rate, second, second_rate, duration):
     """Integral of the square of Re(first exp(first_rate s)) + Re(second exp(second_rate s))."""
-    total = product_integral(first, first_rate, first, first_rate, duration)
-    if second != 0.0:
-        total += 2.0 * product_integral(first, first_rate, second, second_rate, duration)
-        total += product_integral(second, second_rate, second, second_rate, duration)
-    return total
+    return (
+        product_integral(first, first_rate, first, first_rate, duration)
+        + 2.0 * product_integral(first, first_rate, second, second_rate, duration)
+        + product_integral(second, second_rate, second, second_rate, duration)
+    )
+
+
+@compiled
+def decaying_from(cosine, sine, decay_rate, angular_frequency, start):
+    """Complex amplitude [m] and rate [1/s] of a decaying part, from a time on."""
+    rate = complex(-decay_rate, angular_frequency)
+    amplitude = complex(cosine, -sine)
+    return (amplitude * cmath.exp(rate * start) if start > 0.0 else amplitude), rate
 
 
 @compiled
@@ -96,18 +104,35 @@ def nodal_plane_parts(segment, start):
         Amplitude [m] and rate [1/s] of the decaying part, amplitude [m] of the steady vibration,
         turn exp(i phi) and rate [1/s] of the harmonic vibration, all complex.
     """
-    rate = complex(-segment.nodal_plane_decay_rate, segment.nodal_plane_angular_frequency)
-    decaying = complex(segment.nodal_plane_cosine, -segment.nodal_plane_sine)
+    decaying, rate = decaying_from(
+        segment.nodal_plane_cosine,
+        segment.nodal_plane_sine,
+        segment.nodal_plane_decay_rate,
+        segment.nodal_plane_angular_frequency,
+        start,
+    )
     cycles = segment.vibration_phase + segment.vibration_frequency * start
     turn = cmath.exp(complex(0.0, TWO_PI * cycles))
     steady = complex(segment.nodal_plane_vibration_cosine, -segment.nodal_plane_vibration_sine)
     omega = complex(0.0, TWO_PI * segment.vibration_frequency)
-    return decaying * cmath.exp(rate * start), rate, steady * turn, turn, omega
+    return decaying, rate, steady * turn, turn, omega
 
 
 @compiled
 def load_damper_loss(segment, start, end):
     """Energy that the damping of the load spring takes in a part of a segment [J]."""
+    if not segment.contact & CONTACT_ACTUATOR:
+        decaying, rate = decaying_from(
+            segment.nodal_plane_cosine,
+            segment.nodal_plane_sine,
+            segment.nodal_plane_decay_rate,
+            segment.nodal_plane_angular_frequency,
+            start,
+        )
+        velocity = rate * decaying
+        return segment.load_spring_damping * product_integral(
+            velocity, rate, velocity, rate, end - start
+        )
     decaying, rate, steady, _, omega = nodal_plane_parts(segment, start)
     return segment.load_spring_damping * square_integral(
         rate * decaying, rate, omega * steady, omega, end - start
@@ -126,13 +151,15 @@ def drill_tool_damper_loss(segment, start, end):
         return segment.drill_tool_damping * square_integral(
             rate * decaying, rate, omega * tip, omega, duration
         )
-    rate = complex(-segment.drill_tool_decay_rate, segment.drill_tool_angular_frequency)
-    decaying = complex(segment.drill_tool_cosine, -segment.drill_tool_sine) * cmath.exp(
-        rate * start
+    decaying, rate = decaying_from(
+        segment.drill_tool_cosine,
+        segment.drill_tool_sine,
+        segment.drill_tool_decay_rate,
+        segment.drill_tool_angular_frequency,
+        start,
     )
-    return segment.drill_tool_damping * square_integral(
-        rate * decaying, rate, complex(0.0), complex(0.0), duration
-    )
+    velocity = rate * decaying
+    return segment.drill_tool_damping * product_integral(velocity, rate, velocity, rate, duration)
 
 
 @compiled
@@ -179,10 +206,10 @@ def stored_energy(segment, motion, rpud_mass):
 
 
 @compiled
-def add_motion(rpud, segment, start, end, account):
-    """Add what happens in a part of a segment, all but what is stored."""
-    u_start, _, _, _, fm_start, _, _, _ = motion_at(segment, start)
-    u_end, _, _, _, fm_end, _, _, _ = motion_at(segment, end)
+def add_motion(rpud, segment, start, end, begun, ended, account):
+    """Add what happens in a part of a segment, given ``motion_at`` its beginning and its end."""
+    u_start, _, _, _, fm_start, _, _, _ = begun
+    u_end, _, _, _, fm_end, _, _, _ = ended
     account[ACTUATOR_WORK] += actuator_work(segment, start, end)
     account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * (u_end - u_start)
     gravity_work = segment.free_mass * segment.gravity * (fm_end - fm_start)
@@ -267,7 +294,8 @@ def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fractio
     first = covering[0]
     start = float(start_seconds - first.start_seconds) + (start_fraction - first.start_fraction)
     start = min(max(start, 0.0), first.duration)
-    account[STORED] -= stored_energy(first, motion_at(first, start), rpud.mass)
+    motion = motion_at(first, start)
+    account[STORED] -= stored_energy(first, motion, rpud.mass)
     last = len(covering) - 1
     for i in range(last + 1):
         segment = covering[i]
@@ -275,12 +303,13 @@ def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fractio
         if i == last:
             end = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
             end = min(max(end, 0.0), segment.duration)
+        ended = motion_at(segment, end)
         if end > start:
-            add_motion(rpud, segment, start, end, account)
+            add_motion(rpud, segment, start, end, motion, ended, account)
         if i < last:
             after = covering[i + 1]
-            before = motion_at(segment, segment.duration)
-            add_change(segment, after, before, account)
-            add_event(rpud, before, motion_at(after, 0.0), after, account)
+            motion = motion_at(after, 0.0)
+            add_change(segment, after, ended, account)
+            add_event(rpud, ended, motion, after, account)
         start = 0.0
-    account[STORED] += stored_energy(covering[last], motion_at(covering[last], end), rpud.mass)
+    account[STORED] += stored_energy(covering[last], ended, rpud.mass)

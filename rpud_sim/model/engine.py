@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import NoReturn
 
 import numpy as np
 
 from rpud_sim.model.drill import STATE, Drill, derive
-from rpud_sim.model.events import FULL, STALLED, advance, interrupt, start
+from rpud_sim.model.events import FULL, OVERLOADED, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Account, Resonance, account
 from rpud_sim.model.seating import seating
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
-from rpud_sim.model.tolerances import LONGEST_STANDSTILL
+from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
+from rpud_sim.model.unusual import unusual_values
 
 # Records that one call of the kernel can return; it is called again when they are full. With larger
 # arrays, every call gets fresh memory from the system, and short blocks take a fifth longer.
@@ -20,7 +22,7 @@ _CAPACITY = 256
 
 
 class EngineError(RuntimeError):
-    """Failure of the engine; the text contains the state and its time."""
+    """Failure of the engine; the text is one line with the time and the likely parameters."""
 
 
 class Engine:
@@ -40,6 +42,7 @@ class Engine:
         drive: bool = True,
         resonance: Resonance | None = None,
     ) -> None:
+        self._parameters = parameters
         self._drill = derive(parameters)
         self._target = self._drill
         # Times and constants of the steps to come.
@@ -84,7 +87,7 @@ class Engine:
         """Advance to a time, whole seconds and a fraction from 0 to 1; not back.
 
         Raises:
-            EngineError: if events follow each other without time passing.
+            EngineError: if events follow each other without time passing, or exceed their budget.
         """
         while self._seating and self._seating[0][0] <= (seconds, fraction):
             time, drill = self._seating.popleft()
@@ -115,7 +118,7 @@ class Engine:
             resonance_frequency: of a resonance [Hz].
 
         Raises:
-            EngineError: if events follow each other without time passing.
+            EngineError: if events follow each other without time passing, or exceed their budget.
         """
         self.advance(seconds, fraction)
         if drill != self._target:
@@ -172,8 +175,15 @@ class Engine:
             self._segments.append(segments[:written])
             self._impacts.append(impacts[:count])
         if status == STALLED:
-            values = dict(zip(STATE.names or (), self._state[0].tolist(), strict=True))
-            raise EngineError(f"more than {LONGEST_STANDSTILL} events at one instant: {values}")
+            self._fail(f"more than {LONGEST_STANDSTILL} events at one instant")
+        if status == OVERLOADED:
+            self._fail(f"events exceed their budget of {EVENT_BUDGET:g} in a simulated second")
+
+    def _fail(self, reason: str) -> NoReturn:
+        state = self._state[0]
+        time = float(state["seconds"] + state["fraction"])
+        unusual = ", ".join(unusual_values(self._parameters, self._drill, state))
+        raise EngineError(f"{reason} at {time:.6g} s, with {unusual}")
 
     def _interrupt(
         self,

@@ -46,6 +46,8 @@ from rpud_sim.model.segment import (
     motion_at,
 )
 from rpud_sim.model.tolerances import (
+    EVENT_BUDGET,
+    GREATEST_EFFORT,
     LEAST_DEFORMATION,
     LONGEST_SEGMENT,
     LONGEST_STANDSTILL,
@@ -55,10 +57,12 @@ from rpud_sim.model.tolerances import (
 )
 from rpud_sim.model.vibration import TWO_PI, advance_phase
 
-# How an advance ends: at the requested time, with no room for more results, or in a standstill.
+# How an advance ends: at the requested time, with no room for more results, in a standstill, or
+# with more events than their budget.
 DONE = 0
 FULL = 1
 STALLED = 2
+OVERLOADED = 3
 
 
 @compiled
@@ -79,6 +83,7 @@ def move_state(state, segment, time):
     state.seconds += seconds
     state.fraction = fraction
     state.phase = advance_phase(state.phase, state.frequency, time)
+    state.effort = max(state.effort - EVENT_BUDGET * time, 0.0)
 
 
 @compiled
@@ -133,8 +138,8 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
         impacts[count] = impact
         count += 1
         state.impact_open = 0
-    if state.impact_open:
-        # The actuator struck the pair: the contact goes on.
+    if state.impact_open and drill.strike_pair:
+        # The actuator struck both: the contact goes on.
         impact.impulse += collisions.impulse
         impact.energy_transferred += collisions.energy_transferred
     if impacted:
@@ -157,6 +162,7 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
 def open_segment(drill, state, segment):
     """Write the segment that follows from the state, with its event and duration."""
     begin_segment(drill, state, segment)
+    state.effort += 1.0
     end, duration = next_event(drill, state, segment)
     segment.duration = duration
     state.next_event = end
@@ -221,7 +227,7 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
         impacts: room for finished impacts, at least two more than segments.
 
     Returns:
-        DONE, FULL or STALLED, and the numbers of finished segments and impacts.
+        DONE, FULL, STALLED or OVERLOADED, and the numbers of finished segments and impacts.
     """
     state = states[0]
     segment = open_segments[0]
@@ -236,6 +242,8 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
             return FULL, written, count
         if state.standstill > LONGEST_STANDSTILL:
             return STALLED, written, count
+        if state.effort > GREATEST_EFFORT:
+            return OVERLOADED, written, count
         segments[written] = segment
         written += 1
         count = pass_event(drill, state, segment, impact, impacts, count)

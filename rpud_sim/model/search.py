@@ -33,6 +33,7 @@ from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
 from rpud_sim.model.tolerances import (
     LONGEST_SEARCH,
     LONGEST_SEGMENT,
+    STEP_EFFORT,
     TIME_RESOLUTION,
     TOUCHING,
     WEAKEST_PULL,
@@ -82,7 +83,8 @@ def first_root(segment, end, limit):
     """Time for which a guard stays positive, up to a limit [s].
 
     Returns:
-        The time until which it is certain to be positive, and whether it is zero there.
+        The time until which it is certain to be positive, whether it is zero there, and the number
+        of steps.
     """
     bounds = guard_bounds(segment, end)
     bound = max(bounds.second, LEAST_BOUND)
@@ -90,7 +92,7 @@ def first_root(segment, end, limit):
     slow_bound = max(bounds.slow_second, LEAST_BOUND)
     allowance = allowance_of(end)
     time = 0.0
-    for _ in range(LONGEST_SEARCH):
+    for number in range(LONGEST_SEARCH):
         value, slope, curvature, slow, slow_slope = guard_at(segment, end, time)
         # The guard is certain to rise to `crest` before it can fall.
         crest = value + max(slope, 0.0) ** 2 / (2.0 * bound)
@@ -106,11 +108,11 @@ def first_root(segment, end, limit):
         if slope >= 0.0:
             step = max(step, 10.0 * TIME_RESOLUTION)
         elif value <= 0.0 or step < TIME_RESOLUTION:
-            return time, True
+            return time, True, number + 1
         time += step
         if not time < limit:
-            return limit, False
-    return time, False
+            return limit, False, number + 1
+    return time, False, LONGEST_SEARCH
 
 
 @compiled
@@ -128,16 +130,20 @@ def fall_time(gap, velocity, gravity):
 
 
 @compiled
-def sooner(segment, end, duration, event):
-    """Return the given duration and event, or those of a guard if they are sooner."""
-    time, is_root = first_root(segment, end, duration)
+def sooner(state, segment, end, duration, event):
+    """Return the given duration and event, or those of a guard if they are sooner.
+
+    The steps of the search add to the state's effort.
+    """
+    time, is_root, steps = first_root(segment, end, duration)
+    state.effort += steps * STEP_EFFORT
     if time < duration:
         return time, end if is_root else END_LIMIT
     return duration, event
 
 
 @compiled
-def sooner_release(segment, duration, event):
+def sooner_release(state, segment, duration, event):
     """Return the given duration and event, or those of the three bodies' contact if sooner.
 
     Either force may vanish long before the other: the search follows both by turns, in growing
@@ -146,8 +152,8 @@ def sooner_release(segment, duration, event):
     span = FIRST_SPAN
     while True:
         span = min(span, duration)
-        time, end = sooner(segment, END_DRILL_TOOL_RELEASE, span, event)
-        time, end = sooner(segment, END_ACTUATOR_RELEASE, time, end)
+        time, end = sooner(state, segment, END_DRILL_TOOL_RELEASE, span, event)
+        time, end = sooner(state, segment, END_ACTUATOR_RELEASE, time, end)
         if time < span or span == duration:
             return time, end
         span *= 8.0
@@ -176,9 +182,9 @@ def next_event(drill, state, segment):
     contact = state.contact
     if contact == CONTACT_BOTH:
         if drill.jammed:
-            duration, event = sooner(segment, END_ACTUATOR_RELEASE, duration, event)
+            duration, event = sooner(state, segment, END_ACTUATOR_RELEASE, duration, event)
         else:
-            duration, event = sooner_release(segment, duration, event)
+            duration, event = sooner_release(state, segment, duration, event)
         return event, duration
     wedged = drill.jammed and contact & CONTACT_DRILL_TOOL
     if contact == CONTACT_DRILL_TOOL and not wedged and segment.drill_tool_decay_rate == 0.0:
@@ -200,9 +206,9 @@ def next_event(drill, state, segment):
         end = END_DRILL_TOOL_IMPACT
         if contact & CONTACT_DRILL_TOOL:
             end = END_DRILL_TOOL_RELEASE
-        duration, event = sooner(segment, end, duration, event)
+        duration, event = sooner(state, segment, end, duration, event)
     if drill.in_rock and not contact & CONTACT_DRILL_TOOL and not state.tool_at_rest:
-        duration, event = sooner(segment, END_DRILL_TOOL_REST, duration, event)
+        duration, event = sooner(state, segment, END_DRILL_TOOL_REST, duration, event)
     end = END_ACTUATOR_RELEASE if contact & CONTACT_ACTUATOR else END_ACTUATOR_IMPACT
-    duration, event = sooner(segment, end, duration, event)
+    duration, event = sooner(state, segment, end, duration, event)
     return event, duration

@@ -58,3 +58,11 @@ UPDATES_PER_DECAY = 40.0
 # this limit it would never return.
 LONGEST_STANDSTILL = 10_000
 SHORTEST_SEGMENT = 1e-13
+
+# Events that one simulated second may have. A drill has a thousand to a hundred thousand. Bodies of
+# a microgram have millions: a second of theirs would take minutes. A step of a search counts as
+# STEP_EFFORT of an event. The effort falls by EVENT_BUDGET in a simulated second; the engine fails
+# when it exceeds GREATEST_EFFORT.
+EVENT_BUDGET = 5e5
+STEP_EFFORT = 0.01
+GREATEST_EFFORT = 1e5

@@ -22,12 +22,14 @@ class Channel:
         scale: a disturbance of the main quantity that mission software notices, assumed [unit].
         numbers: every measured number; the first is the main quantity.
         flags: every measured truth value.
+        added: those of both that version 0.1.0 had not.
     """
 
     unit: str
     scale: float
     numbers: tuple[Path, ...]
     flags: tuple[Path, ...] = ()
+    added: tuple[Path, ...] = ()
 
 
 CHANNELS: Mapping[str, Channel] = {
@@ -55,6 +57,9 @@ CHANNELS: Mapping[str, Channel] = {
             ("impact_velocity",),
             ("impulse",),
             ("energy",),
+            ("energy_transferred",),
         ),
+        (("squeezed",),),
+        (("energy_transferred",), ("squeezed",)),
     ),
 }

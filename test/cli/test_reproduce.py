@@ -8,7 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from markupsafe import escape
 
+from rpud_sim.studies.reproduction.choices import TOOLS
+from rpud_sim.studies.reproduction.named_readings import NAMED
 from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
 
 
@@ -38,7 +41,7 @@ def test_the_report_stands_alone(made):
 
     pictures = re.findall(r'src="([^"]*)"', page)
     assert all(source.startswith("data:image/png;base64,") for source in pictures)
-    assert len(pictures) == len(list(folder.glob("*.png"))) == 18
+    assert len(pictures) == len(list(folder.glob("*.png"))) == 19
     assert not re.search("https?:", page)
     assert "default-src 'none'" in page, "a browser would load nothing"
     for figure in (3, 4, 5, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18):
@@ -50,15 +53,37 @@ def test_every_number_is_there_with_its_interval_under_every_reading(made):
 
     assert numbers == json.loads((folder / "numbers.json").read_text(encoding="utf-8"))
     assert set(numbers["numbers"]) == {number.key for number in NUMBERS}
-    assert len(numbers["readings"]) == 112
-    misfits = [reading["misfit"] for reading in numbers["readings"]]
-    assert misfits == sorted(misfits)
+    named = {reading.name for reading in NAMED}
+    assert named <= {reading["name"] for reading in numbers["readings"]}
+    assert len(numbers["readings"]) == len(NAMED) + 2 * len(TOOLS)
+    close = [reading["close_figures"] for reading in numbers["readings"]]
+    assert close == sorted(close, reverse=True)
     for reading in numbers["readings"]:
+        assert bool(reading["reasons"]) == (reading["name"] in named)
         assert set(reading["values"]) == set(numbers["numbers"])
-        for value in reading["values"].values():
+        for key, value in reading["values"].items():
             assert math.isfinite(value["mean"])
             assert value["standard_error"] >= 0.0
             assert value["low"] <= value["high"]
+            paper = numbers["numbers"][key]["paper"]
+            assert value["over_paper"] == pytest.approx(value["mean"] / paper)
+
+
+def test_the_score_of_each_reading_is_written_and_colored(made):
+    folder, numbers = made
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    table = page[page.index("<h2>Scores") : page.index("<h3>Measured values")]
+
+    colored = re.findall(r'<td class="([\w-]+)">([\d.]+)</td>', table)
+    assert len(colored) == 10 * len(numbers["readings"])
+    for grade, ratio in colored:
+        assert (grade == "near") <= (0.895 <= float(ratio) <= 1.105)
+        assert f"td.{grade} {{ background:" in page
+    for reading in NAMED:
+        assert f"<td>{escape(reading.name)}</td>" in table
+        for reason in reading.reasons:
+            assert escape(reason) in page
+    assert "prefers-color-scheme: dark" in page
 
 
 def test_trends_that_nobody_doubts_are_found(made):

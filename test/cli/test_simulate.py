@@ -178,7 +178,10 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
             ["--set", "rpud_damping_ratio=1"],
             "rpud_damping_ratio = 1 is outside its range [0, 1)",
         ),
-        (["--set", "contact_model=x"], "contact_model = 'x' is not one of printed, rayleigh"),
+        (
+            ["--set", "contact_model=x"],
+            "contact_model = 'x' is not one of printed, rayleigh, mode_shape, given",
+        ),
         (["--set", "scenario=3"], "scenario = 3 is not a text"),
         (["--set", "drive_enabled=1"], "drive_enabled = 1 is not true or false"),
         (["--set", "oops"], "'oops' is not of the form name=value"),

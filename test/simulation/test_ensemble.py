@@ -89,22 +89,22 @@ def member(value):
 
 
 def test_means_and_standard_errors_are_those_of_the_members():
-    ensemble = Ensemble((0.1, 0.2, 0.3), (member(1.0), member(2.0), member(6.0)), 1.0)
+    ensemble = Ensemble((0.1, 0.2, 0.3), (member(1.0), member(2.0), member(6.0)), (), 1.0)
     assert ensemble.mean() == {"duration": 2.0} | dict.fromkeys(FIGURES, 3.0)
     expected = math.sqrt((4.0 + 1.0 + 9.0) / 2.0 / 3.0)
     assert ensemble.standard_error() == pytest.approx(dict.fromkeys(FIGURES, expected))
 
 
 def test_members_without_a_figure_are_left_out_of_its_mean():
-    ensemble = Ensemble((0.1, 0.2, 0.3), (member(None), member(2.0), member(4.0)), 1.0)
+    ensemble = Ensemble((0.1, 0.2, 0.3), (member(None), member(2.0), member(4.0)), (), 1.0)
     assert ensemble.mean()["contact_force_mean"] == 3.0
     assert ensemble.standard_error()["contact_force_mean"] == pytest.approx(1.0)
-    nobody = Ensemble((0.1,), (member(None),), 1.0)
+    nobody = Ensemble((0.1,), (member(None),), (), 1.0)
     assert nobody.mean()["contact_force_mean"] is None
 
 
 def test_one_member_has_its_own_figures_and_no_error():
-    ensemble = Ensemble((0.1,), (member(5),), 1.0)
+    ensemble = Ensemble((0.1,), (member(5),), (), 1.0)
     assert ensemble.mean()["events"] == 5
     assert type(ensemble.mean()["events"]) is int
     assert ensemble.standard_error() == dict.fromkeys(FIGURES)
@@ -112,7 +112,7 @@ def test_one_member_has_its_own_figures_and_no_error():
 
 def test_an_ensemble_does_not_change():
     with pytest.raises(dataclasses.FrozenInstanceError):
-        Ensemble((), (), 1.0).members = ()
+        Ensemble((), (), (), 1.0).members = ()
 
 
 # What runs in a drill, from the first command to a waveform; prints the kernels that it compiles.

@@ -27,7 +27,7 @@ def impacts(energies, spacing=0.002):
     times = spacing * np.arange(len(energies))
     records["seconds"] = times.astype(int)
     records["fraction"] = times % 1.0
-    records["energy"] = energies
+    records["energy_transferred"] = energies
     return records
 
 
@@ -77,6 +77,15 @@ def test_hard_rock_and_choking_slow_the_progress_by_their_factors():
     assert depth(records) > 0.0
 
 
+def test_a_free_mass_that_takes_energy_back_does_not_fill_the_hole():
+    progress = Progress(SANDSTONE)
+    depths = []
+    for energy in (0.3, -0.1, 0.05, 0.2):
+        progress.add(impacts([energy]))
+        depths.append(progress.depth)
+    assert depths == pytest.approx([depth(impacts([e])) for e in (0.3, 0.3, 0.3, 0.45)])
+
+
 def test_factors_hold_from_their_onset_on():
     records = impacts([0.2] * 10)
     progress = Progress(SANDSTONE)
@@ -108,7 +117,7 @@ def test_in_the_first_second_the_rate_is_the_mean_so_far():
 
 @settings(max_examples=10)
 @given(st.lists(st.integers(0, 2 * SECOND), max_size=20))
-def test_depth_of_a_run_is_its_energy(stops):
+def test_depth_of_a_run_is_the_energy_that_stays(stops):
     def drill(times):
         engine, progress, energy = Engine(preset("drilling")), Progress(SANDSTONE), 0.0
         for time in sorted({*times, 2 * SECOND}):
@@ -116,7 +125,7 @@ def test_depth_of_a_run_is_its_energy(stops):
             engine.advance(seconds, rest / SECOND)
             _, impacts = engine.drain()
             progress.add(impacts)
-            energy += float(impacts["energy"].sum())
+            energy += float(impacts["energy_transferred"].sum())
         return progress, energy
 
     (whole, energy), (parts, _) = drill([]), drill(stops)

@@ -250,6 +250,18 @@ def test_the_status_gives_every_field_of_its_message():
 # --- commands ---------------------------------------------------------------------------------
 
 
+def test_the_powers_of_the_status_balance():
+    run = begun()[0]
+    list(run.advance_to(SECOND))
+    _, _, fields = run.status("running", Bookkeeping())
+    inflow = sum(fields[f"{name}_power"] for name in ("actuator", "weight", "change"))
+    outflow = sum(
+        fields[f"{name}_power"] for name in ("load_damper", "collision", "absorbed", "stored")
+    )
+    assert fields["actuator_power"] > 10.0
+    assert inflow == pytest.approx(outflow, rel=1e-9)
+
+
 def test_while_inactive_nothing_acts_and_the_first_block_shows_it():
     run, messages = begun(active=False, journal=Journal())
     assert kinds(messages) == ["begin", "weight_on_bit", "drive", "origin"]

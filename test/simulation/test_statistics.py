@@ -10,7 +10,7 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.sampling import Times, sample
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import FIGURES, Statistics
+from rpud_sim.simulation.statistics import FIGURES, ForceClasses, Statistics
 
 SECOND = 1_000_000_000
 END = SECOND // 2
@@ -40,7 +40,9 @@ def test_one_block_or_many_give_the_same(regime, stops, commands):
     few, many = figures(run([])), figures(run(stops))
     assert many.pop("events") == few.pop("events")
     for name, value in few.items():
-        assert many[name] == pytest.approx(value, rel=1e-12), name
+        # Integrals over parts of a segment are rounded, and so is their difference to its whole.
+        tolerance = 1e-9 if name == "energy_absorbed_rate" else 1e-12
+        assert many[name] == pytest.approx(value, rel=tolerance), name
 
 
 @pytest.fixture(scope="module", params=["free", "drilling"])
@@ -67,6 +69,22 @@ def test_means_are_those_of_the_impacts(block):
     assert found["contact_force_max"] == impacts["peak_force"].max()
     assert found["contact_duration_mean"] == pytest.approx(impacts["contact_duration"].mean())
     assert found["kinetic_energy_rate"] == pytest.approx(impacts["energy"].sum() / 0.5)
+    transferred = impacts["energy_transferred"].sum() / 0.5
+    assert found["energy_transferred_rate"] == pytest.approx(transferred)
+    assert found["squeezed_impact_rate"] == impacts["squeezed"].sum() / 0.5
+    exact = np.quantile(impacts["peak_force"], 0.99, method="inverted_cdf")
+    assert found["contact_force_p99"] == pytest.approx(exact, rel=1.2e-3)
+
+
+@given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=300), st.floats(0.01, 1.0))
+def test_a_quantile_is_that_of_all_forces_however_they_are_counted(forces, share):
+    whole, parts = ForceClasses(), [ForceClasses(), ForceClasses()]
+    whole.add(np.array(forces))
+    parts[0].add(np.array(forces[::2]))
+    parts[1].add(np.array(forces[1::2]))
+    exact = np.quantile(forces, share, method="inverted_cdf")
+    assert whole.quantile(share) == pytest.approx(exact, rel=1.2e-3, abs=1e-6)
+    assert (parts[0] + parts[1]).quantile(share) == whole.quantile(share)
 
 
 def test_the_mean_reacting_force_is_the_integral_over_dense_samples(block):

@@ -11,6 +11,7 @@ import rpud_sim.bag
 from rpud_sim.foundation.html_pages import render_page
 from rpud_sim.inspection.output import output_reason
 from rpud_sim.inspection.report import pictures, rows
+from rpud_sim.inspection.report.power_flow import power_flow
 from rpud_sim.inspection.report.survey import Survey, survey
 from rpud_sim.inspection.report.template import BODY, HEADINGS
 from rpud_sim.inspection.report.topic_survey import MOST_SERIES, TopicSurvey
@@ -147,10 +148,12 @@ def _tiles(seen: Survey) -> list[tuple[str, str]]:
 def _impacts(seen: Survey, name: str) -> dict[str, Any]:
     topic, impacts = seen.topics[name], seen.impacts[name]
     has_impacts = topic.find("peak_force").count and topic.find("energy").count
+    powers = rows.mean_powers(seen, name)
     return {
         "name": name,
         "figures": rows.impact_rows(seen, name),
         "energy": rows.energy_rows(seen, name) if has_impacts else [],
+        "flow": pictures.encode(power_flow, powers) if powers else "",
         "over_time": has_impacts
         and pictures.encode(pictures.impacts_over_time, impacts, topic, seen.span),
         "distributions": has_impacts and pictures.encode(pictures.distributions, impacts, topic),

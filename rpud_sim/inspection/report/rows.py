@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from datetime import datetime, timezone
 
 from rpud_sim.inspection.report.drill_topics import FaultLog
+from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS
 from rpud_sim.inspection.report.running_statistics import Distribution
 from rpud_sim.inspection.report.survey import Survey
 from rpud_sim.inspection.report.topic_survey import TopicSurvey
@@ -112,6 +113,7 @@ def impact_rows(seen: Survey, name: str) -> Rows:
         ("drill_tool_impact_rate", show(rate, "1/s"), "of the intervals between impacts"),
         ("impact_velocity_mean", show(topic.find("impact_velocity").mean, "m/s"), ""),
         ("contact_force_mean", show(topic.find("peak_force").mean, "N"), "of the peaks"),
+        ("contact_force_p99", show(topic.find("peak_force").quantile(0.99), "N"), "99 % quantile"),
         ("contact_force_max", show(topic.find("peak_force").greatest, "N"), ""),
         ("contact_duration_mean", show(topic.find("contact_duration").mean, "s"), ""),
     ]
@@ -146,6 +148,11 @@ def energy_rows(seen: Survey, name: str) -> Rows:
         ("kinetic_energy_rate", show(power, "W"), "power that arrives at the drill tool"),
         ("impulse of an impact", show(topic.find("impulse").mean, "N s"), "on the drill tool"),
     ]
+    transferred = topic.find("energy_transferred")
+    if transferred.count:
+        stayed = transferred.mean * impacts.intervals.count / span if span > 0.0 else math.nan
+        text = "power that stays in drill tool and rock"
+        rows.append(("energy_transferred_rate", show(stayed, "W"), text))
     status = seen.sibling(name, STATUS)
     if status is None:
         return rows
@@ -168,6 +175,16 @@ def energy_rows(seen: Survey, name: str) -> Rows:
     else:
         rows.append(("depth", _UNSET, "rock_model is none: it is not modelled"))
     return rows
+
+
+def mean_powers(seen: Survey, name: str) -> dict[str, float]:
+    """Return the mean of each power in the status of one drill [W]; empty where one is missing."""
+    status = seen.sibling(name, STATUS)
+    names = (*INFLOWS, *OUTFLOWS)
+    found = {power: status.find(power) for power in names} if status is not None else {}
+    if not all(values.count for values in found.values()):
+        return {}
+    return {power: values.mean for power, values in found.items()}
 
 
 def timing_rows(seen: Survey) -> Rows:

@@ -64,6 +64,9 @@ BODY = """\
 {%- for item in impacts if item.energy %}
 <h3>{{ item.name }}</h3>
 {{ table(headings.figures, item.energy) }}
+{% if item.flow %}<p>Mean powers, of the reports in status.</p>
+{{ picture(item.flow, "flow of power through the drill") }}
+{%- else %}{{ missing("No flow of power: record the topic status.") }}{% endif %}
 {%- else %}
 {{ missing("No impacts: record the topic contact_force.") }}
 {%- endfor %}

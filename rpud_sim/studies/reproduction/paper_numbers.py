@@ -18,6 +18,7 @@ class Number:
         regime: of the model's run; ``contact`` is the single collision at 5 m/s.
         figure: name of the figure of that run.
         measured: whether the paper measured it, rather than simulated it.
+        label: short heading of its column.
     """
 
     key: str
@@ -28,6 +29,7 @@ class Number:
     regime: str
     figure: str
     measured: bool = False
+    label: str = ""
 
 
 CONTACT_SPEED = 5.0  # Fig. 12 [m/s]
@@ -59,13 +61,44 @@ _MEASURED = (
     ("free", "reacting_force_mean", 5.2, "N", "Fig. 21", "measured mean reacting force"),
 )  # fmt: skip
 
-NUMBERS = (
-    *(
-        Number(f"{regime}_{figure}", paper, unit, source, statement, regime, figure)
-        for regime, figure, paper, unit, source, statement in _SIMULATED
+_LABELS = {
+    "contact_force_low": "low",
+    "contact_force_high": "high",
+    "peak_force": "force",
+    "peak_displacement": "displacement",
+    "nodal_plane_displacement": "nodal plane",
+    "drill_tool_displacement": "drill tool",
+}
+
+
+def _label(source: str, figure: str) -> str:
+    return f"{source} {_LABELS[figure]}" if figure in _LABELS else source
+
+
+SIMULATED = tuple(
+    Number(
+        f"{regime}_{figure}", paper, unit, source, statement, regime, figure, False,
+        _label(source, figure),
+    )
+    for regime, figure, paper, unit, source, statement in _SIMULATED
+)  # fmt: skip
+MEASURED = tuple(
+    Number(
+        f"measured_{figure}", paper, unit, source, statement, regime, figure, True,
+        _label(source, figure),
+    )
+    for regime, figure, paper, unit, source, statement in _MEASURED
+)  # fmt: skip
+NUMBERS = (*SIMULATED, *MEASURED)
+
+KINETIC_ENERGY = "drilling_kinetic_energy"  # key of Fig. 13
+_DYNAMICS = ("Fig. 8", "Fig. 13", "Fig. 14")
+
+# The simulated numbers, by what of the drill they depend on.
+GROUPS = {
+    "before drilling": tuple(number for number in SIMULATED if number.regime == "free"),
+    "drilling dynamics": tuple(number for number in SIMULATED if number.source in _DYNAMICS),
+    "contact": tuple(
+        number for number in SIMULATED if number.regime != "free" and number.source not in _DYNAMICS
     ),
-    *(
-        Number(f"measured_{figure}", paper, unit, source, statement, regime, figure, True)
-        for regime, figure, paper, unit, source, statement in _MEASURED
-    ),
-)
+}

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from rpud_sim.simulation import preset
+from rpud_sim.simulation import Parameters, preset
 from rpud_sim.studies.reproduction.bar_study import BarStudy, Comparison, run_bar_study
+from rpud_sim.studies.reproduction.choices import Reading
 from rpud_sim.studies.reproduction.jobs import Track, silent
+from rpud_sim.studies.reproduction.named_readings import NAMED, PRESETS
 from rpud_sim.studies.reproduction.paper_numbers import CONTACT_SPEED, NUMBERS
 from rpud_sim.studies.reproduction.parameter_studies import (
     OUTPUTS,
@@ -19,10 +21,15 @@ from rpud_sim.studies.reproduction.parameter_studies import (
     find_trends,
     run_studies,
 )
-from rpud_sim.studies.reproduction.readings import Fit, Reading, not_reproduced, search
+from rpud_sim.studies.reproduction.scores import Fit, fit, not_reproduced
+from rpud_sim.studies.reproduction.search import Search, search, simulate
+from rpud_sim.studies.reproduction.windows import Members
 
-PRESETS = "presets"  # the paper's tables
 BEST = "best reading"
+
+_REGIMES = ("free", "drilling")
+# Shown beside the numbers, and scored nowhere.
+_EXTRAS = ("contact_force_share", "nodal_plane_mean")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,15 +37,21 @@ class Effort:
     """Amount of simulation for a reproduction.
 
     Args:
+        search_points: of the search's design, a power of two.
+        refined_points: of each refinement, a power of two.
+        search_members: runs per drill of the search.
         window_members: runs of the paper's windows per reading.
         study_members: runs per point of a study.
         study_duration: of each of these runs [s].
         study_points: number of values of each parameter.
         bar_elements: elements in part I of the elastic bar.
-        seed: of all initial phases.
+        seed: of the design and of all initial phases.
     """
 
-    window_members: int = 60
+    search_points: int = 64
+    refined_points: int = 16
+    search_members: int = 3
+    window_members: int = 40
     study_members: int = 12
     study_duration: float = 20.0
     study_points: int = 9
@@ -46,7 +59,7 @@ class Effort:
     seed: int = 0
 
 
-QUICK = Effort(4, 4, 2.0, 3, 4)
+QUICK = Effort(4, 2, 2, 4, 4, 2.0, 3, 4)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,35 +68,35 @@ class Reproduction:
 
     Args:
         effort: amount of simulation.
-        fits: of every reading, the best first.
+        search: for readings.
+        fits: of the named readings and of those found, the best first.
+        extras: means of further figures by reading, then by name.
         studies: by drill, ``PRESETS`` and ``BEST``.
         trends: verdicts on the studies, by drill.
         bar: study of the elastic bar.
     """
 
     effort: Effort
+    search: Search
     fits: list[Fit]
+    extras: dict[str, dict[str, float]]
     studies: dict[str, list[Study]]
     trends: dict[str, list[Trend]]
     bar: BarStudy
 
     @property
     def best(self) -> Fit:
-        """Fit of the reading that is best for all numbers together."""
+        """Fit of the reading with the most figures within 15 %."""
         return self.fits[0]
 
     @property
     def presets(self) -> Fit:
-        """Fit of the presets, with one collision of a cycle counted."""
-        drill = preset("drilling")
-        reading = Reading(
-            drill.vibration_amplitude,
-            drill.weight_on_bit,
-            drill.elastic_modulus,
-            drill.contact_model,
-            "one",
-        )
-        return next(fit for fit in self.fits if fit.reading == reading)
+        """Fit of the presets."""
+        return self.fit(PRESETS)
+
+    def fit(self, name: str) -> Fit:
+        """Return the fit of a reading by its name."""
+        return next(fit for fit in self.fits if fit.reading.name == name)
 
     def slope(self, drill: str) -> tuple[float, float]:
         """Return slope and half its 95 % interval of reacting force over weight on bit."""
@@ -100,7 +113,17 @@ class Reproduction:
         return {
             "effort": dataclasses.asdict(self.effort),
             "numbers": {number.key: dataclasses.asdict(number) for number in NUMBERS},
-            "readings": [_fit_numbers(fit) for fit in self.fits],
+            "readings": [
+                {**item.numbers(), **self.extras[item.reading.name]} for item in self.fits
+            ],
+            "search": {
+                "runs": self.search.runs,
+                "compared": self.search.compared,
+                "design": {
+                    tool: {"points": points.tolist(), "misfits": misfits.tolist()}
+                    for tool, (points, misfits) in self.search.ridges.items()
+                },
+            },
             "not_reproduced": not_reproduced(self.fits),
             "studies": {
                 drill: {study.parameter: _study_numbers(study) for study in group}
@@ -132,7 +155,21 @@ def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
         effort: amount of simulation.
         track: shows the progress.
     """
-    fits = search(effort.window_members, effort.seed, track)
+    found = search(
+        effort.search_points, effort.refined_points, effort.search_members, effort.seed, track
+    )
+    readings = (*NAMED, *found.readings)
+    # Other phases than those of the search, which chose its readings for how well they did there.
+    windows = simulate(
+        [reading.parameters(regime) for reading in readings for regime in _REGIMES],
+        effort.window_members,
+        effort.seed + 1000,
+        "readings",
+        track,
+    )
+    fits = sorted(
+        (fit(reading, windows, effort.seed) for reading in readings), key=lambda item: item.order
+    )
     drills = {PRESETS: preset("drilling"), BEST: fits[0].reading.parameters("drilling")}
     studies = {
         name: run_studies(
@@ -145,8 +182,23 @@ def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
         )
         for number, (name, drill) in enumerate(drills.items())
     }
-    trends = {name: find_trends(group) for name, group in studies.items()}
-    return Reproduction(effort, fits, studies, trends, run_bar_study(effort.bar_elements, track))
+    return Reproduction(
+        effort=effort,
+        search=found,
+        fits=fits,
+        extras={reading.name: _extras(reading, windows) for reading in readings},
+        studies=studies,
+        trends={name: find_trends(group) for name, group in studies.items()},
+        bar=run_bar_study(effort.bar_elements, track),
+    )
+
+
+def _extras(reading: Reading, windows: dict[Parameters, Members]) -> dict[str, float]:
+    regimes = dict(zip(_EXTRAS, ("drilling", "free"), strict=True))
+    return {
+        name: float(np.nanmean(windows[reading.parameters(regime)].values[name]))
+        for name, regime in regimes.items()
+    }
 
 
 def figure_12_implies() -> dict[str, float]:
@@ -164,10 +216,6 @@ def figure_12_implies() -> dict[str, float]:
     velocity = np.sqrt(square) * displacement
     mass = free_mass * (CONTACT_SPEED / velocity - 1.0)
     return {"tool_mass": float(mass), "tool_spring_rate": float(square * (free_mass + mass))}
-
-
-def _fit_numbers(fit: Fit) -> dict[str, Any]:
-    return {**dataclasses.asdict(fit), "near": fit.near}
 
 
 def _study_numbers(study: Study) -> dict[str, Any]:

@@ -12,20 +12,25 @@ from matplotlib.figure import Figure
 
 from rpud_sim.foundation.html_pages import render_page, to_png
 from rpud_sim.foundation.whole_folder import whole_file
-from rpud_sim.simulation import preset
-from rpud_sim.studies.reproduction import findings
+from rpud_sim.studies.reproduction import findings, rows
 from rpud_sim.studies.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
-from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
-from rpud_sim.studies.reproduction.reproduction import BEST, PRESETS, Reproduction
+from rpud_sim.studies.reproduction.contradictions import contradiction_rows
+from rpud_sim.studies.reproduction.named_readings import AS_FIGURE_12
+from rpud_sim.studies.reproduction.reproduction import Reproduction
 from rpud_sim.studies.reproduction.run_plots import run_figures
-from rpud_sim.studies.reproduction.study_plots import plot_bar_study, plot_readings, plot_studies
+from rpud_sim.studies.reproduction.study_plots import (
+    plot_bar_study,
+    plot_readings,
+    plot_search,
+    plot_studies,
+)
 from rpud_sim.studies.reproduction.templates import BODY, HEADINGS, HOW_TO_READ, MARKDOWN
+from rpud_sim.studies.reproduction.wording import show
 
 REPORT = "report.html"
 NUMBERS_FILE = "numbers.json"
 VALIDATION = "validation.md"
 
-_RANKING_LENGTH = 10  # rows of the table in validation.md
 _RESOLUTION = 110  # dots per inch
 
 
@@ -61,15 +66,12 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _figures(result: Reproduction) -> dict[str, Figure]:
-    shown = {
-        f"presets: {result.presets.reading}": result.presets,
-        f"best: {result.best.reading}": result.best,
-    }
     return {
-        **run_figures(preset("free"), preset("drilling")),
+        **run_figures(result.presets.reading, result.best.reading),
         **plot_studies(result.studies),
         **plot_bar_study(result.bar),
-        "readings": plot_readings(shown),
+        "readings": plot_readings(rows.named_fits(result)),
+        "search": plot_search(result.search.ridges),
     }
 
 
@@ -81,39 +83,32 @@ def _context(result: Reproduction, command: str) -> dict[str, Any]:
         "summary": findings.summary(result),
         "how_to_read": HOW_TO_READ,
         "headings": HEADINGS,
-        "numbers": findings.number_rows(result),
-        "missing": findings.missing_rows(result),
-        "ranking": findings.ranking_rows(result),
-        "ranking_heading": (*HEADINGS["ranking"], *(number.key for number in NUMBERS)),
-        "ranking_length": _RANKING_LENGTH,
-        "choices": findings.choice_rows(result),
-        "trends": {drill: findings.trend_rows(result, drill) for drill in result.trends},
+        "scores": rows.score_rows(result),
+        "nodal_plane": show(result.extras[AS_FIGURE_12]["nodal_plane_mean"], "m"),
+        "measured": rows.measured_rows(result),
+        "named": [
+            {"reading": fit.reading, "rows": rows.reading_rows(fit), "near": fit.near()}
+            for fit in rows.named_fits(result)
+        ],
+        "numbers": rows.number_rows(result),
+        "choices": rows.choice_rows(result),
+        "contradictions": contradiction_rows(result),
+        "trends": {drill: rows.trend_rows(result, drill) for drill in result.trends},
         "slopes": {drill: f"{slope:.3f} ± {half:.3f}" for drill, (slope, half) in slopes.items()},
-        "bar": findings.bar_rows(result),
-        "mesh": findings.mesh_rows(result),
-        "tools": findings.tool_rows(result),
-        "figures": [_captioned(result, name) for name in CAPTIONS],
+        "bar": rows.bar_tables(result),
+        "mesh": rows.mesh_rows(result),
+        "tools": rows.tool_rows(),
+        "figures": [
+            {
+                "name": name,
+                "title": title,
+                "paper": paper,
+                "model": findings.captioned_values(result, keys),
+            }
+            for name, (title, paper, keys) in CAPTIONS.items()
+        ],
         "study_figures": [
             {"name": name, "title": title, "paper": paper}
             for name, (title, paper) in STUDY_CAPTIONS.items()
-        ],
-    }
-
-
-def _captioned(result: Reproduction, name: str) -> dict[str, Any]:
-    title, paper, keys = CAPTIONS[name]
-    numbers = [number for number in NUMBERS if number.key in keys]
-    return {
-        "name": name,
-        "title": title,
-        "paper": paper,
-        "model": [
-            f"{drill}: "
-            + "; ".join(
-                f"{number.key} {findings.show_value(fit.values[number.key], number)}"
-                for number in numbers
-            )
-            for drill, fit in ((PRESETS, result.presets), (BEST, result.best))
-            if numbers
         ],
     }

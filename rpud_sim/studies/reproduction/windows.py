@@ -21,6 +21,7 @@ from rpud_sim.simulation.statistics import Statistics
 SHORT = 0.6  # Figs. 3, 8, 10, 11 and 13 [s]
 LONG = 5.0  # Fig. 5, and by assumption Fig. 14 [s]
 MOST_FORCES = (0.05, 0.95)  # quantiles that bound "most of the contact forces"
+FORCE_RANGE = (400.0, 2200.0)  # Fig. 11 [N]
 
 _SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower than 100 Hz [Hz]
 
@@ -38,31 +39,32 @@ class Members:
     stalled: int
 
 
-def run_windows(parameters: Parameters, phases: np.ndarray) -> Members:
+def run_windows(parameters: Parameters, phases: np.ndarray, long: float = LONG) -> Members:
     """Run the paper's windows once per initial phase.
 
     Args:
         parameters: of the drill.
         phases: initial phase of each member, shape (n,) [cycles].
+        long: window of the mean reacting force [s]; a search takes a shorter one than the paper.
     """
     members = []
     stalled = 0
     for phase in phases:
         try:
-            members.append(_run_window(parameters, float(phase)))
+            members.append(_run_window(parameters, float(phase), long))
         except EngineError:
             stalled += 1
     names = members[0] if members else {}
     return Members({name: np.array([m[name] for m in members]) for name in names}, stalled)
 
 
-def _run_window(parameters: Parameters, phase: float) -> dict[str, float]:
+def _run_window(parameters: Parameters, phase: float, long: float) -> dict[str, float]:
     simulation = Simulation(parameters, phase)
     statistics = Statistics()
     block = simulation.advance_to(round(SHORT * SECOND))
     figures = _short_figures(block)
     statistics.add(block)
-    statistics.add(simulation.advance_to(round(LONG * SECOND)))
+    statistics.add(simulation.advance_to(round(long * SECOND)))
     figures["reacting_force_mean"] = float(statistics.figures()["reacting_force_mean"] or 0.0)
     return figures
 
@@ -70,6 +72,7 @@ def _run_window(parameters: Parameters, phase: float) -> dict[str, float]:
 def _short_figures(block: Block) -> dict[str, float]:
     forces = block.impacts["peak_force"]
     struck = np.count_nonzero(block.segments["event"] & EVENT_ACTUATOR_IMPACT)
+    inside = (forces >= FORCE_RANGE[0]) & (forces <= FORCE_RANGE[1])
     samples = block.sample(Times.from_grid(0, round(SHORT * _SAMPLE_RATE), _SAMPLE_RATE))
     low, high = np.quantile(forces, MOST_FORCES) if len(forces) else (np.nan, np.nan)
     return {
@@ -78,7 +81,10 @@ def _short_figures(block: Block) -> dict[str, float]:
         "contact_force_max": float(forces.max()) if len(forces) else np.nan,
         "contact_force_low": float(low),
         "contact_force_high": float(high),
+        "contact_force_share": float(inside.mean()) if len(forces) else np.nan,
+        # What arrives, the sum of m v^2 / 2; what stays is a share of it: choices.energy_share.
         "kinetic_energy": float(block.impacts["energy"].sum()),
         "nodal_plane_displacement": float(np.abs(samples.nodal_plane_position).max()),
+        "nodal_plane_mean": float(np.abs(samples.nodal_plane_position.mean())),
         "drill_tool_displacement": float(np.abs(samples.drill_tool_displacement).max()),
     }

@@ -1,0 +1,76 @@
+"""No parameter set hangs: too many events end a run with one line that names the parameters."""
+
+import re
+
+import pytest
+from random_sets import draw, simulate
+
+from rpud_sim.model.engine import Engine, EngineError
+from rpud_sim.model.parameters import preset
+from rpud_sim.model.tolerances import EVENT_BUDGET, GREATEST_EFFORT
+
+MICROGRAM = preset("free").replace(free_mass=1e-9)
+
+
+def failure(parameters, stops):
+    """Return why a drill cannot go on that is advanced from stop to stop [us]."""
+    engine = Engine(parameters)
+    try:
+        for stop in stops:
+            engine.advance(*divmod(stop * 1e-6, 1.0))
+    except EngineError as error:
+        return str(error)
+    pytest.fail("it goes on")
+
+
+def test_a_microgram_ends_with_one_line_that_names_it():
+    text = failure(MICROGRAM, [1e6])
+    assert re.fullmatch(
+        r"events exceed their budget of 500000 in a simulated second at 0\.\d+ s, "
+        r"with free_mass = 1e-09 kg \(paper: 0\.005\)",
+        text,
+    )
+
+
+def test_the_end_does_not_depend_on_where_a_caller_stops():
+    assert failure(MICROGRAM, [1e6]) == failure(MICROGRAM, range(0, 1_000_000, 777))
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"regime": "free", "drill_tool_mass": 1e-12}, "drill_tool_mass"),
+        ({"regime": "drilling", "drill_tool_density": 1e-9}, "drill_tool_density"),
+        (
+            {"contact_model": "given", "effective_tool_mass": 1e-12},
+            "effective_tool_mass",
+        ),
+    ],
+)
+def test_the_tool_is_named_by_the_parameters_that_make_it(changes, name):
+    parameters = preset(changes.get("regime", "drilling")).replace(free_mass=1e-9, **changes)
+    assert f"{name} = " in failure(parameters, [1e6])
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        preset("free"),
+        preset("drilling"),
+        preset("drilling").replace(weight_on_bit=1000.0),
+        preset("drilling").replace(free_mass=1e-4, vibration_frequency=1e5),
+    ],
+)
+def test_a_sane_drill_is_far_from_its_budget(parameters):
+    engine = Engine(parameters)
+    engine.advance(1, 0.0)
+    segments, _ = engine.drain()
+    assert len(segments) < 0.2 * EVENT_BUDGET
+    assert engine._state["effort"][0] < 0.2 * GREATEST_EFFORT
+
+
+@pytest.mark.parametrize("number", range(24))
+def test_random_sets_finish_or_say_in_one_line_why_not(number):
+    outcome = simulate(draw(1, number))
+    assert not outcome.hung
+    assert outcome.reason is None or re.fullmatch(r".* at \S+ s, with \S+ = .*", outcome.reason)
