@@ -118,4 +118,5 @@ class Plant:
         in_force = (self._drill, *self._commands())
         if in_force != self._in_force:
             self._in_force = in_force
-            self.engine.change(*split_fraction(self.time), *in_force)
+            seconds, fraction = split_fraction(self.time)
+            self.engine.change(seconds, fraction, *in_force)
