@@ -23,6 +23,7 @@ COMMANDS = (
     "export",
     "report",
     "sweep",
+    "fit",
     "reproduce",
 )
 

@@ -25,6 +25,8 @@ _LEAST_PROBABILITY = 1e-4  # of a combination of choices that is followed furthe
 _PADDING = 0.25  # of the posterior's width, added to the next region on both sides
 _LEAST_WIDTH = 0.01  # of a region
 _TAIL = 0.002
+_FAR = 3.0  # deviation from which on the model does not reach a target
+_DIGITS = 4  # of the best point
 
 # What is drawn, as the second number of a seed.
 _DESIGN, _PHASES, _SAMPLING, _CANDIDATES, _BEST = range(5)
@@ -142,6 +144,12 @@ class Fit:
     rounds: tuple[Round, ...]
     simulations: int
     kept: int
+
+    @property
+    def reached(self) -> bool:
+        """Whether every target that the fit used is within three standard deviations."""
+        used = (c for c in self.comparisons if not c.target.hold_out)
+        return all(abs(c.deviation) <= _FAR for c in used)
 
     def misfit(self, hold_out: bool) -> float | None:
         """Return the root mean square of the deviations; None without such targets."""
@@ -335,7 +343,10 @@ def _best(
     shares = np.concatenate(
         [[maximum(likelihood, branch.posterior)], branch.posterior.shares[order[places]]]
     )
-    points = named_points(specification, shares, branch.choices)
+    points = [
+        {name: _rounded(specification, name, value) for name, value in point.items()}
+        for point in named_points(specification, shares, branch.choices)
+    ]
     seed = specification.seed
     runs = folder.simulate("candidates", points, CANDIDATE_RUNS, (seed, _CANDIDATES))
     loss = [_loss(specification, figures) for figures in runs]
@@ -359,6 +370,14 @@ def _best(
         for i, target in enumerate(specification.targets)
     )
     return best, comparisons
+
+
+def _rounded(specification: Specification, name: str, value: Any) -> Any:
+    """Return a value with as many digits as a parameter file shall have, inside its bounds."""
+    if name not in specification.unknowns:
+        return value
+    bounds = specification.unknowns[name]
+    return min(max(float(f"{value:.{_DIGITS}g}"), bounds.minimum), bounds.maximum)
 
 
 def _loss(specification: Specification, figures: np.ndarray) -> float:

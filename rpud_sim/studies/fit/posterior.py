@@ -7,6 +7,7 @@ follows ridges and separate peaks, and gives the evidence for each combination o
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 
@@ -31,14 +32,14 @@ class Likelihood:
     Args:
         surrogate: of the figures.
         targets: of the fit, one for each figure.
-        values: of the targets; None for their own.
+
+    Attributes:
+        tolerance: covariance of the targets' errors, as the figures are fitted.
     """
 
-    def __init__(
-        self, surrogate: Surrogate, targets: tuple[Target, ...], values: np.ndarray | None = None
-    ) -> None:
+    def __init__(self, surrogate: Surrogate, targets: tuple[Target, ...]) -> None:
         self.surrogate = surrogate
-        values = np.array([target.value for target in targets]) if values is None else values
+        values = np.array([target.value for target in targets])
         self._used = np.array([not target.hold_out for target in targets])
         self._runs = np.array([float(target.runs) for target in targets])
         tolerance = np.array([target.tolerance for target in targets])
@@ -48,8 +49,12 @@ class Likelihood:
         same = np.array([[a == b for b in groups] for a in groups])
         self.tolerance = tolerance[:, None] * tolerance * np.where(same, surrogate.correlation, 0.0)
         self._values = surrogate.transform(values)
-        # A figure that is positive everywhere cannot have a target that is not.
-        self._possible = bool(np.isfinite(self._values[self._used]).all())
+
+    def with_values(self, values: np.ndarray) -> Likelihood:
+        """Return the likelihood of other values with the same errors, as the figures are fitted."""
+        other = copy.copy(self)
+        other._values = self.surrogate.transform(values)
+        return other
 
     def expected(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mean and covariance of the targets, as they are fitted, by point.
@@ -71,7 +76,8 @@ class Likelihood:
         """Return the logarithm at each point, minus infinity where the surrogate is not valid."""
         result = np.full(len(shares), -np.inf)
         inside = self.surrogate.supports(shares)
-        if not (self._possible and inside.any()):
+        # A figure that is positive everywhere cannot have a target that is not.
+        if not (np.isfinite(self._values[self._used]).all() and inside.any()):
             return result
         mean, covariance = self.expected(shares[inside])
         used = self._used

@@ -125,7 +125,9 @@ def prove(
             surrogate = surrogates[number]
             assert surrogate is not None
             branch = Branch(number, {}, surrogate.region, shares, figures, surrogate)
-            branch.posterior = sample(Likelihood(surrogate, targets, values), PARTICLES, random)
+            branch.posterior = sample(
+                Likelihood(surrogate, targets).with_values(values), PARTICLES, random
+            )
             branches.append(branch)
         try:
             kept = weigh(branches)
