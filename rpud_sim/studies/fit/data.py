@@ -62,7 +62,7 @@ def read_data(
     hold_out = Flag("").check(f"{entry}.hold_out", content.get("hold_out", False))
     path = folder / content[kind]
     series = (_read_bag if kind == "bag" else _read_csv)(path)
-    found = _measured(series, skip, str(path))
+    found = _measured(series, skip)
     if not found:
         raise ParameterError(
             f"{path}: has neither {_FEWEST} impacts nor {_FEWEST} samples of the reacting force "
@@ -74,14 +74,13 @@ def read_data(
     ]
 
 
-def _measured(series: Series, skip: float, name: str) -> list[tuple[Measure, float, float]]:
+def _measured(series: Series, skip: float) -> list[tuple[Measure, float, float]]:
     """Return measures with their values and sampling errors."""
-    if not series:
+    clocks = [times[np.isfinite(times)] for times, _ in series.values()]
+    times = np.concatenate([np.empty(0), *clocks])
+    if not len(times) or not times.max() > times.min() + skip:
         return []
-    start = min(float(times.min()) for times, _ in series.values() if len(times)) + skip
-    end = max(float(times.max()) for times, _ in series.values() if len(times))
-    if not end > start:
-        raise ParameterError(f"{name}: ends before the {skip:g} s that are skipped")
+    start, end = float(times.min()) + skip, float(times.max())
     window = skip, skip + min(end - start, LONGEST)
     edges = np.linspace(start, end, PARTS + 1)
     found = []

@@ -78,7 +78,7 @@ targets:
         (unknown("weight_on_bitt", [1, 2]), "weight_on_bitt is not a parameter; did you mean w"),
         (unknown("weight_on_bit", [2, 1]), "unknowns.weight_on_bit: low 2 is not below high 1"),
         (unknown("weight_on_bit", 2), "unknowns.weight_on_bit: 2 is not of the form [low, high]"),
-        (unknown("weight_on_bit", [0, 1e9]), "weight_on_bit = 1000000000.0 N is outside its range"),
+        (unknown("weight_on_bit", [0, 1e9]), "weight_on_bit = 1e+09 N is outside its range"),
         (unknown("gravity", {"low": 0, "high": 1, "scale": "log"}), "low 0 has no logarithm"),
         (unknown("gravity", {"low": 0, "high": 1, "scale": "x"}), "scale = 'x' is not one of"),
         (unknown("gravity", {"low": 0, "hihg": 1}), "hihg is not an entry; did you mean high?"),
