@@ -43,9 +43,9 @@ def plot_pairs(fit: Fit) -> Figure:
                 axis.plot(fit.best[column], fit.best[row], "x", color=_BEST, markersize=8)
             axis.tick_params(labelsize="x-small")
             if i == count - 1:
-                axis.set_xlabel(_label(column), fontsize="small")
+                axis.set_xlabel(_label(column), fontsize="x-small")
             if j == 0 and i > 0:
-                axis.set_ylabel(_label(row), fontsize="small")
+                axis.set_ylabel(_label(row), fontsize="x-small")
     return figure
 
 
@@ -81,13 +81,20 @@ def _histogram(axis: Axes, fit: Fit, name: str) -> None:
 
 
 def _scale(axis: Axes, fit: Fit, name: str, side: str) -> None:
+    """Set scale, limits and ticks of an unknown: its bounds and the middle between them."""
     spread = fit.specification.unknowns[name]
+    ticks = spread.at(np.array([0.0, 0.5, 1.0])).tolist()
+    labels = [f"{tick:.2g}" for tick in ticks]
     if side == "x":
         axis.set_xscale(spread.scale)
         axis.set_xlim(spread.minimum, spread.maximum)
+        axis.set_xticks(ticks, labels)
+        axis.set_xticks([], minor=True)
     else:
         axis.set_yscale(spread.scale)
         axis.set_ylim(spread.minimum, spread.maximum)
+        axis.set_yticks(ticks, labels)
+        axis.set_yticks([], minor=True)
 
 
 def _label(name: str) -> str:
