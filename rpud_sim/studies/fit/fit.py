@@ -10,78 +10,31 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.studies.fit.design import Region, sobol_points, values_at
+from rpud_sim.studies.fit.branches import (
+    CANDIDATE,
+    FINAL,
+    SAMPLING,
+    Branch,
+    Round,
+    add_design,
+    named_points,
+    next_region,
+    pool,
+    to_round,
+    update,
+    weigh,
+)
+from rpud_sim.studies.fit.design import Region, values_at
 from rpud_sim.studies.fit.folder import FitFolder, Report
 from rpud_sim.studies.fit.identifiability import Identifiability, identify
-from rpud_sim.studies.fit.posterior import Likelihood, Posterior, maximum, sample
+from rpud_sim.studies.fit.posterior import Likelihood, maximum
 from rpud_sim.studies.fit.specification import Specification, Target
-from rpud_sim.studies.fit.surrogate import Surrogate, SurrogateError, fit_surrogate
 
-PARTICLES = 4096
 CANDIDATES = 16  # for the best point
 CANDIDATE_RUNS = 32
 BEST_RUNS = 64
-_LEAST_PROBABILITY = 1e-4  # of a combination of choices that is followed further
-_PADDING = 0.25  # of the posterior's width, added to the next region on both sides
-_LEAST_WIDTH = 0.01  # of a region
-_TAIL = 0.002
 _FAR = 3.0  # deviation from which on the model does not reach a target
 _DIGITS = 4  # of the best point
-
-# What is drawn, as the second number of a seed.
-_DESIGN, _PHASES, _SAMPLING, _CANDIDATES, _BEST = range(5)
-
-
-class FitError(RuntimeError):
-    """Fit that has no result; the text gives the reason in one line."""
-
-
-@dataclasses.dataclass
-class Branch:
-    """Progress for one combination of choices.
-
-    Args:
-        number: of the combination.
-        choices: their values, by name.
-        region: of the present round.
-        shares: simulated points in it, shape (points, unknowns).
-        figures: of their runs, shape (points, repeat, targets).
-        surrogate: of the figures; None if too few points have them.
-        posterior: of the unknowns.
-        probability: of the combination.
-    """
-
-    number: int
-    choices: dict[str, Any]
-    region: Region
-    shares: np.ndarray
-    figures: np.ndarray
-    surrogate: Surrogate | None = None
-    posterior: Posterior | None = None
-    probability: float = 0.0
-
-
-@dataclasses.dataclass(frozen=True)
-class Round:
-    """Account of a round for one combination of choices.
-
-    Args:
-        number: of the round, from 1.
-        choices: the combination.
-        volume: of the region, as a share of that between all bounds.
-        points: that the surrogate was fitted to.
-        degrees: of its polynomials, by target.
-        errors: of the surrogate, standard deviations as they are fitted, by target.
-        probability: of the combination.
-    """
-
-    number: int
-    choices: Mapping[str, Any]
-    volume: float
-    points: int
-    degrees: tuple[int, ...]
-    errors: tuple[float, ...]
-    probability: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,14 +151,14 @@ def fit_in(folder: FitFolder, specification: Specification) -> Fit:
     for number in range(specification.rounds):
         for branch in branches:
             add_design(folder, specification, branch, number)
-            _update(specification, branch, number)
+            update(specification, branch, number)
         branches = weigh(branches)
-        rounds += [_account(branch, number + 1) for branch in branches]
+        rounds += [to_round(branch, number + 1) for branch in branches]
         if number + 1 < specification.rounds:
             for branch in branches:
-                branch.region = _next_region(branch)
+                branch.region = next_region(branch)
     best, comparisons = _best(folder, specification, branches)
-    shares = pool(branches, np.random.default_rng([specification.seed, _SAMPLING, 1 << 20]))
+    shares = pool(branches, np.random.default_rng([specification.seed, SAMPLING, 1 << 20]))
     samples = values_at(specification, shares)
     return Fit(
         specification,
@@ -219,114 +172,6 @@ def fit_in(folder: FitFolder, specification: Specification) -> Fit:
         folder.simulated,
         folder.kept,
     )
-
-
-def add_design(
-    folder: FitFolder, specification: Specification, branch: Branch, number: int
-) -> None:
-    """Simulate the design of a round in a branch's region."""
-    seed = specification.seed
-    shares = sobol_points(
-        branch.region, specification.points, (seed, _DESIGN, number, branch.number)
-    )
-    figures = folder.simulate(
-        f"round_{number + 1:02}_{branch.number:02}",
-        named_points(specification, shares, branch.choices),
-        specification.repeat,
-        (seed, _PHASES, number, branch.number),
-    )
-    inside = branch.region.holds(branch.shares)
-    branch.shares = np.concatenate([branch.shares[inside], shares])
-    branch.figures = np.concatenate([branch.figures[inside], figures])
-
-
-def named_points(
-    specification: Specification, shares: np.ndarray, choices: Mapping[str, Any]
-) -> list[dict[str, Any]]:
-    """Return the values of all unknowns at points."""
-    values = values_at(specification, shares)
-    return [
-        {**{name: column[i].item() for name, column in values.items()}, **choices}
-        for i in range(len(shares))
-    ]
-
-
-def condition_numbers(specification: Specification) -> np.ndarray:
-    """Return the number of each target's condition."""
-    numbers = [specification.conditions.index(t.parameters) for t in specification.targets]
-    return np.array(numbers)
-
-
-def _update(specification: Specification, branch: Branch, number: int) -> None:
-    """Fit the surrogate of a branch and sample its posterior."""
-    try:
-        branch.surrogate = fit_surrogate(
-            branch.region, branch.shares, branch.figures, condition_numbers(specification)
-        )
-    except SurrogateError as error:
-        if len(specification.combinations) == 1:
-            raise FitError(str(error)) from None
-        branch.surrogate, branch.posterior = None, None
-        return
-    likelihood = Likelihood(branch.surrogate, specification.targets)
-    random = np.random.default_rng([specification.seed, _SAMPLING, number, branch.number])
-    branch.posterior = sample(likelihood, PARTICLES, random)
-
-
-def weigh(branches: list[Branch]) -> list[Branch]:
-    """Return the branches that are probable enough, with their probabilities.
-
-    Raises:
-        FitError: if none explains the targets.
-    """
-    found = [b for b in branches if b.posterior and math.isfinite(b.posterior.log_evidence)]
-    if not found:
-        raise FitError(
-            "no point between the bounds gives these figures; move the bounds of the unknowns"
-        )
-    logs = np.array([branch.posterior.log_evidence for branch in found if branch.posterior])
-    weights = np.exp(logs - logs.max())
-    for branch, weight in zip(found, weights / weights.sum(), strict=True):
-        branch.probability = float(weight)
-    kept = [branch for branch in found if branch.probability >= _LEAST_PROBABILITY]
-    total = sum(branch.probability for branch in kept)
-    for branch in kept:
-        branch.probability /= total
-    return kept
-
-
-def _next_region(branch: Branch) -> Region:
-    """Return a box around the posterior; it may also grow where the posterior meets its side."""
-    assert branch.posterior is not None
-    low, high = np.quantile(branch.posterior.shares, (_TAIL, 1.0 - _TAIL), axis=0)
-    pad = _PADDING * (high - low) + 0.5 * np.maximum(_LEAST_WIDTH - (high - low), 0.0)
-    return Region(np.maximum(low - pad, 0.0), np.minimum(high + pad, 1.0))
-
-
-def _account(branch: Branch, number: int) -> Round:
-    assert branch.surrogate is not None
-    return Round(
-        number,
-        branch.choices,
-        math.exp(branch.region.log_volume),
-        len(branch.shares),
-        branch.surrogate.degrees,
-        tuple(np.sqrt(np.diag(branch.surrogate.error)).tolist()),
-        branch.probability,
-    )
-
-
-def pool(
-    branches: list[Branch], random: np.random.Generator, particles: int = PARTICLES
-) -> np.ndarray:
-    """Return points of all branches' posteriors, each as often as its branch is probable."""
-    numbers = random.multinomial(particles, [branch.probability for branch in branches])
-    chosen = [
-        branch.posterior.shares[random.permutation(len(branch.posterior.shares))[:number]]
-        for branch, number in zip(branches, numbers, strict=True)
-        if branch.posterior is not None
-    ]
-    return np.concatenate(chosen)
 
 
 def _best(
@@ -348,12 +193,12 @@ def _best(
         for point in named_points(specification, shares, branch.choices)
     ]
     seed = specification.seed
-    runs = folder.simulate("candidates", points, CANDIDATE_RUNS, (seed, _CANDIDATES))
+    runs = folder.simulate("candidates", points, CANDIDATE_RUNS, (seed, CANDIDATE))
     loss = [_loss(specification, figures) for figures in runs]
     best = points[int(np.argmin(loss))]
-    runs = folder.simulate("best", [best], BEST_RUNS, (seed, _BEST))[0]
+    runs = folder.simulate("best", [best], BEST_RUNS, (seed, FINAL))[0]
     mean, covariance = likelihood.expected(branch.posterior.shares)
-    random = np.random.default_rng([seed, _BEST, 1])
+    random = np.random.default_rng([seed, FINAL, 1])
     own = np.array([np.diag(likelihood.tolerance)])
     spread = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2) - own, 0.0))
     drawn = branch.surrogate.restore(mean + spread * random.standard_normal(mean.shape))

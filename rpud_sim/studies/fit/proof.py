@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.studies.fit.design import Region, values_at
-from rpud_sim.studies.fit.fit import (
+from rpud_sim.studies.fit.branches import (
     Branch,
     FitError,
     add_design,
@@ -17,6 +16,7 @@ from rpud_sim.studies.fit.fit import (
     pool,
     weigh,
 )
+from rpud_sim.studies.fit.design import Region, values_at
 from rpud_sim.studies.fit.folder import FitFolder
 from rpud_sim.studies.fit.identifiability import LEVEL, interval_shares
 from rpud_sim.studies.fit.posterior import Likelihood, sample

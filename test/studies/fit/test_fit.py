@@ -10,9 +10,11 @@ import pytest
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.parameter_files import read_parameter_file
+from rpud_sim.studies.fit import branches
 from rpud_sim.studies.fit import fit as rounds
+from rpud_sim.studies.fit.branches import FitError, named_points
 from rpud_sim.studies.fit.design import values_at
-from rpud_sim.studies.fit.fit import FitError, fit_in, named_points, run_fit
+from rpud_sim.studies.fit.fit import fit_in, run_fit
 from rpud_sim.studies.fit.fit_report import write_fit
 from rpud_sim.studies.fit.folder import FitFolder
 from rpud_sim.studies.fit.proof import prove
@@ -44,7 +46,7 @@ FIT = {
 
 @pytest.fixture(autouse=True)
 def few_particles(monkeypatch):
-    monkeypatch.setattr(rounds, "PARTICLES", 512)
+    monkeypatch.setattr(branches, "PARTICLES", 512)
     monkeypatch.setattr(rounds, "CANDIDATES", 4)
     monkeypatch.setattr(rounds, "CANDIDATE_RUNS", 4)
 
