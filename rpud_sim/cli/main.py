@@ -24,6 +24,7 @@ COMMANDS = (
     "report",
     "sweep",
     "sensitivity",
+    "fit",
     "reproduce",
 )
 

@@ -63,7 +63,8 @@ class EnergyAccount:
             *split_fraction(block.end),
             joules,
         )
-        return EnergyAccount(*joules.tolist(), block.electrical_energy)
+        terms = dict(zip(TERMS, joules.tolist(), strict=True))
+        return EnergyAccount(**terms, electrical=block.electrical_energy)
 
     def __add__(self, other: EnergyAccount) -> EnergyAccount:
         """Return the account of both."""

@@ -16,6 +16,7 @@ from rpud_sim.simulation import EngineError, Parameters
 from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.versions import engine_versions
+from rpud_sim.studies.processes import check_versions
 from rpud_sim.studies.sweep.specification import Specification
 
 # A chunk takes about a quarter of a second: much longer than sending and writing it, and short
@@ -28,10 +29,6 @@ _WANTED = 32  # chunks of a small sweep
 _NO_FIGURES = [np.nan] * len(FIGURES)
 
 Failure = str | None
-
-
-class WorkerError(RuntimeError):
-    """Workers that cannot run a sweep; the text gives the reason in one line."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,7 +118,7 @@ def simulate(chunk: Chunk) -> Outcome:
     Raises:
         WorkerError: if this worker's versions would give other bits than the sweep's machine.
     """
-    _check_versions(chunk.versions)
+    check_versions(chunk.versions)
     repeat = chunk.specification.repeat
     end = chunk.first + chunk.count
     phases: list[float] = []
@@ -170,10 +167,3 @@ def _members(
     for member in members:
         found = [member[name] for name in FIGURES]
         yield [np.nan if value is None else float(value) for value in found], None
-
-
-def _check_versions(expected: Mapping[str, str]) -> None:
-    own = engine_versions()
-    for name, version in expected.items():
-        if own[name] != version:
-            raise WorkerError(f"a worker has {name} {own[name]}, this machine {version}")

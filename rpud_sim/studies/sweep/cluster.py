@@ -7,7 +7,8 @@ import socket
 from collections.abc import Iterable
 from urllib.parse import urlsplit
 
-from rpud_sim.studies.sweep.chunks import Chunk, Outcomes, WorkerError, simulate
+from rpud_sim.studies.processes import WorkerError
+from rpud_sim.studies.sweep.chunks import Chunk, Outcomes, simulate
 
 CONNECT_TIMEOUT = 10.0  # s
 # Chunks in flight for each thread of the cluster: one runs, one waits.

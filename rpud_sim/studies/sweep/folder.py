@@ -7,25 +7,23 @@ its process locks the folder.
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import json
-import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file
+from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.simulation.versions import engine_versions, version_of
+from rpud_sim.studies.held_folder import held_folder
 from rpud_sim.studies.sweep.chunks import Chunk, Outcome, chunk_count, chunk_size
 from rpud_sim.studies.sweep.specification import Specification, SweepError
 from rpud_sim.studies.sweep.tables import PointTables, simulation_table
 
-MANIFEST = "manifest.json"
 SIMULATIONS = "simulations.parquet"
 POINTS = "points.parquet"
 _CHUNKS = "chunks"
@@ -61,25 +59,14 @@ class SweepFolder:
         self.manifest = make_manifest(specification)
         self._specification = specification
 
-    @contextlib.contextmanager
-    def held(self) -> Iterator[None]:
-        """Create or open the folder, and lock it against other processes.
+    def held(self) -> contextlib.AbstractContextManager[None]:
+        """Create or open the folder, and lock it against other processes; see ``held_folder``.
 
         Raises:
             SweepError: if it is locked or holds anything but this sweep; nothing is changed then.
             OSError: if it cannot be created.
         """
-        self.path.mkdir(parents=True, exist_ok=True)
-        handle = os.open(self.path, os.O_RDONLY)
-        try:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise SweepError(f"{self.path}: another rpud sweep is at work there") from None
-            self._check_or_write_manifest()
-            yield
-        finally:
-            os.close(handle)
+        return held_folder(self.path, self.manifest, "sweep", SweepError)
 
     @property
     def complete(self) -> bool:
@@ -131,21 +118,6 @@ class SweepFolder:
         table = pq.read_table(self.path / POINTS)
         return {name: table[name].to_numpy() for name in table.column_names}
 
-    def _check_or_write_manifest(self) -> None:
-        path = self.path / MANIFEST
-        if path.exists():
-            try:
-                found = json.loads(path.read_text(encoding="utf-8"))
-            except ValueError:
-                raise SweepError(f"{path}: is no manifest of a sweep") from None
-            if difference := _difference(found, self.manifest):
-                raise SweepError(f"{path}: is of another sweep: {difference}; choose another --out")
-            return
-        if any(not name.name.endswith(UNFINISHED) for name in self.path.iterdir()):
-            raise SweepError(f"{self.path}: is not empty and holds no sweep; choose another --out")
-        with whole_file(path) as unfinished:
-            unfinished.write_text(json.dumps(self.manifest, indent=2) + "\n", encoding="utf-8")
-
     def _chunk_path(self, number: int) -> Path:
         return self.path / _CHUNKS / f"{number:08}.parquet"
 
@@ -179,16 +151,3 @@ class _Writer:
             self._writer = pq.ParquetWriter(self._path, table.schema)
         if table.num_rows:
             self._writer.write_table(table)
-
-
-def _difference(found: Any, wanted: Any, entry: str = "") -> str:
-    """Return the first entry in which two manifests differ, empty if they are equal."""
-    if isinstance(found, dict) and isinstance(wanted, dict):
-        for name in (*wanted, *(name for name in found if name not in wanted)):
-            inner = f"{entry}.{name}" if entry else name
-            if difference := _difference(found.get(name), wanted.get(name), inner):
-                return difference
-        return ""
-    if type(found) is type(wanted) and found == wanted:
-        return ""
-    return f"{entry} is {json.dumps(found)} there and {json.dumps(wanted)} here"

@@ -6,7 +6,8 @@ import os
 
 import pytest
 
-from rpud_sim.studies.sweep.chunks import Chunk, WorkerError, make_chunks, simulate
+from rpud_sim.studies.processes import WorkerError
+from rpud_sim.studies.sweep.chunks import Chunk, make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.processes import run_on_processes
 from rpud_sim.studies.sweep.specification import parse_specification

@@ -1,0 +1,247 @@
+"""Files of a fit: numbers, posterior, parameter file, pictures and an HTML page."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.foundation.html_pages import render_page, to_png
+from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
+from rpud_sim.studies.fit.fit_plots import plot_pairs, plot_targets
+from rpud_sim.studies.fit.folder import fit_versions
+from rpud_sim.studies.fit.identifiability import LEVEL
+from rpud_sim.studies.fit.parameter_file import parameter_file
+from rpud_sim.studies.fit.specification import unit_of
+
+NUMBERS = "fit.json"
+PARAMETERS = "parameters.yaml"
+POSTERIOR = "posterior.csv"
+REPORT = "report.html"
+
+_RESOLUTION = 110  # dots per inch
+
+_BODY = """\
+<p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs.</p>
+{% if not reached %}
+<p class="warning">The model does not reach every target. The intervals assume that it can.</p>
+{% endif %}
+<h2>Unknown parameters</h2>
+<p>Intervals hold the middle 90 % of the posterior probability. All values between the bounds were
+equally probable before the fit. The width is that of the interval over that between the bounds:
+near 1, the targets say nothing about the parameter.</p>
+{{ table(("parameter", "best point", "90 % interval", "unit", "width", "identified"), unknowns) }}
+{% if choices %}
+<h3>Choices</h3>
+{{ table(("choices", "probability"), choices) }}
+{% endif %}
+{% if ridges %}
+<p class="warning">The targets determine these pairs only together:</p>
+<ul>{% for ridge in ridges %}<li>{{ ridge }}</li>{% endfor %}</ul>
+{% else %}
+<p>No two parameters form a ridge.</p>
+{% endif %}
+{{ picture(pairs, "Posterior of the unknown parameters") }}
+<p>Dots are points of the posterior, the cross is the best point. The axes end at the bounds.</p>
+<h2>Targets</h2>
+<p>The model's mean at the best point, over {{ best_runs }} runs. The deviation is in standard
+deviations of tolerance, chance of the runs, and error of the mean.
+Root mean square: {{ misfit }}{% if hold_out %}; of the targets that were held out: {{ hold_out }}
+{% endif %}.</p>
+{{ table(("target", "source", "value", "tolerance", "model", "one run ±", "model / target",
+ "deviation", "held out"), targets, false) }}
+{{ picture(comparison, "Model over target") }}
+<h2>Rounds</h2>
+<p>Each round simulates new points in a smaller region, around the posterior of the last one.
+The error is that of the polynomials, from leaving out one point at a time; it is in the
+intervals.</p>
+{{ table(("round", "choices", "region", "points", "degrees", "errors", "probability"), rounds,
+ false) }}
+"""
+
+
+def write_fit(fit: Fit, folder: Path, command: str) -> None:
+    """Write all files of a fit.
+
+    Args:
+        fit: its result.
+        folder: of the files; it exists.
+        command: that makes them again.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    pictures = {"posterior": plot_pairs(fit), "targets": plot_targets(fit)}
+    images = {}
+    for name, figure in pictures.items():
+        picture = to_png(figure, _RESOLUTION)
+        _write(folder / f"{name}.png", picture)
+        images[name] = base64.b64encode(picture).decode("ascii")
+    numbers = json.dumps(fit_content(fit), indent=1, allow_nan=False)
+    _write(folder / NUMBERS, f"{numbers}\n".encode())
+    _write(folder / PARAMETERS, parameter_file(fit, command).encode())
+    _write(folder / POSTERIOR, _posterior(fit))
+    _write(folder / REPORT, _page(fit, command, images).encode())
+
+
+def fit_content(fit: Fit) -> dict[str, Any]:
+    """Return all numbers of a fit as plain values."""
+    found = fit.identifiability
+    names = list(fit.specification.unknowns)
+    return {
+        "best": dict(fit.best),
+        "level": LEVEL,
+        "unknowns": {
+            name: {
+                "best": fit.best[name],
+                "low": interval.low,
+                "median": interval.median,
+                "high": interval.high,
+                "unit": unit_of(name),
+                "width": interval.width,
+                "identified": interval.identified,
+            }
+            for name, interval in found.intervals.items()
+        },
+        "choices": [
+            {"choices": dict(choices), "probability": share} for choices, share in fit.probabilities
+        ],
+        "correlation": {
+            name: dict(zip(names, map(float, row), strict=True))
+            for name, row in zip(names, found.correlation, strict=True)
+        },
+        "ridges": [
+            {"parameters": list(ridge.names), "correlation": ridge.correlation}
+            for ridge in found.ridges
+        ],
+        "directions": [
+            {"width": direction.width, "parts": dict(direction.parts)}
+            for direction in found.directions
+        ],
+        "targets": [_comparison(item) for item in fit.comparisons],
+        "reached": fit.reached,
+        "misfit": fit.misfit(False),
+        "hold_out_misfit": fit.misfit(True),
+        "rounds": [
+            {
+                "round": item.number,
+                "choices": dict(item.choices),
+                "region": item.volume,
+                "points": item.points,
+                "degrees": list(item.degrees),
+                "errors": list(item.errors),
+                "probability": item.probability,
+            }
+            for item in fit.rounds
+        ],
+        "seed": fit.specification.seed,
+        "simulations": fit.simulations + fit.kept,
+        "versions": fit_versions(),
+        "specification": fit.specification.content(),
+    }
+
+
+def _comparison(item: Comparison) -> dict[str, Any]:
+    return {
+        "target": item.target.title,
+        "source": item.target.source,
+        "unit": item.target.measure.unit,
+        "value": item.target.value,
+        "tolerance": item.target.tolerance,
+        "hold_out": item.target.hold_out,
+        "model": _finite(item.mean),
+        "standard_error": _finite(item.standard_error),
+        "spread": _finite(item.spread),
+        "ratio": _finite(item.ratio),
+        "deviation": _finite(item.deviation),
+        "predicted": [_finite(item.low), _finite(item.high)],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _posterior(fit: Fit) -> bytes:
+    """Return equally probable points of the posterior as CSV."""
+    text = io.StringIO()
+    columns = np.column_stack(list(fit.samples.values()))
+    heading = ",".join(fit.samples)
+    np.savetxt(text, columns, fmt="%.9g", delimiter=",", header=heading, comments="")
+    return text.getvalue().encode()
+
+
+def _page(fit: Fit, command: str, images: dict[str, str]) -> str:
+    intervals = fit.identifiability.intervals
+    misfits = {held: fit.misfit(held) for held in (False, True)}
+    return render_page(
+        _BODY,
+        "Fit of a drill",
+        command=command,
+        seed=fit.specification.seed,
+        reached=fit.reached,
+        runs=fit.simulations + fit.kept,
+        unknowns=[
+            (
+                name,
+                f"{fit.best[name]:.4g}",
+                f"{interval.low:.4g} to {interval.high:.4g}",
+                unit_of(name),
+                f"{interval.width:.2f}",
+                interval.identified,
+            )
+            for name, interval in intervals.items()
+        ],
+        choices=[
+            (_choices(choices), f"{share:.3f}") for choices, share in fit.probabilities if choices
+        ],
+        ridges=[str(ridge) for ridge in fit.identifiability.ridges],
+        pairs=images["posterior"],
+        comparison=images["targets"],
+        best_runs=BEST_RUNS,
+        misfit=f"{misfits[False]:.2f}",
+        hold_out="" if misfits[True] is None else f"{misfits[True]:.2f}",
+        targets=[_row(item) for item in fit.comparisons],
+        rounds=[
+            (
+                item.number,
+                _choices(item.choices),
+                f"{item.volume:.2g}",
+                item.points,
+                " ".join(map(str, item.degrees)),
+                " ".join(f"{error:.2g}" for error in item.errors),
+                f"{item.probability:.3f}",
+            )
+            for item in fit.rounds
+        ],
+    )
+
+
+def _row(item: Comparison) -> tuple[str, ...]:
+    unit = item.target.measure.unit
+    return (
+        item.target.title,
+        item.target.source,
+        f"{item.target.value:.4g} {unit}",
+        f"± {item.target.tolerance:.2g}",
+        f"{item.mean:.4g} ± {item.standard_error:.1g}",
+        f"{item.spread:.2g}",
+        f"{item.ratio:.3f}",
+        f"{item.deviation:+.2f}",
+        "yes" if item.target.hold_out else "",
+    )
+
+
+def _choices(choices: Any) -> str:
+    return ", ".join(f"{name} {value}" for name, value in choices.items())
+
+
+def _write(path: Path, content: bytes) -> None:
+    with whole_file(path) as unfinished:
+        unfinished.write_bytes(content)

@@ -1,0 +1,186 @@
+"""Measures: figures of one run over windows of time, which a fit compares with its targets."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.segment import join_records
+from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.statistics import FIGURES, Statistics
+from rpud_sim.studies.reproduction.single_contact import single_contact
+
+SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower than 100 Hz [Hz]
+
+# Values of single impacts, with the field of their record and unit, for a statistic over them.
+IMPACT_VALUES = MappingProxyType(
+    {
+        "contact_force": ("peak_force", "N"),
+        "contact_duration": ("contact_duration", "s"),
+        "impact_velocity": ("impact_velocity", "m/s"),
+        "impact_energy": ("energy", "J"),
+        "impulse": ("impulse", "N s"),
+    }
+)
+STATISTICS = ("mean", "min", "max", "quantile")
+
+# Figures of a whole window, in addition to those of ``rpud simulate``, with their units.
+WINDOW_FIGURES = MappingProxyType(
+    {
+        "impacts": "",
+        "kinetic_energy": "J",
+        "nodal_plane_displacement": "m",
+        "drill_tool_displacement": "m",
+    }
+)
+# Figures of one collision in the rock, for which nothing is simulated.
+CONTACT_FIGURES = MappingProxyType(
+    {
+        "contact_peak_force": ("peak_force", "N"),
+        "contact_peak_displacement": ("peak_displacement", "m"),
+    }
+)
+UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        **FIGURES,
+        **WINDOW_FIGURES,
+        **{name: unit for name, (_, unit) in IMPACT_VALUES.items()},
+        **{name: unit for name, (_, unit) in CONTACT_FIGURES.items()},
+    }
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Measure:
+    """Figure of a run.
+
+    Args:
+        figure: of ``UNITS``.
+        start: of its window, simulation time [s].
+        end: of its window [s].
+        statistic: of ``STATISTICS`` for values of impacts; empty for other figures.
+        quantile: from 0 to 1, for the statistic of that name.
+        impact_velocity: of the free mass, for a figure of one collision [m/s].
+    """
+
+    figure: str
+    start: float
+    end: float
+    statistic: str = ""
+    quantile: float = 0.5
+    impact_velocity: float = 5.0
+
+    @property
+    def unit(self) -> str:
+        """SI unit."""
+        return UNITS[self.figure]
+
+    @property
+    def simulated(self) -> bool:
+        """Whether it needs a run."""
+        return self.figure not in CONTACT_FIGURES
+
+    def __str__(self) -> str:
+        if not self.simulated:
+            return f"{self.figure} at {self.impact_velocity:g} m/s"
+        statistic = f", {self.statistic}" if self.statistic else ""
+        if self.statistic == "quantile":
+            statistic = f", {100.0 * self.quantile:g} % quantile"
+        return f"{self.figure}{statistic}, {self.start:g} to {self.end:g} s"
+
+
+def measure(configuration: Configuration, phase: float, measures: Sequence[Measure]) -> list[float]:
+    """Return the measures of one run; NaN if the run has no such figure.
+
+    Args:
+        configuration: of the drill.
+        phase: initial phase of the vibration [cycles].
+        measures: which figures.
+
+    Raises:
+        EngineError: if the engine cannot finish the run.
+    """
+    windows: dict[tuple[int, int], _Window] = {}
+    wanted = {_window(item) for item in measures if item.simulated}
+    edges = sorted({0, *(edge for window in wanted for edge in window)})
+    simulation = Simulation(configuration, phase) if wanted else None
+    for edge in edges[1:]:
+        assert simulation is not None
+        block = simulation.advance_to(edge)
+        for window in wanted:
+            if window[0] <= block.start and block.end <= window[1]:
+                windows.setdefault(window, _Window()).add(block)
+    return [
+        windows[_window(item)].figure(item) if item.simulated else _contact(configuration, item)
+        for item in measures
+    ]
+
+
+def _window(item: Measure) -> tuple[int, int]:
+    return round(item.start * SECOND), round(item.end * SECOND)
+
+
+def _contact(configuration: Configuration, item: Measure) -> float:
+    contact = single_contact(configuration.parameters, item.impact_velocity)
+    return float(getattr(contact, CONTACT_FIGURES[item.figure][0]))
+
+
+class _Window:
+    """Figures of consecutive blocks."""
+
+    def __init__(self) -> None:
+        self._statistics = Statistics()
+        self._blocks: list[Block] = []
+        self._impacts: np.ndarray | None = None
+
+    def add(self, block: Block) -> None:
+        self._statistics.add(block)
+        self._blocks.append(block)
+
+    def figure(self, item: Measure) -> float:
+        impacts = self._all_impacts()
+        if item.figure in IMPACT_VALUES:
+            return impact_statistic(impacts[IMPACT_VALUES[item.figure][0]], item)
+        if item.figure == "impacts":
+            return float(len(impacts))
+        if item.figure == "kinetic_energy":
+            return float(impacts["energy"].sum())
+        if item.figure in WINDOW_FIGURES:
+            channel = {
+                "nodal_plane_displacement": "nodal_plane_position",
+                "drill_tool_displacement": "drill_tool_displacement",
+            }[item.figure]
+            return max(_greatest(block, channel) for block in self._blocks)
+        value = self._statistics.figures()[item.figure]
+        return math.nan if value is None else float(value)
+
+    def _all_impacts(self) -> np.ndarray:
+        if self._impacts is None:
+            records = [block.impacts for block in self._blocks]
+            self._impacts = join_records(records, records[0].dtype)
+        return self._impacts
+
+
+def impact_statistic(values: np.ndarray, item: Measure) -> float:
+    """Return the statistic of a measure over values of impacts; NaN if there are none."""
+    if not len(values):
+        return math.nan
+    if item.statistic == "quantile":
+        return float(np.quantile(values, item.quantile))
+    return float(getattr(values, item.statistic)())
+
+
+def _greatest(block: Block, channel: str) -> float:
+    numbers = block.grid(SAMPLE_RATE)
+    if not numbers:
+        return 0.0
+    samples = block.sample(Times.from_grid(numbers.start, len(numbers), SAMPLE_RATE))
+    return float(np.abs(getattr(samples, channel)).max())

@@ -1,0 +1,115 @@
+"""Specification of a fit, read from YAML: fixed parameters, unknowns, targets and effort."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Mapping
+from typing import Any
+
+from rpud_sim.foundation.quantities import Choice, Quantity
+from rpud_sim.simulation.configuration import PARAMETERS, Configuration, to_configuration
+from rpud_sim.studies.fit.measures import Measure
+from rpud_sim.studies.sweep.specification import Range
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """Figure of the drill that the fit shall reach.
+
+    Args:
+        measure: its counterpart in a run.
+        value: of the drill, in SI units.
+        tolerance: one standard deviation of the value's error [unit of the figure].
+        runs: number of runs whose mean the value is; 1 if it is from one run.
+        parameters: that the drill had for this target alone, by name.
+        hold_out: whether the fit does not see it, and only reports it.
+        source: where the value comes from; may be empty.
+        group: of targets from the same data, whose errors are correlated; empty for a single one.
+    """
+
+    measure: Measure
+    value: float
+    tolerance: float
+    runs: int = 1
+    parameters: tuple[tuple[str, Any], ...] = ()
+    hold_out: bool = False
+    source: str = ""
+    group: str = ""
+
+    @property
+    def title(self) -> str:
+        """Figure, window and own parameters."""
+        own = "".join(f", {name} {_plain(value)}" for name, value in self.parameters)
+        return f"{self.measure}{own}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Specification:
+    """Fit of the drill's parameters.
+
+    Args:
+        parameters: fixed values, by name.
+        unknowns: bounds of the unknown numbers, by name.
+        choices: possible values of the unknown choices, by name.
+        targets: at least one that is not held out.
+        seed: of the design, the initial phases and the posterior.
+        points: simulated in each round, for each combination of choices; a power of two.
+        rounds: number of rounds; each has a smaller region.
+        repeat: runs at each point.
+        phase_spread: greatest initial phase of the vibration, either way [cycles].
+    """
+
+    parameters: Mapping[str, Any]
+    unknowns: Mapping[str, Range]
+    choices: Mapping[str, tuple[Any, ...]]
+    targets: tuple[Target, ...]
+    seed: int = 0
+    points: int = 256
+    rounds: int = 3
+    repeat: int = 4
+    phase_spread: float = 0.5
+
+    @property
+    def conditions(self) -> tuple[tuple[tuple[str, Any], ...], ...]:
+        """Sets of own parameters that the targets have, without repetition."""
+        return tuple(dict.fromkeys(target.parameters for target in self.targets))
+
+    @property
+    def combinations(self) -> tuple[dict[str, Any], ...]:
+        """Combinations of the unknown choices; one empty one if there is no choice."""
+        products = itertools.product(*self.choices.values())
+        return tuple(dict(zip(self.choices, values, strict=True)) for values in products)
+
+    def configuration(
+        self, unknown: Mapping[str, Any], condition: tuple[tuple[str, Any], ...] = ()
+    ) -> Configuration:
+        """Return the drill for values of the unknowns and a target's own parameters.
+
+        Raises:
+            ParameterError: if a value is outside its range.
+        """
+        return to_configuration({**self.parameters, **unknown, **dict(condition)})
+
+    def content(self) -> dict[str, Any]:
+        """Return the specification as plain values; equal fits give equal values."""
+        return dataclasses.asdict(self) | {
+            "parameters": dict(self.parameters),
+            "unknowns": {name: dataclasses.asdict(item) for name, item in self.unknowns.items()},
+            "choices": {name: list(values) for name, values in self.choices.items()},
+        }
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of a parameter; empty for choices."""
+    allowed = PARAMETERS[name].allowed
+    return allowed.unit if isinstance(allowed, Quantity) else ""
+
+
+def is_choice(name: str) -> bool:
+    """Whether a parameter is a choice among words."""
+    return isinstance(PARAMETERS[name].allowed, Choice)
+
+
+def _plain(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,301 @@
+"""Reading of a fit's specification; each mistake is one line with file, entry and reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from rpud_sim.foundation.quantities import (
+    Choice,
+    Flag,
+    ParameterError,
+    Quantity,
+    Text,
+    did_you_mean,
+    shown,
+    shown_name,
+)
+from rpud_sim.foundation.yaml_files import read_yaml
+from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS, to_configuration
+from rpud_sim.studies.fit.data import read_data
+from rpud_sim.studies.fit.measures import (
+    CONTACT_FIGURES,
+    IMPACT_VALUES,
+    STATISTICS,
+    UNITS,
+    Measure,
+)
+from rpud_sim.studies.fit.specification import Specification, Target
+from rpud_sim.studies.sweep.specification import SCALES, Range
+
+_LONGEST = 100.0  # end of a window [s]
+_ENTRIES = ("parameters", "unknowns", "targets", "data")
+_EFFORT = {
+    "seed": Quantity("", "seed of everything that is drawn", 0, 2**32 - 1, whole=True),
+    "points": Quantity("", "points of a round", 16, 2**16, whole=True),
+    "rounds": Quantity("", "rounds", 1, 20, whole=True),
+    "repeat": Quantity("", "runs at a point", 2, 1000, whole=True),
+    "phase_spread": Quantity("cycles", "greatest initial phase", 0.0, 0.5),
+}
+_TARGET = (
+    *("figure", "statistic", "window", "value", "tolerance", "runs", "impact_velocity"),
+    *("regime", "parameters", "hold_out", "source"),
+)
+_MOST_COMBINATIONS = 64
+# Parameters of the drill; those of the node change no figure.
+_NAMES = tuple(name for name in PARAMETERS if name not in NODE_NAMES)
+
+
+def read_target_file(path: str | Path) -> Specification:
+    """Return the specification of a YAML file; the paths in it begin at its folder.
+
+    Raises:
+        ParameterError: if the file, or one that it names, cannot be used.
+    """
+    content = read_yaml(path)
+    try:
+        return parse_targets(content, Path(path).parent)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
+
+
+def parse_targets(content: Any, folder: Path = Path()) -> Specification:
+    """Return the specification that plain values from YAML describe.
+
+    Args:
+        content: of the file.
+        folder: at which paths begin.
+
+    Raises:
+        ParameterError: if they are not valid; the text names the entry and the reason.
+    """
+    entries = _mapping("the file", content)
+    _known("", entries, [*_ENTRIES, *_EFFORT], "an entry")
+    fixed = dict(_mapping("parameters", entries.get("parameters", {})))
+    _check_parameters("parameters", fixed)
+    unknowns, choices = _unknowns(entries.get("unknowns"), fixed)
+    targets = [
+        _target(f"targets[{number}]", item, fixed)
+        for number, item in enumerate(_list("targets", entries.get("targets", [])))
+    ]
+    for number, item in enumerate(_list("data", entries.get("data", []))):
+        entry = f"data[{number}]"
+        _check_parameters(entry, _own_parameters(entry, _mapping(entry, item)))
+        targets += read_data(entry, item, _own_parameters(entry, item), folder)
+    effort = {
+        name: _number(name, allowed, entries[name])
+        for name, allowed in _EFFORT.items()
+        if name in entries
+    }
+    if not any(not target.hold_out for target in targets):
+        raise ParameterError("targets: holds no target that the fit may use")
+    specification = Specification(fixed, unknowns, choices, tuple(targets), **effort)
+    if specification.points & (specification.points - 1):
+        raise ParameterError(f"points = {specification.points} is no power of two")
+    if len(specification.combinations) > _MOST_COMBINATIONS:
+        raise ParameterError(f"unknowns: have more than {_MOST_COMBINATIONS} combinations")
+    _check_pairs(specification)
+    return specification
+
+
+def _unknowns(
+    content: Any, fixed: Mapping[str, Any]
+) -> tuple[dict[str, Range], dict[str, tuple[Any, ...]]]:
+    ranges: dict[str, Range] = {}
+    choices: dict[str, tuple[Any, ...]] = {}
+    for name, item in _mapping("unknowns", content).items():
+        entry = f"unknowns.{name}"
+        _known("unknowns.", [name], _NAMES, "a parameter")
+        if name in fixed:
+            raise ParameterError(f"{entry}: is among the parameters as well")
+        allowed = PARAMETERS[name].allowed
+        if isinstance(item, Mapping) and "values" in item:
+            _known(f"{entry}.", item, ["values"], "an entry beside values")
+            choices[name] = _choices(entry, name, item["values"])
+        elif isinstance(allowed, Quantity):
+            ranges[name] = _range(entry, name, item)
+        elif isinstance(allowed, Choice | Flag):
+            choices[name] = _choices(entry, name, item)
+        else:
+            raise ParameterError(f"{entry}: is a text, which cannot be fitted")
+    if not ranges:
+        raise ParameterError("unknowns: holds no parameter with bounds")
+    return ranges, choices
+
+
+def _range(entry: str, name: str, content: Any) -> Range:
+    scale = "linear"
+    if isinstance(content, Mapping):
+        _known(f"{entry}.", content, ["low", "high", "scale"], "an entry")
+        scale = content.get("scale", "linear")
+        if scale not in SCALES:
+            raise ParameterError(f"{entry}.scale = {shown(scale)} is not one of linear, log")
+        content = [content.get("low"), content.get("high")]
+    if not (isinstance(content, list) and len(content) == 2):
+        raise ParameterError(f"{entry}: {shown(content)} is not of the form [low, high]")
+    allowed = PARAMETERS[name].allowed
+    low, high = (float(_number(f"{entry}: {name}", allowed, value)) for value in content)
+    if not low < high:
+        raise ParameterError(f"{entry}: low {low:g} is not below high {high:g}")
+    if scale == "log" and not low > 0.0:
+        raise ParameterError(f"{entry}: low {low:g} has no logarithm; it must be above 0")
+    return Range(low, high, scale)
+
+
+def _choices(entry: str, name: str, content: Any) -> tuple[Any, ...]:
+    values = tuple(
+        PARAMETERS[name].allowed.check(f"{entry}: {name}", v) for v in _list(entry, content)
+    )
+    if not values:
+        raise ParameterError(f"{entry}: holds no value")
+    if len(set(values)) < len(values):
+        raise ParameterError(f"{entry}: holds a value twice")
+    return values
+
+
+def _target(entry: str, content: Any, fixed: Mapping[str, Any]) -> Target:
+    entries = _mapping(entry, content)
+    _known(f"{entry}.", entries, _TARGET, "an entry of a target")
+    for name in ("figure", "value", "tolerance"):
+        if name not in entries:
+            raise ParameterError(f"{entry}.{name}: is missing")
+    measure = parse_measure(entry, entries)
+    value = _finite(f"{entry}.value", entries["value"], measure.unit)
+    own = _own_parameters(entry, entries)
+    _check_parameters(entry, {**fixed, **own})
+    return Target(
+        measure,
+        value,
+        _tolerance(f"{entry}.tolerance", entries["tolerance"], value, measure.unit),
+        _number(f"{entry}.runs", Quantity("", "", 1, 1e9, whole=True), entries.get("runs", 1)),
+        tuple(own.items()),
+        Flag("").check(f"{entry}.hold_out", entries.get("hold_out", False)),
+        Text("", "").check(f"{entry}.source", entries.get("source", "")),
+    )
+
+
+def parse_measure(entry: str, entries: Mapping[str, Any]) -> Measure:
+    """Return the measure of an entry, from its figure, statistic, window and impact velocity.
+
+    Raises:
+        ParameterError: if one of them is not valid.
+    """
+    figure = entries["figure"]
+    if figure not in UNITS:
+        raise ParameterError(
+            f"{entry}.figure: {shown_name(figure)} is not a figure; {did_you_mean(figure, UNITS)}"
+        )
+    statistic, quantile = _statistic(entry, figure, entries.get("statistic"))
+    start, end = _window(f"{entry}.window", entries.get("window", 5.0))
+    if figure in CONTACT_FIGURES:
+        speed = _number(
+            f"{entry}.impact_velocity",
+            Quantity("m/s", "", 0.0, 1e3, exclusive=True),
+            entries.get("impact_velocity", 5.0),
+        )
+        return Measure(figure, 0.0, 0.0, impact_velocity=speed)
+    if "impact_velocity" in entries:
+        raise ParameterError(
+            f"{entry}.impact_velocity: is for {' and '.join(CONTACT_FIGURES)} alone"
+        )
+    return Measure(figure, start, end, statistic, quantile)
+
+
+def _statistic(entry: str, figure: str, content: Any) -> tuple[str, float]:
+    if figure not in IMPACT_VALUES:
+        if content is not None:
+            raise ParameterError(
+                f"{entry}.statistic: {figure} has none; those of {', '.join(IMPACT_VALUES)} have"
+            )
+        return "", 0.5
+    words = str("mean" if content is None else content).split()
+    if words[:1] == ["quantile"] and len(words) == 2:
+        try:
+            share: Any = float(words[1])
+        except ValueError:
+            share = words[1]
+        return "quantile", _number(f"{entry}.statistic: quantile", Quantity("", "", 0, 1), share)
+    if len(words) != 1 or words[0] not in STATISTICS[:3]:
+        raise ParameterError(
+            f"{entry}.statistic = {shown(content)} is not one of mean, min, max, quantile Q"
+        )
+    return words[0], 0.5
+
+
+def _window(entry: str, content: Any) -> tuple[float, float]:
+    if not isinstance(content, list):
+        content = [0.0, content]
+    if len(content) != 2:
+        raise ParameterError(f"{entry}: {shown(content)} is neither seconds nor [from, to]")
+    allowed = Quantity("s", "", 0.0, _LONGEST)
+    start, end = (_number(entry, allowed, value) for value in content)
+    if not start < end:
+        raise ParameterError(f"{entry}: begins at {start:g} s and ends at {end:g} s")
+    return start, end
+
+
+def _tolerance(entry: str, content: Any, value: float, unit: str) -> float:
+    if isinstance(content, str) and content.strip().endswith("%"):
+        try:
+            share: Any = float(content.strip()[:-1])
+        except ValueError:
+            share = content
+        percent = Quantity("%", "", 0.0, 1e3, exclusive=True)
+        tolerance = 0.01 * _number(entry, percent, share) * abs(value)
+    else:
+        tolerance = _number(entry, Quantity(unit, "", 0.0, 1e300, exclusive=True), content)
+    if not tolerance > 0.0:
+        raise ParameterError(f"{entry}: {shown(content)} of {value:g} is no tolerance above 0")
+    return float(tolerance)
+
+
+def _own_parameters(entry: str, entries: Mapping[str, Any]) -> dict[str, Any]:
+    own = dict(_mapping(f"{entry}.parameters", entries.get("parameters", {})))
+    return {"regime": entries["regime"], **own} if "regime" in entries else own
+
+
+def _check_pairs(specification: Specification) -> None:
+    """Check every condition of the targets at the corners that bounds and choices have."""
+    for combination in specification.combinations:
+        for end in ("minimum", "maximum"):
+            values = {name: getattr(item, end) for name, item in specification.unknowns.items()}
+            for condition in specification.conditions:
+                specification.configuration({**values, **combination}, condition)
+
+
+def _check_parameters(entry: str, values: Mapping[str, Any]) -> None:
+    _known(f"{entry}.", values, _NAMES, "a parameter")
+    try:
+        to_configuration(values)
+    except ParameterError as error:
+        raise ParameterError(f"{entry}: {error}") from None
+
+
+def _mapping(entry: str, content: Any) -> Mapping[Any, Any]:
+    if not isinstance(content, Mapping):
+        raise ParameterError(f"{entry}: {'is missing' if content is None else 'holds no mapping'}")
+    return content
+
+
+def _list(entry: str, content: Any) -> list[Any]:
+    if not isinstance(content, list):
+        raise ParameterError(f"{entry}: holds no list")
+    return content
+
+
+def _known(prefix: str, names: Iterable[Any], known: Iterable[str], kind: str) -> None:
+    for name in names:
+        if name not in known:
+            raise ParameterError(
+                f"{prefix}{shown_name(name)} is not {kind}; {did_you_mean(name, known)}"
+            )
+
+
+def _number(entry: str, allowed: Any, value: Any) -> Any:
+    return allowed.check(entry, value)
+
+
+def _finite(entry: str, value: Any, unit: str) -> float:
+    number = Quantity(unit, "", -1e300, 1e300).check(entry, value)
+    return float(number)

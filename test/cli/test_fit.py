@@ -1,0 +1,100 @@
+"""`rpud fit`: what it prints, writes and refuses."""
+
+import json
+import subprocess
+
+import pytest
+import yaml
+
+TARGETS = {
+    "parameters": {"regime": "drilling"},
+    "unknowns": {"weight_on_bit": [4.0, 20.0]},
+    "points": 16,
+    "rounds": 1,
+    "repeat": 2,
+    "targets": [
+        {"figure": "reacting_force_mean", "window": 0.5, "value": 15.0, "tolerance": "5 %"},
+        {
+            "figure": "contact_force_mean",
+            "window": 0.5,
+            "value": 5e3,
+            "tolerance": "20 %",
+            "hold_out": True,
+        },
+    ],
+}
+
+
+def rpud(*words):
+    return subprocess.run(
+        ["rpud", *map(str, words)], capture_output=True, text=True, timeout=110, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def targets(tmp_path_factory):
+    path = tmp_path_factory.mktemp("targets") / "targets.yaml"
+    path.write_text(yaml.safe_dump(TARGETS))
+    return path
+
+
+@pytest.fixture(scope="module")
+def made(targets):
+    folder = targets.parent / "fit"
+    done = rpud("fit", targets, "--out", folder, "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    return folder, done.stdout
+
+
+def test_a_fit_prints_intervals_and_targets_and_writes_its_files(made):
+    folder, printed = made
+    assert printed.startswith("weight_on_bit ")
+    assert "reacting_force_mean, 0 to 0.5 s: 15 N, model " in printed
+    assert "(held out)" in printed
+    assert {path.name for path in folder.iterdir()} == {
+        *("fit.json", "manifest.json", "parameters.yaml", "posterior.csv", "report.html"),
+        *("posterior.png", "targets.png", "simulations"),
+    }
+
+
+def test_a_fit_is_resumed_and_printed_as_one_object(targets, made):
+    folder, _ = made
+    done = rpud("fit", targets, "--out", folder, "--json")
+    printed = json.loads(done.stdout)
+    numbers = json.loads((folder / "fit.json").read_text())
+    assert numbers == {name: printed[name] for name in numbers}
+    assert (printed["run"], printed["kept"]) == (0, printed["simulations"])
+
+
+def test_the_parameter_file_is_one_that_commands_take(made):
+    folder, _ = made
+    done = rpud("simulate", "--config", folder / "parameters.yaml", "--duration", 1, "--json")
+    best = json.loads((folder / "fit.json").read_text())["best"]["weight_on_bit"]
+    assert json.loads(done.stdout)["parameters"]["weight_on_bit"] == best
+
+
+def test_a_proof_counts_the_intervals(targets, made):
+    folder, _ = made
+    done = rpud("fit", targets, "--out", folder, "--prove", 20, "--json")
+    proof = json.loads(done.stdout)
+    assert (proof["drills"], list(proof["covered"])) == (20, ["weight_on_bit"])
+    assert done.returncode == (0 if proof["holds"] else 1)
+    assert json.loads((folder / "proof.json").read_text()) == proof
+
+
+@pytest.mark.parametrize(
+    ("entries", "complaint"),
+    [
+        ({"unknowns": {"weight_on_bt": [1, 2]}}, "did you mean weight_on_bit?"),
+        ({"targets": [{"figure": "x"}]}, "targets[0].value: is missing"),
+        ({"seed": 9}, "is of another fit: specification.seed is 0 there and 9 here"),
+    ],
+)
+def test_a_mistake_is_one_line_and_code_two(made, tmp_path, entries, complaint):
+    folder, _ = made
+    path = tmp_path / "targets.yaml"
+    path.write_text(yaml.safe_dump(TARGETS | entries))
+    done = rpud("fit", path, "--out", folder)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert done.stderr.startswith("rpud fit: ")
+    assert complaint in done.stderr

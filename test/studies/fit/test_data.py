@@ -1,0 +1,70 @@
+"""Data of a drill: its summary figures become targets, with sampling errors."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rpud_sim import bag
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.studies.fit.target_file import parse_targets
+
+BAG = Path(__file__).parents[2] / "data" / "0.1.0" / "run"
+FIT = {"parameters": {"regime": "drilling"}, "unknowns": {"weight_on_bit": [2.0, 20.0]}}
+
+
+def from_data(folder, **entry):
+    return parse_targets(FIT | {"data": [entry]}, folder)
+
+
+def write_csv(path, count=2000, field="peak_force"):
+    random = np.random.default_rng(1)
+    times = np.sort(random.uniform(0.0, 10.0, count))
+    forces = random.lognormal(np.log(1000.0), 0.5, count)
+    rows = "".join(f"{t!r},{f!r}\n" for t, f in zip(times.tolist(), forces.tolist(), strict=True))
+    path.write_text(f"time,{field}\n{rows}")
+    return times, forces
+
+
+def test_impacts_of_a_csv_file_become_targets_with_their_sampling_errors(tmp_path):
+    times, forces = write_csv(tmp_path / "drill.csv")
+    found = from_data(tmp_path, csv="drill.csv", skip=1.0)
+    targets = {str(target.measure): target for target in found.targets}
+    kept = forces[times >= times[0] + 1.0]
+    mean = targets["contact_force, mean, 1 to 6 s"]
+    assert mean.value == pytest.approx(kept.mean(), rel=1e-3)
+    assert mean.tolerance == pytest.approx(kept.std() / np.sqrt(len(kept)), rel=0.7)
+    assert targets["drill_tool_impact_rate, 1 to 6 s"].value == pytest.approx(200.0, rel=0.05)
+    assert targets["contact_force, 95 % quantile, 1 to 6 s"].value > mean.value
+    assert {target.group for target in found.targets} == {"data[0]"}
+
+
+def test_a_bag_gives_impacts_and_reacting_force():
+    found = from_data(BAG.parent, bag=BAG.name, regime="drilling", skip=0.2)
+    figures = {target.measure.figure for target in found.targets}
+    assert {"contact_force", "drill_tool_impact_rate", "reacting_force_mean"} <= figures
+    assert all(target.tolerance > 0.0 for target in found.targets)
+    assert {target.parameters for target in found.targets} == {(("regime", "drilling"),)}
+    with bag.open(BAG) as opened:
+        impacts = opened.arrays("/rpud/contact_force")
+    mean = next(t for t in found.targets if str(t.measure).startswith("contact_force, mean"))
+    kept = impacts["header.stamp"] >= impacts["header.stamp"].min() + 200_000_000
+    assert mean.value == pytest.approx(impacts["peak_force"][kept].mean(), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "has no column named time or header.stamp"),
+        ("time,x\n1,2\n", "has no column named peak_force"),
+        ("time,peak_force\n1,2\n", "has neither 100 impacts nor 100 samples"),
+        ("time,peak_force\n1,two\n", "line 2 has no number in peak_force"),
+        ("time,peak_force\n1\n", "line 2 has no number in peak_force"),
+    ],
+)
+def test_a_file_without_data_is_refused_in_one_line(tmp_path, text, complaint):
+    (tmp_path / "drill.csv").write_text(text)
+    with pytest.raises(ParameterError) as caught:
+        from_data(tmp_path, csv="drill.csv", skip=0.0)
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,84 @@
+"""Measures: the figures of `rpud simulate` and of the paper's windows, over any window."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.simulation import Simulation, preset
+from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.ensemble import run_ensemble
+from rpud_sim.simulation.statistics import FIGURES
+from rpud_sim.studies.fit.measures import UNITS, Measure, measure
+from rpud_sim.studies.reproduction.single_contact import single_contact
+from rpud_sim.studies.reproduction.windows import run_windows
+
+DRILL = Configuration(preset("drilling"))
+
+
+def test_the_figures_of_a_whole_run_are_those_of_simulate():
+    expected = run_ensemble(DRILL, 2.0, [0.25]).members[0]
+    found = measure(DRILL, 0.25, [Measure(name, 0.0, 2.0) for name in FIGURES])
+    assert dict(zip(FIGURES, found, strict=True)) == pytest.approx(
+        {name: expected[name] for name in FIGURES}, rel=1e-12
+    )
+
+
+def test_the_figures_of_the_papers_windows_are_those_of_the_reproduction():
+    measures = {
+        "contact_force_low": Measure("contact_force", 0.0, 0.6, "quantile", 0.05),
+        "contact_force_high": Measure("contact_force", 0.0, 0.6, "quantile", 0.95),
+        "contact_force_max": Measure("contact_force_max", 0.0, 0.6),
+        "kinetic_energy": Measure("kinetic_energy", 0.0, 0.6),
+        "nodal_plane_displacement": Measure("nodal_plane_displacement", 0.0, 0.6),
+        "drill_tool_displacement": Measure("drill_tool_displacement", 0.0, 0.6),
+        "reacting_force_mean": Measure("reacting_force_mean", 0.0, 5.0),
+    }
+    expected = run_windows(DRILL.parameters, np.array([0.05])).values
+    found = measure(DRILL, 0.05, list(measures.values()))
+    assert dict(zip(measures, found, strict=True)) == pytest.approx(
+        {name: float(expected[name][0]) for name in measures}, rel=1e-9
+    )
+
+
+def test_a_window_holds_its_own_impacts_alone():
+    simulation = Simulation(DRILL.parameters, 0.5)
+    simulation.advance_to(SECOND)
+    impacts = simulation.advance_to(2 * SECOND).impacts
+    whole = [Measure("impacts", 0.0, 2.0), Measure("impacts", 0.0, 1.0)]
+    count, mean, both, first = measure(
+        DRILL,
+        0.5,
+        [Measure("impacts", 1.0, 2.0), Measure("contact_force", 1.0, 2.0, "mean"), *whole],
+    )
+    assert count == len(impacts) == both - first
+    assert mean == pytest.approx(impacts["peak_force"].mean())
+
+
+def test_a_single_contact_needs_no_run():
+    expected = single_contact(DRILL.parameters, 3.0)
+    found = measure(
+        DRILL,
+        0.0,
+        [
+            Measure("contact_peak_force", 0.0, 0.0, impact_velocity=3.0),
+            Measure("contact_peak_displacement", 0.0, 0.0, impact_velocity=3.0),
+        ],
+    )
+    assert found == [expected.peak_force, expected.peak_displacement]
+
+
+def test_a_figure_that_a_run_cannot_have_is_missing():
+    still = Configuration(preset("drilling").replace(vibration_amplitude=0.0))
+    found = measure(still, 0.0, [Measure("contact_force", 0.1, 0.2, "mean")])
+    assert math.isnan(found[0])
+
+
+@pytest.mark.parametrize("figure", UNITS)
+def test_every_figure_can_be_measured(figure):
+    statistic = "max" if Measure(figure, 0.0, 0.1).figure in ("contact_force", "impulse") else ""
+    impact = figure in ("contact_duration", "impact_velocity", "impact_energy")
+    item = Measure(figure, 0.0, 0.1, "mean" if impact else statistic)
+    assert math.isfinite(measure(DRILL, 0.0, [item])[0])
+    assert figure in str(item)

@@ -1,0 +1,123 @@
+"""Surrogates and posteriors, against figures and drills that are known in closed form."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rpud_sim.studies.fit.design import Region, sobol_points
+from rpud_sim.studies.fit.identifiability import identify
+from rpud_sim.studies.fit.posterior import Likelihood, maximum, sample
+from rpud_sim.studies.fit.surrogate import SurrogateError, fit_surrogate
+from rpud_sim.studies.fit.target_file import parse_targets
+
+SPREAD = 0.05
+WHOLE = Region.whole(2)
+
+
+def figures_at(shares, random, repeat=4):
+    """Return two figures: a product, and a sum of both unknowns; with the chance of runs."""
+    x, y = shares.T
+    means = np.stack([np.exp(1.0 + 0.5 * (x + y)), 3.0 + x + y], axis=-1)
+    noise = random.standard_normal((len(shares), repeat, 2))
+    return means[:, None] * np.exp(SPREAD * noise)
+
+
+def targets(**entries):
+    return parse_targets(
+        {
+            "unknowns": {"weight_on_bit": [0.0, 10.0], "gravity": [0.0, 10.0]},
+            "targets": [
+                {"figure": name, "value": value, "tolerance": "5 %"} | entries
+                for name, value in (("contact_force_mean", 4.5), ("reacting_force_mean", 4.0))
+            ],
+        }
+    ).targets
+
+
+@pytest.fixture(scope="module")
+def surrogate():
+    shares = sobol_points(WHOLE, 256, (1,))
+    figures = figures_at(shares, np.random.default_rng(2))
+    return fit_surrogate(WHOLE, shares, figures, np.zeros(2, int))
+
+
+def test_a_surrogate_gives_mean_and_spread_and_knows_its_error(surrogate):
+    shares = np.random.default_rng(3).random((200, 2))
+    mean, spread = surrogate.predict(shares)
+    x, y = shares.T
+    expected = np.stack([1.0 + 0.5 * (x + y), np.log(3.0 + x + y)], axis=-1)
+    assert np.sqrt(np.mean((mean - expected) ** 2)) < 0.01
+    assert spread == pytest.approx(np.full(spread.shape, SPREAD), rel=0.5)
+    assert np.sqrt(np.diag(surrogate.error)) == pytest.approx([0.0, 0.0], abs=0.01)
+    assert surrogate.restore(surrogate.transform(np.array([2.0, 3.0]))) == pytest.approx([2.0, 3.0])
+
+
+def test_a_surrogate_is_valid_inside_its_region_and_where_figures_exist():
+    shares = sobol_points(WHOLE, 256, (1,))
+    figures = figures_at(shares, np.random.default_rng(2))
+    figures[shares[:, 0] < 0.5] = np.nan
+    found = fit_surrogate(WHOLE, shares, figures, np.zeros(2, int))
+    asked = np.array([[0.9, 0.5], [0.1, 0.5], [1.1, 0.5]])
+    assert found.supports(asked).tolist() == [True, False, False]
+    figures[:] = np.nan
+    with pytest.raises(SurrogateError, match="0 of 256 points have all figures"):
+        fit_surrogate(WHOLE, shares, figures, np.zeros(2, int))
+
+
+def test_the_posterior_is_that_of_the_closed_form(surrogate):
+    posterior = sample(Likelihood(surrogate, targets()), 2048, np.random.default_rng(4))
+    total = posterior.shares.sum(axis=1)
+    grid = (np.stack(np.meshgrid(*[np.linspace(0, 1, 201)] * 2), axis=-1)).reshape(-1, 2)
+    sums = grid.sum(axis=1)
+    error = math.hypot(SPREAD, 0.05)
+    logs = stats.norm.logpdf(math.log(4.5), 1.0 + 0.5 * sums, error)
+    logs += stats.norm.logpdf(math.log(4.0), np.log(3.0 + sums), error)
+    weights = np.exp(logs) / np.exp(logs).sum()
+    mean = weights @ sums
+    deviation = math.sqrt(weights @ (sums - mean) ** 2)
+    assert total.mean() == pytest.approx(mean, abs=0.3 * deviation)
+    assert total.std() == pytest.approx(deviation, rel=0.2)
+    assert posterior.log_evidence == pytest.approx(math.log(np.exp(logs).mean()), abs=0.3)
+
+
+def test_a_ridge_is_found_and_named(surrogate):
+    random = np.random.default_rng(4)
+    likelihood = Likelihood(surrogate, targets(tolerance="1 %", runs=100))
+    posterior = sample(likelihood, 2048, random)
+    columns = {"weight_on_bit": posterior.shares[:, 0], "gravity": posterior.shares[:, 1]}
+    found = identify(posterior.shares, columns)
+    assert [ridge.names for ridge in found.ridges] == [("weight_on_bit", "gravity")]
+    assert found.ridges[0].correlation < -0.8
+    assert "weight_on_bit falls as gravity rises" in str(found.ridges[0])
+    along, across = found.directions
+    assert along.width > 3.0 * across.width
+    assert along.parts["gravity"] * along.parts["weight_on_bit"] < 0.0
+    assert likelihood(maximum(likelihood, posterior)[None])[0] >= posterior.log_likelihood.max()
+
+
+def test_nothing_is_known_without_a_target_that_depends_on_it(surrogate):
+    loose = targets(tolerance=1e6)
+    posterior = sample(Likelihood(surrogate, loose), 2048, np.random.default_rng(4))
+    columns = {"weight_on_bit": posterior.shares[:, 0], "gravity": posterior.shares[:, 1]}
+    found = identify(posterior.shares, columns)
+    assert {item.identified for item in found.intervals.values()} == {"no"}
+    assert found.ridges == ()
+
+
+def test_a_target_that_is_held_out_has_no_weight(surrogate):
+    seen, other = targets()
+    shares = np.random.default_rng(5).random((50, 2))
+    hidden = dataclasses.replace(other, hold_out=True)
+    far = dataclasses.replace(hidden, value=40.0, tolerance=2.0)
+    found = Likelihood(surrogate, (seen, hidden))(shares)
+    assert found.tolist() == Likelihood(surrogate, (seen, far))(shares).tolist()
+
+
+def test_a_target_without_a_logarithm_cannot_be_reached_by_a_positive_figure(surrogate):
+    seen, other = targets()
+    negative = dataclasses.replace(other, value=-4.0)
+    found = Likelihood(surrogate, (seen, negative))(np.array([[0.5, 0.5]]))
+    assert found.tolist() == [-math.inf]

@@ -1,0 +1,146 @@
+"""Specifications of fits: what they hold, and one line for every mistake."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.studies.fit.measures import UNITS
+from rpud_sim.studies.fit.target_file import parse_targets, read_target_file
+
+TARGET = {"figure": "reacting_force_mean", "value": 14.0, "tolerance": "5 %"}
+FIT = {
+    "parameters": {"regime": "drilling"},
+    "unknowns": {"weight_on_bit": [2.0, 20.0]},
+    "targets": [TARGET],
+}
+
+
+def changed(**entries):
+    return {name: value for name, value in (FIT | entries).items() if value is not ...}
+
+
+def target(**entries):
+    return changed(targets=[{n: v for n, v in (TARGET | entries).items() if v is not ...}])
+
+
+def unknown(name, content):
+    return changed(unknowns={name: content})
+
+
+def test_a_specification_holds_what_the_file_says(tmp_path):
+    path = tmp_path / "targets.yaml"
+    path.write_text(
+        """
+parameters: {regime: free}
+unknowns:
+  drill_tool_mass: {low: 1e-3, high: 2e-2, scale: log}
+  contact_model: [printed, rayleigh]
+  gravity: {values: [0.0, 9.81]}
+seed: 3
+phase_spread: 0.1
+targets:
+  - {figure: contact_force, statistic: quantile 0.05, window: 0.6, value: 400, tolerance: 20}
+  - {figure: contact_peak_force, regime: drilling, value: 1650, tolerance: 2 %, hold_out: true}
+  - {figure: kinetic_energy_rate, window: [1, 3], value: 20, tolerance: 5 %, runs: 4}
+"""
+    )
+    found = read_target_file(path)
+    assert (found.unknowns["drill_tool_mass"].minimum, found.seed) == (1e-3, 3)
+    assert found.choices == {"contact_model": ("printed", "rayleigh"), "gravity": (0.0, 9.81)}
+    assert len(found.combinations) == 4
+    low, contact, rate = found.targets
+    assert (low.measure.quantile, low.measure.end, low.tolerance) == (0.05, 0.6, 20.0)
+    assert (contact.parameters, contact.hold_out) == ((("regime", "drilling"),), True)
+    assert contact.tolerance == pytest.approx(33.0)
+    assert (rate.measure.start, rate.measure.end, rate.runs) == (1.0, 3.0, 4)
+    assert found.conditions == ((), (("regime", "drilling"),))
+    drill = found.configuration({"gravity": 0.0}, contact.parameters).parameters
+    assert (drill.regime, drill.gravity) == ("drilling", 0.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (None, "the file: is missing"),
+        (changed(target=1), "target is not an entry; did you mean targets?"),
+        (changed(unknowns=...), "unknowns: is missing"),
+        (changed(unknowns={}), "unknowns: holds no parameter with bounds"),
+        (changed(targets=...), "targets: holds no target that the fit may use"),
+        (target(hold_out=True), "targets: holds no target that the fit may use"),
+        (changed(points=100), "points = 100 is no power of two"),
+        (changed(rounds=0), "rounds = 0 is outside its range [1, 20]"),
+        (changed(parameters={"gravty": 1}), "parameters.gravty is not a parameter; did you mean g"),
+        (changed(parameters={"seed": 1}), "parameters.seed is not a parameter"),
+        (changed(parameters={"weight_on_bit": 1}), "unknowns.weight_on_bit: is among the param"),
+        (unknown("weight_on_bitt", [1, 2]), "weight_on_bitt is not a parameter; did you mean w"),
+        (unknown("weight_on_bit", [2, 1]), "unknowns.weight_on_bit: low 2 is not below high 1"),
+        (unknown("weight_on_bit", 2), "unknowns.weight_on_bit: 2 is not of the form [low, high]"),
+        (unknown("weight_on_bit", [0, 1e9]), "weight_on_bit = 1e+09 N is outside its range"),
+        (unknown("gravity", {"low": 0, "high": 1, "scale": "log"}), "low 0 has no logarithm"),
+        (unknown("gravity", {"low": 0, "high": 1, "scale": "x"}), "scale = 'x' is not one of"),
+        (unknown("gravity", {"low": 0, "hihg": 1}), "hihg is not an entry; did you mean high?"),
+        (unknown("contact_model", ["prined"]), "contact_model = 'prined' is not one of printed"),
+        (target(figure="reacting_force"), "figure: reacting_force is not a figure; did you mean r"),
+        (target(value=...), "targets[0].value: is missing"),
+        (target(value=math.nan), "targets[0].value = nan N is outside its range"),
+        (target(tolerance=0), "targets[0].tolerance = 0 N is outside its range"),
+        (target(tolerance="5 N"), "targets[0].tolerance = '5 N' N is outside its range"),
+        (target(value=0), "targets[0].tolerance: '5 %' of 0 is no tolerance above 0"),
+        (target(statistic="mean"), "targets[0].statistic: reacting_force_mean has none"),
+        (target(figure="contact_force", statistic="median"), "statistic = 'median' is not one of"),
+        (target(figure="contact_force", statistic="quantile 2"), "quantile = 2 is outside its"),
+        (target(window=0), "targets[0].window: begins at 0 s and ends at 0 s"),
+        (target(window=[1, 2, 3]), "targets[0].window: [1, 2, 3] is neither seconds nor"),
+        (target(window=1e3), "targets[0].window = 1000 s is outside its range [0, 100] s"),
+        (target(impact_velocity=5), "impact_velocity: is for contact_peak_force and contact_peak"),
+        (target(parameters={"gravity": -1}), "targets[0]: gravity = -1 m/s^2 is outside"),
+        (target(regime="wet"), "targets[0]: regime = 'wet' is not one of free, drilling"),
+        (changed(data=[{}]), "data[0]: needs either bag or csv"),
+        (changed(data=[{"csv": "missing.csv"}]), "missing.csv: No such file or directory"),
+        (changed(data=[{"bag": "missing"}]), "missing"),
+        (changed(data=[{"csf": "x"}]), "data[0].csf is not an entry; did you mean csv?"),
+    ],
+)
+def test_a_mistake_is_one_line_with_entry_and_reason(content, complaint):
+    with pytest.raises(ParameterError) as caught:
+        parse_targets(content)
+    assert complaint in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+SCALARS = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=5),
+    st.sampled_from([*UNITS, "quantile 0.5", "5 %", "log", "drilling"]),
+)
+KEYS = st.one_of(
+    st.sampled_from([*FIT, *TARGET, "window", "statistic", "runs", "low", "high", "scale"]), SCALARS
+)
+ANYTHING = st.recursive(
+    SCALARS,
+    lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(KEYS, inner, max_size=4)),
+    max_leaves=12,
+)
+
+
+@given(entries=st.dictionaries(KEYS, ANYTHING, max_size=3), content=ANYTHING)
+def test_hostile_content_is_taken_or_refused_in_one_line(entries, content):
+    for tried in (
+        entries,
+        FIT | entries,
+        unknown("gravity", content),
+        target(window=content, statistic=content),
+        changed(targets=[TARGET | entries]),
+    ):
+        try:
+            found = parse_targets(tried)
+        except ParameterError as error:
+            assert "\n" not in str(error)  # noqa: PT017 - both ends are right
+        else:
+            assert all(item.tolerance > 0.0 for item in found.targets)
