@@ -1,7 +1,6 @@
 """Blocks that follow each other have everything once, and joined they are the one they are of."""
 
 import dataclasses
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -19,7 +18,7 @@ SECOND = 1_000_000_000
 END = SECOND // 5
 rates = st.integers(1, 1_000_000)
 EMPTY = np.empty(0)
-RPUD = RpudConstants(1.0, False, math.inf)
+RPUD = RpudConstants(1.0, False, 0.0)
 
 
 def blocks_until(times):
