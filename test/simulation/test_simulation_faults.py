@@ -282,15 +282,15 @@ def test_the_kinds_that_are_honoured_follow_the_configuration():
 )
 def test_faults_of_the_rock_slow_the_progress_of_every_impact(fault, factor):
     simulation = Simulation(FULL)
-    energy = simulation.advance_to(SECOND).impacts["energy"].sum()
+    energy = simulation.advance_to(SECOND).impacts["energy_transferred"].sum()
     before = simulation.depth
     simulation.inject(fault)
     assert simulation.depth == before > 0.0
-    slow = simulation.advance_to(3 * SECOND).impacts["energy"].sum()
+    slow = simulation.advance_to(3 * SECOND).impacts["energy_transferred"].sum()
     reached = simulation.depth
     assert (reached - before) / slow == pytest.approx(factor * before / energy, rel=1e-9)
     simulation.clear_all()
-    again = simulation.advance_to(4 * SECOND).impacts["energy"].sum()
+    again = simulation.advance_to(4 * SECOND).impacts["energy_transferred"].sum()
     assert (simulation.depth - reached) / again == pytest.approx(before / energy, rel=1e-9)
     assert simulation.penetration_rate == pytest.approx(simulation.depth - reached, rel=1e-9)
 
