@@ -1,8 +1,9 @@
 """Managed node of the drill.
 
 Publishers (docs/reference/topics.md): ``nodal_plane``, ``drill_tool``, ``reacting_force``,
-``wrench``, ``joint_states`` and ``actuator_state`` at ``telemetry_rate``; ``contact_force`` for every impact on the
-drill tool; ``waveform`` and ``trajectory`` in blocks; ``journal`` and ``faults`` on change;
+``wrench``, ``joint_states`` and ``actuator_state`` at ``telemetry_rate``; ``contact_force`` for
+every impact on the drill tool; ``waveform`` and ``trajectory`` in blocks; ``journal`` and
+``faults`` on change;
 ``status`` and ``/diagnostics`` every second and on change; ``/clock`` with ``publish_clock``.
 
 Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/drive``
