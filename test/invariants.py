@@ -15,7 +15,7 @@ def check_trajectory(segments):
     index = np.arange(len(segments))
     for share in np.linspace(0.0, 1.0, 20):
         now = evaluate(segments, index, share * segments["duration"])
-        digits = 1e-15 * abs(now["nodal_plane_position"])
+        digits = 1e-15 * (abs(now["nodal_plane_position"]) + abs(segments["nodal_plane_offset"]))
         ahead = now["free_mass_position"] - now["actuator_position"]
         assert (ahead > -1.01 * TOUCHING - digits).all()
         ahead = now["drill_tool_displacement"] - now["free_mass_position"]
@@ -25,7 +25,9 @@ def check_trajectory(segments):
     old = evaluate(segments, index[:-1], segments["duration"][:-1])
     new = evaluate(segments, index[1:], np.zeros(len(index) - 1))
     jump = {name: abs(new[name] - old[name]) for name in old}
-    assert (jump["nodal_plane_position"] < 1e-14 + 1e-15 * abs(new["nodal_plane_position"])).all()
+    offsets = abs(segments["nodal_plane_offset"][:-1]) + abs(segments["nodal_plane_offset"][1:])
+    digits = 1e-15 * (abs(new["nodal_plane_position"]) + offsets)
+    assert (jump["nodal_plane_position"] < 1e-14 + digits).all()
     assert (jump["free_mass_position"] < 1.01 * LOWEST_BOUNCE).all()
     # In the rock the drill tool is at rest at zero as soon as it is left alone.
     let_go = (segments["contact"][1:] & 2 == 0) & (new["drill_tool_displacement"] == 0.0)

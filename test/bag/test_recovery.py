@@ -294,9 +294,9 @@ def test_gaps_in_the_numbers_of_impacts_are_counted(tmp_path, publishers, number
     definition = find_definition(name)
     codec = Codec(name, definition)
     header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "rpud_tool_tip"}
-    others = dict.fromkeys(
-        ("peak_force", "contact_duration", "impact_velocity", "impulse", "energy"), 0.0
-    )
+    numbers_of_an_impact = ("peak_force", "contact_duration", "impact_velocity", "impulse")
+    energies = ("energy", "energy_transferred")
+    others = {**dict.fromkeys((*numbers_of_an_impact, *energies), 0.0), "squeezed": False}
     topic = rpud_sim.bag.Topic(
         "/rpud/contact_force", name, offered_qos=(rpud_sim.bag.QosProfile(),) * publishers
     )

@@ -235,7 +235,7 @@ def test_a_split_recording_has_every_message_and_its_losses(process, talker, tmp
 
 
 def test_a_recorder_stops_before_its_bag_is_too_large(process, talker, tmp_path):
-    limit = 150_000
+    limit = 200_000
     words = ("--max-disk", limit, "--compression", "none")
     recorder = process("recorder", "--out", tmp_path / "run", *map(str, words))
     talker("--count", 100_000, "--rate", 2000)

@@ -6,13 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from invariants import check_trajectory
 from trajectories import rebuild
 
 from rpud_sim.model.drill import derive
-from rpud_sim.model.engine import Engine
+from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import CONTACT_MODELS, QUANTITIES, preset
 from rpud_sim.model.seating import SEATING_TIME
 
@@ -77,7 +77,11 @@ def run(regime, planned, stops, end=0.35):
 @settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
 @given(regime=st.sampled_from(REGIMES), planned=changes)
 def test_changes_at_any_time_keep_the_order_of_bodies_and_continuity(regime, planned):
-    segments, impacts = run(regime, planned, [])
+    try:
+        segments, impacts = run(regime, planned, [])
+    except EngineError as error:  # a heavy drill that lies on an elastic free mass
+        assert "events exceed their budget" in str(error)  # noqa: PT017
+        assume(False)
     assert np.isfinite(segments["duration"]).all()
     check_trajectory(segments)
     for name in impacts.dtype.names:
@@ -90,6 +94,14 @@ def test_changes_at_any_time_keep_the_order_of_bodies_and_continuity(regime, pla
     assert (impacts["contact_duration"] >= 0.0).all()
 
 
+def outcome(regime, planned, stops):
+    """Give the bytes of the records, or why there are none."""
+    try:
+        return [part.tobytes() for part in run(regime, planned, stops)]
+    except EngineError as error:
+        return [str(error)]
+
+
 @settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
 @given(
     regime=st.sampled_from(REGIMES),
@@ -97,9 +109,9 @@ def test_changes_at_any_time_keep_the_order_of_bodies_and_continuity(regime, pla
     stops=st.lists(st.floats(0.0, 0.3), min_size=1, max_size=10),
 )
 def test_it_does_not_matter_where_a_caller_stops(regime, planned, stops):
-    one, other = run(regime, planned, []), run(regime, planned, stops)
+    one, other = outcome(regime, planned, []), outcome(regime, planned, stops)
     for part, again in zip(one, other, strict=True):
-        assert part.tobytes() == again.tobytes()
+        assert part == again
 
 
 FREE, DRILLING = preset("free").replace(weight_on_bit=10.0), preset("drilling")

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
 from rpud_sim.simulation.statistics import FIGURES
+from rpud_sim.studies.processes import WorkerError
 from rpud_sim.studies.sweep.chunks import (
     Chunk,
-    WorkerError,
     chunk_count,
     chunk_size,
     make_chunks,
