@@ -11,6 +11,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from rosidl_parser.definition import AbstractSequence, NamespacedType, UnboundedString
 from rpud_msgs.msg import (
+    ActuatorState,
     ContactForce,
     DrillTool,
     Faults,
@@ -31,7 +32,7 @@ from rpud_sim.simulation.topics import TOPICS
 
 # Listed, so that none is left out by mistake.
 KINDS = [ContactForce, DrillTool, Faults, JointState, JournalEntry, NodalPlane, ReactingForce]
-KINDS += [Status, Trajectory, Waveform, WrenchStamped, Clock]
+KINDS += [ActuatorState, Status, Trajectory, Waveform, WrenchStamped, Clock]
 
 NUMBERS = {
     "boolean": st.booleans(),

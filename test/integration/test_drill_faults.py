@@ -229,9 +229,8 @@ def test_the_actuator_rings_up_draws_power_and_suffers_from_a_drift(client):
     client.command(Drive(enabled=True, voltage=100.0, frequency=frequency))
     client.until(lambda: client.status[-1].drive_enabled)
     ringing = [at(client, client.step(0.001)).vibration_amplitude for _ in range(5)]
-    assert ringing == sorted(ringing)
     full = at(client, client.step(0.3))
-    assert full.vibration_amplitude > 1.2 * ringing[0]
+    assert 0.0 < max(ringing) < full.vibration_amplitude
     assert full.electrical_power > 0.0
     assert client.inject("resonance_drift", magnitude=-500.0).success
     drifted = at(client, client.step(0.3))

@@ -17,6 +17,7 @@ from rpud_sim.bag.losses import RECORDING_RECORD
 
 CONFIG = get_package_share_directory("rpud_sim") + "/config"
 TYPES = {
+    "/rpud/actuator_state": "rpud_msgs/msg/ActuatorState",
     "/rpud/contact_force": "rpud_msgs/msg/ContactForce",
     "/rpud/drill_node/transition_event": "lifecycle_msgs/msg/TransitionEvent",
     "/rpud/drill_tool": "rpud_msgs/msg/DrillTool",

@@ -20,6 +20,7 @@ DURATION = 0.33
 JOURNAL = "/rpud/journal"
 # Where a field of each type lies from the end of the message, or from its beginning [bytes].
 PLACES = {
+    "actuator_state": -8,
     "contact_force": -9,
     "drill_tool": -1,
     "faults": -8,
@@ -31,6 +32,7 @@ PLACES = {
     "wrench": -32,
 }
 FIELDS = {
+    "actuator_state": "temperature",
     "contact_force": "energy_transferred",
     "drill_tool": "in_contact",
     "faults": "forgotten",

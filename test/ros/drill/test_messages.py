@@ -274,7 +274,9 @@ def test_the_status_says_how_the_drill_is():
     assert status.vibration_amplitude == simulation.actuator.amplitude > 0.0
     assert status.resonance_frequency == 16000.0
     assert status.actuator_temperature == 293.15
-    assert status.electrical_power == pytest.approx(100.0**2 / 100.0 / 2.0, rel=1e-2)
+    # Without load it draws 50 W; blows take from the amplitude, and so from the current.
+    assert status.electrical_power == simulation.actuator.electrical_power
+    assert 1.0 < status.electrical_power < 50.0
     assert status.depth == simulation.depth > 0.0
     assert status.penetration_rate == simulation.penetration_rate > 0.0
     assert status.active_faults == 1
