@@ -36,6 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
         specification = read_specification(arguments.spec)
     if arguments.out and not Path(arguments.out).absolute().parent.is_dir():
         raise CommandError(f"--out {printable(arguments.out)}: its folder does not exist")
+    if arguments.out and Path(arguments.out).is_dir():
+        raise CommandError(f"--out {printable(arguments.out)}: is a folder")
     with failing(SensitivityError):
         result = run_sensitivity(specification, _track)
     content = result.content()

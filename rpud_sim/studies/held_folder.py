@@ -13,6 +13,7 @@ from typing import Any
 from rpud_sim.foundation.whole_folder import UNFINISHED, whole_file
 
 MANIFEST = "manifest.json"
+_LONGEST_VALUE = 100  # characters in a message
 
 
 @contextlib.contextmanager
@@ -72,4 +73,15 @@ def _difference(found: Any, wanted: Any, entry: str = "") -> str:
         return ""
     if type(found) is type(wanted) and found == wanted:
         return ""
-    return f"{entry} is {json.dumps(found)} there and {json.dumps(wanted)} here"
+    if isinstance(found, list) and isinstance(wanted, list):
+        if len(found) != len(wanted):
+            return f"{entry} has {len(found)} entries there and {len(wanted)} here"
+        pairs = enumerate(zip(found, wanted, strict=True))
+        return next(d for i, (a, b) in pairs if (d := _difference(a, b, f"{entry}[{i}]")))
+    return f"{entry} is {_short(found)} there and {_short(wanted)} here"
+
+
+def _short(value: Any) -> str:
+    """Return a value as JSON, cut off where a line would get too long."""
+    text = json.dumps(value)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."

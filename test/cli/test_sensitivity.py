@@ -50,6 +50,7 @@ def test_it_prints_each_figure_and_writes_the_same_numbers_to_a_file(rpud, tmp_p
             1,
             "rpud sensitivity: --out none/study.json: its folder does not exist\n",
         ),
+        (["study.yaml", "--out", "."], 1, "rpud sensitivity: --out .: is a folder\n"),
     ],
 )
 def test_a_mistake_is_one_line(rpud, words, code, line):

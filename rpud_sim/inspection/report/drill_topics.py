@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -60,6 +60,43 @@ class Impacts:
 
 
 @dataclass
+class Powers:
+    """Mean powers of a drill, of ``rpud_msgs/Status``.
+
+    Each report has the means over the last second. So it counts by the simulation time since the
+    report before it, and at most for a second: reports before the start, while paused, or on a
+    change of state would distort the mean otherwise.
+
+    Args:
+        names: of the powers.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        self._joules = np.zeros(len(self._names))
+        self._seconds = 0.0
+        self._last: int | None = None
+
+    def add(self, columns: Columns, times: np.ndarray) -> None:
+        """Add rows of the topic's table."""
+        stamps = columns["header.stamp"].astype(np.int64)
+        if not len(stamps):
+            return
+        first = stamps[0] if self._last is None else self._last
+        seconds = np.clip(np.diff(stamps, prepend=first) / SECOND, 0.0, 1.0)
+        self._last = int(stamps[-1])
+        values = np.column_stack([columns[name].astype(float) for name in self._names])
+        valid = usable(values).all(axis=1)
+        self._joules += seconds[valid] @ values[valid]
+        self._seconds += float(seconds[valid].sum())
+
+    def means(self) -> dict[str, float]:
+        """Return the mean of each power [W]; empty if the reports span no time."""
+        if not self._seconds > 0.0:
+            return {}
+        return dict(zip(self._names, (self._joules / self._seconds).tolist(), strict=True))
+
+
 class Segments:
     """Sums over the exact trajectory, of ``rpud_msgs/Trajectory``.
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from datetime import datetime, timezone
 
 from rpud_sim.inspection.report.drill_topics import FaultLog
-from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS
 from rpud_sim.inspection.report.running_statistics import Distribution
 from rpud_sim.inspection.report.survey import Survey
 from rpud_sim.inspection.report.topic_survey import TopicSurvey
@@ -178,13 +177,10 @@ def energy_rows(seen: Survey, name: str) -> Rows:
 
 
 def mean_powers(seen: Survey, name: str) -> dict[str, float]:
-    """Return the mean of each power in the status of one drill [W]; empty where one is missing."""
+    """Return the mean of each power of one drill [W]; empty without a status that has them."""
     status = seen.sibling(name, STATUS)
-    names = (*INFLOWS, *OUTFLOWS)
-    found = {power: status.find(power) for power in names} if status is not None else {}
-    if not all(values.count for values in found.values()):
-        return {}
-    return {power: values.mean for power, values in found.items()}
+    powers = seen.powers.get(status.name) if status is not None else None
+    return powers.means() if powers is not None else {}
 
 
 def timing_rows(seen: Survey) -> Rows:

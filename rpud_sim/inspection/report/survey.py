@@ -16,11 +16,16 @@ from rpud_sim.inspection.report.drill_topics import (
     FaultLog,
     Impacts,
     Journal,
+    Powers,
     Segments,
     Waveform,
 )
+from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS
 from rpud_sim.inspection.report.timeline import zero_stamp
 from rpud_sim.inspection.report.topic_survey import TopicSurvey, is_latched, stamp_column
+
+POWERS = (*INFLOWS, *OUTFLOWS)
+"""Fields of a status that the flow of power shows."""
 
 MOST_TOPICS = 200
 """Number of topics that are surveyed; of others the report only shows the bag's index."""
@@ -37,6 +42,7 @@ _NEEDED = {
         **dict.fromkeys(CHANNELS, "f"),
     },
     "rpud_msgs/msg/Faults": {"header.stamp": "time", "faults": "nested"},
+    "rpud_msgs/msg/Status": {"header.stamp": "time", **dict.fromkeys(POWERS, "f")},
     "rpud_msgs/msg/JournalEntry": {"header.stamp": "time", "kind": "text", "content": "text"},
 }
 
@@ -56,7 +62,8 @@ class Survey:
         summaries: of all topics.
         left_out: topics that are not surveyed, with the reason.
         topics: surveyed topics, by name.
-        impacts, segments, waveforms, faults, journals: content of the drill's own topics, by name.
+        impacts, segments, waveforms, powers, faults, journals: content of the drill's own
+            topics, by name.
         damaged: amount and reason of the damaged parts that were skipped, by topic or record.
     """
 
@@ -73,6 +80,7 @@ class Survey:
     impacts: dict[str, Impacts] = field(default_factory=dict)
     segments: dict[str, Segments] = field(default_factory=dict)
     waveforms: dict[str, Waveform] = field(default_factory=dict)
+    powers: dict[str, Powers] = field(default_factory=dict)
     faults: dict[str, FaultLog] = field(default_factory=dict)
     journals: dict[str, Journal] = field(default_factory=dict)
     damaged: dict[str, str] = field(default_factory=dict)
@@ -118,7 +126,7 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
     _choose_topics(seen, bag)
     for batch in bag.batches([*seen.topics], leave_out=damages.add):
         times = seen.topics[batch.topic].add(batch)
-        for kept in (seen.impacts, seen.segments, seen.waveforms, seen.journals):
+        for kept in (seen.impacts, seen.segments, seen.waveforms, seen.powers, seen.journals):
             if batch.topic in kept:
                 kept[batch.topic].add(batch.columns, times)
         if batch.topic in seen.faults:
@@ -200,6 +208,8 @@ def _add_drill_topic(seen: Survey, summary: TopicSummary, columns: Sequence[Colu
         seen.segments[name] = Segments()
     elif kind == "rpud_msgs/msg/Waveform":
         seen.waveforms[name] = Waveform(seen.duration)
+    elif kind == "rpud_msgs/msg/Status":
+        seen.powers[name] = Powers(POWERS)
     elif kind == "rpud_msgs/msg/Faults":
         seen.faults[name] = FaultLog()
     else:

@@ -64,7 +64,7 @@ BODY = """\
 {%- for item in impacts if item.energy %}
 <h3>{{ item.name }}</h3>
 {{ table(headings.figures, item.energy) }}
-{% if item.flow %}<p>Mean powers, of the reports in status.</p>
+{% if item.flow %}<p>Mean powers over the run, from the reports in status.</p>
 {{ picture(item.flow, "flow of power through the drill") }}
 {%- else %}{{ missing("No flow of power: record the topic status.") }}{% endif %}
 {%- else %}

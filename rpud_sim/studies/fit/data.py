@@ -16,7 +16,7 @@ import numpy as np
 
 from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown_name
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.studies.fit.measures import IMPACT_VALUES, Measure, impact_statistic
+from rpud_sim.studies.fit.measures import IMPACT_VALUES, SIGNED, Measure, impact_statistic
 from rpud_sim.studies.fit.specification import Target
 
 PARTS = 10  # of the data, for the sampling error
@@ -62,12 +62,19 @@ def read_data(
     hold_out = Flag("").check(f"{entry}.hold_out", content.get("hold_out", False))
     path = folder / content[kind]
     series = (_read_bag if kind == "bag" else _read_csv)(path)
+    if not series:
+        raise ParameterError(f"{path}: has no topic contact_force or reacting_force of a drill")
     found = _measured(series, skip)
     if not found:
         raise ParameterError(
             f"{path}: has neither {_FEWEST} impacts nor {_FEWEST} samples of the reacting force "
             f"after {skip:g} s"
         )
+    for item, value, _ in found:
+        if value < 0.0 and item.figure not in SIGNED:
+            raise ParameterError(
+                f"{path}: {item} is {value:g} {item.unit}, and the model's is never negative"
+            )
     return [
         Target(item, value, error, MANY, tuple(own.items()), hold_out, content[kind], entry)
         for item, value, error in found

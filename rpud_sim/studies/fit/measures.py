@@ -48,6 +48,8 @@ CONTACT_FIGURES = MappingProxyType(
         "contact_peak_displacement": ("peak_displacement", "m"),
     }
 )
+# Figures that may be negative.
+SIGNED = ("energy_transferred_rate", "energy_absorbed_rate", "reacting_force_mean")
 UNITS: Mapping[str, str] = MappingProxyType(
     {
         **FIGURES,

@@ -22,6 +22,7 @@ from rpud_sim.studies.fit.data import read_data
 from rpud_sim.studies.fit.measures import (
     CONTACT_FIGURES,
     IMPACT_VALUES,
+    SIGNED,
     STATISTICS,
     UNITS,
     Measure,
@@ -30,6 +31,7 @@ from rpud_sim.studies.fit.specification import Specification, Target
 from rpud_sim.studies.sweep.specification import SCALES, Range
 
 _LONGEST = 100.0  # end of a window [s]
+_GREATEST = 1e300  # value of a target
 _ENTRIES = ("parameters", "unknowns", "targets", "data")
 _EFFORT = {
     "seed": Quantity("", "seed of everything that is drawn", 0, 2**32 - 1, whole=True),
@@ -70,6 +72,8 @@ def parse_targets(content: Any, folder: Path = Path()) -> Specification:
     Raises:
         ParameterError: if they are not valid; the text names the entry and the reason.
     """
+    if content is None:
+        raise ParameterError("is empty")
     entries = _mapping("the file", content)
     _known("", entries, [*_ENTRIES, *_EFFORT], "an entry")
     fixed = dict(_mapping("parameters", entries.get("parameters", {})))
@@ -161,7 +165,10 @@ def _target(entry: str, content: Any, fixed: Mapping[str, Any]) -> Target:
         if name not in entries:
             raise ParameterError(f"{entry}.{name}: is missing")
     measure = parse_measure(entry, entries)
-    value = _finite(f"{entry}.value", entries["value"], measure.unit)
+    least = -_GREATEST if measure.figure in SIGNED else 0.0
+    value = float(
+        _number(f"{entry}.value", Quantity(measure.unit, "", least, _GREATEST), entries["value"])
+    )
     own = _own_parameters(entry, entries)
     _check_parameters(entry, {**fixed, **own})
     return Target(
@@ -182,7 +189,7 @@ def parse_measure(entry: str, entries: Mapping[str, Any]) -> Measure:
         ParameterError: if one of them is not valid.
     """
     figure = entries["figure"]
-    if figure not in UNITS:
+    if not isinstance(figure, str) or figure not in UNITS:
         raise ParameterError(
             f"{entry}.figure: {shown_name(figure)} is not a figure; {did_you_mean(figure, UNITS)}"
         )
@@ -244,7 +251,7 @@ def _tolerance(entry: str, content: Any, value: float, unit: str) -> float:
         percent = Quantity("%", "", 0.0, 1e3, exclusive=True)
         tolerance = 0.01 * _number(entry, percent, share) * abs(value)
     else:
-        tolerance = _number(entry, Quantity(unit, "", 0.0, 1e300, exclusive=True), content)
+        tolerance = _number(entry, Quantity(unit, "", 0.0, _GREATEST, exclusive=True), content)
     if not tolerance > 0.0:
         raise ParameterError(f"{entry}: {shown(content)} of {value:g} is no tolerance above 0")
     return float(tolerance)
@@ -294,8 +301,3 @@ def _known(prefix: str, names: Iterable[Any], known: Iterable[str], kind: str) -
 
 def _number(entry: str, allowed: Any, value: Any) -> Any:
     return allowed.check(entry, value)
-
-
-def _finite(entry: str, value: Any, unit: str) -> float:
-    number = Quantity(unit, "", -1e300, 1e300).check(entry, value)
-    return float(number)

@@ -7,7 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown
+from rpud_sim.foundation.quantities import (
+    ParameterError,
+    Quantity,
+    did_you_mean,
+    shown,
+    shown_name,
+)
 from rpud_sim.foundation.yaml_files import read_yaml
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation import Parameters, preset
@@ -16,7 +22,7 @@ _MOST_SAMPLES = 2**16
 _DURATION = Quantity("s", "", 0.01, 1e4)
 _SETTLING = Quantity("s", "", 0.0, 1e4)
 _SAMPLES = Quantity("", "", 2, _MOST_SAMPLES, whole=True)
-_SEED = Quantity("", "", 0, 2**32, whole=True)
+_SEED = Quantity("", "", 0, 2**32 - 1, whole=True)
 
 
 class SensitivityError(ValueError):
@@ -94,6 +100,8 @@ def parse_specification(content: Any) -> Specification:
         SensitivityError: if they are not valid; the text names the entry and the reason.
         ParameterError: if a value is outside its range.
     """
+    if content is None:
+        raise SensitivityError("is empty")
     entries = _mapping("the file", content)
     _check_names("", entries, ("samples", "seed", "settling", "duration", "fixed", "inputs"))
     samples = _SAMPLES.check("samples", entries.get("samples", 256))
@@ -152,5 +160,5 @@ def _check_names(prefix: str, content: Mapping[Any, Any], known: Any) -> None:
     for name in content:
         if name not in known:
             raise SensitivityError(
-                f"{prefix}{shown(name)}: is unknown; {did_you_mean(name, known)}"
+                f"{prefix}{shown_name(name)} is unknown; {did_you_mean(name, known)}"
             )

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.inspection.report.drill_topics import Powers
 from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS, flows, power_flow
 
 powers = st.lists(st.floats(-100.0, 100.0), min_size=6, max_size=6)
@@ -54,3 +55,16 @@ def test_bands_are_as_wide_as_their_powers_and_labels_have_them():
 
 def test_a_drill_at_rest_has_a_picture_without_bands():
     assert not power_flow(dict.fromkeys((*INFLOWS, *OUTFLOWS), 0.0)).axes[0].collections
+
+
+def test_each_report_counts_for_the_time_since_the_last_one():
+    """A report before the start has no power; one at the end repeats the last one."""
+    powers = Powers(["actuator_power"])
+    assert powers.means() == {}
+    for stamps, values in (([0, 1, 2], [0.0, 50.0, 60.0]), ([2, 3], [60.0, 70.0])):
+        columns = {
+            "header.stamp": np.array(stamps) * 1_000_000_000,
+            "actuator_power": np.array(values),
+        }
+        powers.add(columns, np.array(stamps, float))
+    assert powers.means() == pytest.approx({"actuator_power": 60.0})

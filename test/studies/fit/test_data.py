@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.writer import Writer
 
 from rpud_sim import bag
 from rpud_sim.foundation.quantities import ParameterError
@@ -68,3 +69,21 @@ def test_a_file_without_data_is_refused_in_one_line(tmp_path, text, complaint):
         from_data(tmp_path, csv="drill.csv", skip=0.0)
     assert complaint in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_forces_of_the_other_sign_are_refused(tmp_path):
+    rows = "".join(f"{0.01 * number},{-1000 - number}\n" for number in range(200))
+    (tmp_path / "drill.csv").write_text(f"time,peak_force\n{rows}")
+    with pytest.raises(
+        ParameterError, match=r"contact_force, mean.* is -\S+ N, and the model's is"
+    ):
+        from_data(tmp_path, csv="drill.csv")
+
+
+def test_a_bag_without_a_drill_is_refused(tmp_path):
+    with open(tmp_path / "other.mcap", "wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.finish()
+    with pytest.raises(ParameterError, match="has no topic contact_force or reacting_force"):
+        from_data(tmp_path, bag="other.mcap")

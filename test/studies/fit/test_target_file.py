@@ -64,7 +64,7 @@ targets:
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
-        (None, "the file: is missing"),
+        (None, "is empty"),
         (changed(target=1), "target is not an entry; did you mean targets?"),
         (changed(unknowns=...), "unknowns: is missing"),
         (changed(unknowns={}), "unknowns: holds no parameter with bounds"),
@@ -84,6 +84,8 @@ targets:
         (unknown("gravity", {"low": 0, "hihg": 1}), "hihg is not an entry; did you mean high?"),
         (unknown("contact_model", ["prined"]), "contact_model = 'prined' is not one of printed"),
         (target(figure="reacting_force"), "figure: reacting_force is not a figure; did you mean r"),
+        (target(figure=["events"]), "targets[0].figure: ['events'] is not a figure; known are"),
+        (target(figure="events", value=-1), "targets[0].value = -1 is outside its range [0, "),
         (target(value=...), "targets[0].value: is missing"),
         (target(value=math.nan), "targets[0].value = nan N is outside its range"),
         (target(tolerance=0), "targets[0].tolerance = 0 N is outside its range"),

@@ -31,12 +31,13 @@ def test_what_is_not_given_has_a_default():
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
+        (None, "is empty"),
         ([], "the file: holds no mapping"),
         ({}, "inputs: holds no mapping"),
         ({"inputs": {}}, "inputs: names no parameter"),
-        ({"input": {}}, "'input': is unknown; did you mean inputs?"),
-        ({"inputs": {"fre_mass": MASS}}, "inputs.'fre_mass': is unknown; did you mean free_mass?"),
-        ({"inputs": {"regime": MASS}}, "inputs.'regime': is unknown"),
+        ({"input": {}}, "input is unknown; did you mean inputs?"),
+        ({"inputs": {"fre_mass": MASS}}, "inputs.fre_mass is unknown; did you mean free_mass?"),
+        ({"inputs": {"regime": MASS}}, "inputs.regime is unknown"),
         ({"inputs": {"free_mass": 3}}, "inputs.free_mass: holds no mapping"),
         ({"inputs": {"free_mass": {"minimum": 1e-3}}}, "inputs.free_mass.maximum: is missing"),
         (
