@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from drill_client import SECOND, nanoseconds, stamps, steps
-from rpud_msgs.msg import Drive, Status
+from rpud_msgs.msg import Drive, Status, WeightOnBit
 from rpud_msgs.srv import ClearFault, ListFaults
 from std_srvs.srv import SetBool
 
@@ -220,6 +220,8 @@ def test_the_hole_gets_deeper_while_it_is_in_the_rock_and_slower_in_a_harder_one
 
 
 def test_the_actuator_rings_up_draws_power_and_suffers_from_a_drift(client):
+    # Pressed harder, it would stall: an actuator of 12.5 W cannot drive the free mass there.
+    client.command(WeightOnBit(force=0.0))
     client.command(Drive(enabled=False))
     client.until(lambda: not client.status[-1].drive_enabled)
     still = at(client, client.step(0.3))

@@ -2,9 +2,11 @@
 
 import re
 
+import numpy as np
 import pytest
 from random_sets import draw, simulate
 
+from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.tolerances import EVENT_BUDGET, GREATEST_EFFORT
@@ -67,6 +69,18 @@ def test_a_sane_drill_is_far_from_its_budget(parameters):
     segments, _ = engine.drain()
     assert len(segments) < 0.2 * EVENT_BUDGET
     assert engine._state["effort"][0] < 0.2 * GREATEST_EFFORT
+
+
+def test_a_burst_of_elastic_bounces_is_no_overload():
+    """With no drive, 1000 N cage the free mass between tip and tool: it bounces ever faster."""
+    heavy = preset("free").replace(weight_on_bit=1000.0)
+    engine = Engine(heavy)
+    engine.change(1, 0.0, derive(heavy), (1000.0, 0.0, 16000.0))
+    engine.advance(2, 0.0)
+    segments, _ = engine.drain()
+    begun = segments["start_seconds"] + segments["start_fraction"]
+    assert max(np.histogram(begun, np.arange(1.0, 2.0, 0.05))[0]) > 1e5
+    assert engine._state["effort"][0] < GREATEST_EFFORT
 
 
 @pytest.mark.parametrize("number", range(24))

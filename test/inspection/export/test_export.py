@@ -163,9 +163,7 @@ def test_manifest_and_losses_are_kept(tmp_path):
 
 
 def test_an_unknown_topic_leaves_nothing_behind(drilled, tmp_path):
-    with pytest.raises(
-        BagError, match=r"no topic '/rpud/w'; it holds /rpud/actuator_state, /rpud/contact_force, "
-    ):
+    with pytest.raises(BagError, match=r"no topic '/rpud/w'; it holds /rpud/actuator_state, "):
         export(drilled, tmp_path / "out", topics=["/rpud/wrench", "/rpud/w"])
     assert list(tmp_path.iterdir()) == []
 
