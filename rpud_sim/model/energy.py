@@ -193,6 +193,47 @@ def actuator_work(segment, start, end):
 
 
 @compiled
+def travel(amplitude, rate, duration):
+    """Change of Re(amplitude exp(rate s)) over a duration, without cancellation."""
+    return (amplitude * rate * exponential_integral(rate, duration)).real
+
+
+@compiled
+def travels(segment, start, end):
+    """Ways of nodal plane and free mass in a part of a segment [m].
+
+    Positions would not do: they lose the digits of the deflection that a constant force gives a
+    soft spring, and the work of the force with them.
+    """
+    duration = end - start
+    if segment.contact & CONTACT_ACTUATOR:
+        decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
+        nodal_plane = travel(decaying, rate, duration) + travel(steady, omega, duration)
+        vibration = complex(0.0, -segment.vibration_amplitude) * turn
+        return nodal_plane, nodal_plane + travel(vibration, omega, duration)
+    decaying, rate = decaying_from(
+        segment.nodal_plane_cosine,
+        segment.nodal_plane_sine,
+        segment.nodal_plane_decay_rate,
+        segment.nodal_plane_angular_frequency,
+        start,
+    )
+    nodal_plane = travel(decaying, rate, duration)
+    if segment.contact & CONTACT_DRILL_TOOL:
+        decaying, rate = decaying_from(
+            segment.drill_tool_cosine,
+            segment.drill_tool_sine,
+            segment.drill_tool_decay_rate,
+            segment.drill_tool_angular_frequency,
+            start,
+        )
+        return nodal_plane, travel(decaying, rate, duration)
+    acceleration = segment.free_mass_acceleration
+    mean = segment.free_mass_velocity + 0.5 * acceleration * (start + end)
+    return nodal_plane, mean * duration
+
+
+@compiled
 def stored_energy(segment, motion, rpud_mass):
     """Energy of motion and springs, given ``motion_at`` a time in a segment [J]."""
     u_np, v_np, _, _, _, v_fm, u_dt, v_dt = motion
@@ -206,15 +247,14 @@ def stored_energy(segment, motion, rpud_mass):
 
 
 @compiled
-def add_motion(rpud, segment, start, end, begun, ended, account):
-    """Add what happens in a part of a segment, given ``motion_at`` its beginning and its end."""
-    u_start, _, _, _, fm_start, _, _, _ = begun
-    u_end, _, _, _, fm_end, _, _, _ = ended
+def add_motion(rpud, segment, start, end, account):
+    """Add what happens in a part of a segment."""
+    nodal_plane, free_mass = travels(segment, start, end)
     account[ACTUATOR_WORK] += actuator_work(segment, start, end)
-    account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * (u_end - u_start)
-    gravity_work = segment.free_mass * segment.gravity * (fm_end - fm_start)
+    account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * nodal_plane
+    gravity_work = segment.free_mass * segment.gravity * free_mass
     if rpud.gravity_acts:
-        gravity_work += rpud.mass * segment.gravity * (u_end - u_start)
+        gravity_work += rpud.mass * segment.gravity * nodal_plane
     account[GRAVITY_WORK] += gravity_work
     account[LOAD_DAMPER] += load_damper_loss(segment, start, end)
     account[DRILL_TOOL_DAMPER] += drill_tool_damper_loss(segment, start, end)
@@ -305,7 +345,7 @@ def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fractio
             end = min(max(end, 0.0), segment.duration)
         ended = motion_at(segment, end)
         if end > start:
-            add_motion(rpud, segment, start, end, motion, ended, account)
+            add_motion(rpud, segment, start, end, account)
         if i < last:
             after = covering[i + 1]
             motion = motion_at(after, 0.0)
