@@ -14,8 +14,13 @@ from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.motion import CONTACT_BOTH
-from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL, motion_at
-from rpud_sim.model.tolerances import SAME_VELOCITY
+from rpud_sim.model.segment import (
+    CONTACT_ACTUATOR,
+    CONTACT_DRILL_TOOL,
+    EVENT_RELEASE,
+    motion_at,
+)
+from rpud_sim.model.tolerances import LEAST_DEFORMATION, SAME_VELOCITY
 from rpud_sim.model.vibration import TWO_PI
 
 # Terms of an account, in joules. What flows in:
@@ -272,6 +277,29 @@ def add_change(before, after, motion, account):
 
 
 @compiled
+def add_rest(segment, after, ended, account):
+    """Add what the rock takes of a tool that comes to rest and is met at the same instant.
+
+    Args:
+        segment: that ends.
+        after: segment that begins.
+        ended: ``motion_at`` the end of the first.
+        account: to add to.
+
+    Returns:
+        The motion in which the tool rests.
+    """
+    u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = ended
+    met = after.contact & ~segment.contact & CONTACT_DRILL_TOOL
+    if met and after.event & EVENT_RELEASE and abs(u_dt) <= LEAST_DEFORMATION:
+        account[RELEASE] += 0.5 * (
+            segment.drill_tool_mass * v_dt * v_dt + segment.drill_tool_spring_rate * u_dt * u_dt
+        )
+        return u_np, v_np, u_ut, v_ut, u_fm, v_fm, 0.0, 0.0
+    return ended
+
+
+@compiled
 def add_event(rpud, before, after, segment, account):
     """Add the collisions and the release at an event.
 
@@ -350,6 +378,7 @@ def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fractio
             after = covering[i + 1]
             motion = motion_at(after, 0.0)
             add_change(segment, after, ended, account)
+            ended = add_rest(segment, after, ended, account)
             add_event(rpud, ended, motion, after, account)
         start = 0.0
     account[STORED] += stored_energy(covering[last], ended, rpud.mass)
