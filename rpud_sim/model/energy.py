@@ -290,7 +290,8 @@ def add_rest(segment, after, ended, account):
         The motion in which the tool rests.
     """
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = ended
-    met = after.contact & ~segment.contact & CONTACT_DRILL_TOOL
+    met = segment.contact == 0 and after.contact & CONTACT_DRILL_TOOL
+    # Without a contact that could end, a release is that of the tool by the rock.
     if met and after.event & EVENT_RELEASE and abs(u_dt) <= LEAST_DEFORMATION:
         account[RELEASE] += 0.5 * (
             segment.drill_tool_mass * v_dt * v_dt + segment.drill_tool_spring_rate * u_dt * u_dt

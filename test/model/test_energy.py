@@ -174,10 +174,18 @@ def test_in_the_rock_all_that_is_transferred_is_absorbed():
 
 @pytest.mark.parametrize(
     ("contact", "event", "deflection", "taken"),
-    [(2, 4, 0.0, 1.0), (3, 5, 1e-15, 1.0), (0, 4, 0.0, 0.0), (2, 2, 0.0, 0.0), (2, 4, 1e-9, 0.0)],
+    [
+        (2, 4, 0.0, 1.0),
+        (3, 5, 1e-15, 1.0),
+        (0, 4, 0.0, 0.0),
+        (2, 2, 0.0, 0.0),
+        (2, 4, 1e-9, 0.0),
+        (2, 6, 0.0, 0.0),
+    ],
 )
 def test_the_rock_takes_a_tool_that_is_met_as_it_comes_to_rest(contact, event, deflection, taken):
-    before = SimpleNamespace(contact=0, drill_tool_mass=2.0, drill_tool_spring_rate=1e7)
+    first = 1 if event == 6 else 0
+    before = SimpleNamespace(contact=first, drill_tool_mass=2.0, drill_tool_spring_rate=1e7)
     after = SimpleNamespace(contact=contact, event=event)
     ended = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, deflection, -1.0)
     joules = np.zeros(len(energy.TERMS))
