@@ -14,8 +14,13 @@ from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.motion import CONTACT_BOTH
-from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL, motion_at
-from rpud_sim.model.tolerances import SAME_VELOCITY
+from rpud_sim.model.segment import (
+    CONTACT_ACTUATOR,
+    CONTACT_DRILL_TOOL,
+    EVENT_RELEASE,
+    motion_at,
+)
+from rpud_sim.model.tolerances import LEAST_DEFORMATION, SAME_VELOCITY
 from rpud_sim.model.vibration import TWO_PI
 
 # Terms of an account, in joules. What flows in:
@@ -193,6 +198,47 @@ def actuator_work(segment, start, end):
 
 
 @compiled
+def travel(amplitude, rate, duration):
+    """Change of Re(amplitude exp(rate s)) over a duration, without cancellation."""
+    return (amplitude * rate * exponential_integral(rate, duration)).real
+
+
+@compiled
+def travels(segment, start, end):
+    """Ways of nodal plane and free mass in a part of a segment [m].
+
+    Positions would not do: they lose the digits of the deflection that a constant force gives a
+    soft spring, and the work of the force with them.
+    """
+    duration = end - start
+    if segment.contact & CONTACT_ACTUATOR:
+        decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
+        nodal_plane = travel(decaying, rate, duration) + travel(steady, omega, duration)
+        vibration = complex(0.0, -segment.vibration_amplitude) * turn
+        return nodal_plane, nodal_plane + travel(vibration, omega, duration)
+    decaying, rate = decaying_from(
+        segment.nodal_plane_cosine,
+        segment.nodal_plane_sine,
+        segment.nodal_plane_decay_rate,
+        segment.nodal_plane_angular_frequency,
+        start,
+    )
+    nodal_plane = travel(decaying, rate, duration)
+    if segment.contact & CONTACT_DRILL_TOOL:
+        decaying, rate = decaying_from(
+            segment.drill_tool_cosine,
+            segment.drill_tool_sine,
+            segment.drill_tool_decay_rate,
+            segment.drill_tool_angular_frequency,
+            start,
+        )
+        return nodal_plane, travel(decaying, rate, duration)
+    acceleration = segment.free_mass_acceleration
+    mean = segment.free_mass_velocity + 0.5 * acceleration * (start + end)
+    return nodal_plane, mean * duration
+
+
+@compiled
 def stored_energy(segment, motion, rpud_mass):
     """Energy of motion and springs, given ``motion_at`` a time in a segment [J]."""
     u_np, v_np, _, _, _, v_fm, u_dt, v_dt = motion
@@ -206,15 +252,14 @@ def stored_energy(segment, motion, rpud_mass):
 
 
 @compiled
-def add_motion(rpud, segment, start, end, begun, ended, account):
-    """Add what happens in a part of a segment, given ``motion_at`` its beginning and its end."""
-    u_start, _, _, _, fm_start, _, _, _ = begun
-    u_end, _, _, _, fm_end, _, _, _ = ended
+def add_motion(rpud, segment, start, end, account):
+    """Add what happens in a part of a segment."""
+    nodal_plane, free_mass = travels(segment, start, end)
     account[ACTUATOR_WORK] += actuator_work(segment, start, end)
-    account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * (u_end - u_start)
-    gravity_work = segment.free_mass * segment.gravity * (fm_end - fm_start)
+    account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * nodal_plane
+    gravity_work = segment.free_mass * segment.gravity * free_mass
     if rpud.gravity_acts:
-        gravity_work += rpud.mass * segment.gravity * (u_end - u_start)
+        gravity_work += rpud.mass * segment.gravity * nodal_plane
     account[GRAVITY_WORK] += gravity_work
     account[LOAD_DAMPER] += load_damper_loss(segment, start, end)
     account[DRILL_TOOL_DAMPER] += drill_tool_damper_loss(segment, start, end)
@@ -229,6 +274,30 @@ def add_change(before, after, motion, account):
         + (after.drill_tool_mass - before.drill_tool_mass) * v_dt * v_dt
         + (after.drill_tool_spring_rate - before.drill_tool_spring_rate) * u_dt * u_dt
     )
+
+
+@compiled
+def add_rest(segment, after, ended, account):
+    """Add what the rock takes of a tool that comes to rest and is met at the same instant.
+
+    Args:
+        segment: that ends.
+        after: segment that begins.
+        ended: ``motion_at`` the end of the first.
+        account: to add to.
+
+    Returns:
+        The motion in which the tool rests.
+    """
+    u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = ended
+    met = segment.contact == 0 and after.contact & CONTACT_DRILL_TOOL
+    # Without a contact that could end, a release is that of the tool by the rock.
+    if met and after.event & EVENT_RELEASE and abs(u_dt) <= LEAST_DEFORMATION:
+        account[RELEASE] += 0.5 * (
+            segment.drill_tool_mass * v_dt * v_dt + segment.drill_tool_spring_rate * u_dt * u_dt
+        )
+        return u_np, v_np, u_ut, v_ut, u_fm, v_fm, 0.0, 0.0
+    return ended
 
 
 @compiled
@@ -305,11 +374,12 @@ def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fractio
             end = min(max(end, 0.0), segment.duration)
         ended = motion_at(segment, end)
         if end > start:
-            add_motion(rpud, segment, start, end, motion, ended, account)
+            add_motion(rpud, segment, start, end, account)
         if i < last:
             after = covering[i + 1]
             motion = motion_at(after, 0.0)
             add_change(segment, after, ended, account)
+            ended = add_rest(segment, after, ended, account)
             add_event(rpud, ended, motion, after, account)
         start = 0.0
     account[STORED] += stored_energy(covering[last], ended, rpud.mass)

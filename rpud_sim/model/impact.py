@@ -100,7 +100,8 @@ def open_impact(drill, state, impact, collisions):
     impact.energy = collisions.energy
     impact.impulse = collisions.impulse
     impact.energy_transferred = collisions.energy_transferred
-    impact.squeezed = state.contact == CONTACT_BOTH
+    # In the rock the contact tells, if it lasts.
+    impact.squeezed = state.contact == CONTACT_BOTH and not drill.in_rock
     impact.peak_force = 0.0
     impact.contact_duration = 0.0
     state.impacts += 1

@@ -1,6 +1,7 @@
 """The energy account of segments, against quadrature, and what it finds in a broken trajectory."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -169,6 +170,28 @@ def test_in_the_rock_all_that_is_transferred_is_absorbed():
     absorbed = joules[energy.IMPACTS] + joules[energy.RELEASE]
     assert impacts["energy_transferred"].sum() == pytest.approx(absorbed, rel=2e-3)
     assert absorbed < impacts["energy"].sum()
+
+
+@pytest.mark.parametrize(
+    ("contact", "event", "deflection", "taken"),
+    [
+        (2, 4, 0.0, 1.0),
+        (3, 5, 1e-15, 1.0),
+        (0, 4, 0.0, 0.0),
+        (2, 2, 0.0, 0.0),
+        (2, 4, 1e-9, 0.0),
+        (2, 6, 0.0, 0.0),
+    ],
+)
+def test_the_rock_takes_a_tool_that_is_met_as_it_comes_to_rest(contact, event, deflection, taken):
+    first = 1 if event == 6 else 0
+    before = SimpleNamespace(contact=first, drill_tool_mass=2.0, drill_tool_spring_rate=1e7)
+    after = SimpleNamespace(contact=contact, event=event)
+    ended = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, deflection, -1.0)
+    joules = np.zeros(len(energy.TERMS))
+    motion = energy.add_rest.py_func(before, after, ended, joules)
+    assert motion == ((*ended[:6], 0.0, 0.0) if taken else ended)
+    assert joules[energy.RELEASE] == pytest.approx(taken, abs=1e-12)
 
 
 def test_accounts_of_parts_add_up():

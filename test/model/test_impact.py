@@ -1,5 +1,7 @@
 """What is reported of an impact on the drill tool."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from closed_forms import FREE_MASS, motion
@@ -7,6 +9,8 @@ from closed_forms import FREE_MASS, motion
 from rpud_sim.model.contact import contact_time, force_at_maximum
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
+from rpud_sim.model.impact import open_impact
+from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.parameters import preset
 
 
@@ -68,3 +72,12 @@ def test_impact_in_progress_counts_from_its_beginning():
         engine.advance(0, step * 1e-5)
         taken += len(engine.drain()[1])
         assert engine.impact_count - taken in (0, 1)
+
+
+def test_an_impact_in_the_rock_is_squeezed_only_if_a_contact_of_all_three_lasts():
+    state = SimpleNamespace(impacts=0, seconds=0, fraction=0.0, contact=CONTACT_BOTH)
+    collisions = SimpleNamespace(impact_velocity=1.0, energy=1.0, impulse=1.0, energy_transferred=1)
+    impact = SimpleNamespace()
+    open_impact.py_func(derive(preset("drilling")), state, impact, collisions)
+    assert state.impact_open
+    assert not impact.squeezed
