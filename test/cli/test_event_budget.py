@@ -6,10 +6,10 @@ import subprocess
 
 import pytest
 
-MICROGRAM = ("--regime", "free", "--set", "free_mass=1e-9")
+MICROGRAM = ("--regime", "free", "--set", "free_mass=1e-11")
 LINE = (
     r"events exceed their budget of 500000 in a simulated second at 0\.\d+ s, "
-    r"with free_mass = 1e-09 kg \(paper: 0\.005\)\n"
+    r"with free_mass = 1e-11 kg \(paper: 0\.005\)\n"
 )
 
 
@@ -27,7 +27,7 @@ def test_simulate_ends_with_one_line_and_its_bag_is_whole(rpud):
     result = rpud("simulate", *MICROGRAM, "--duration", "1", "--bag", "bag")
     assert result.returncode == 1
     assert re.fullmatch(f"rpud simulate: {LINE}", result.stderr.splitlines(keepends=True)[-1])
-    assert json.loads(rpud("info", "bag", "--json").stdout)["duration"] > 0.1
+    assert json.loads(rpud("info", "bag", "--json").stdout)["duration"] > 0.01
     verified = rpud("verify", "bag")
     assert verified.returncode == 1
     assert re.fullmatch(f"rpud verify: /rpud/journal: {LINE}", verified.stderr)
@@ -35,7 +35,7 @@ def test_simulate_ends_with_one_line_and_its_bag_is_whole(rpud):
 
 def test_a_sweep_goes_on_and_notes_the_reason(rpud, tmp_path):
     (tmp_path / "sweep.yaml").write_text(
-        "{design: grid, duration: 1, fixed: {regime: free}, swept: {free_mass: [1e-9, 5e-3]}}"
+        "{design: grid, duration: 1, fixed: {regime: free}, swept: {free_mass: [1e-11, 5e-3]}}"
     )
     result = rpud("sweep", "sweep.yaml", "--out", "out", "--json")
     assert result.returncode == 0, result.stderr

@@ -26,16 +26,16 @@ def failure(parameters, stops):
 
 
 def test_a_microgram_ends_with_one_line_that_names_it():
-    text = failure(MICROGRAM, [1e6])
+    text = failure(MICROGRAM, [3e6])
     assert re.fullmatch(
-        r"events exceed their budget of 500000 in a simulated second at 0\.\d+ s, "
+        r"events exceed their budget of 500000 in a simulated second at [01]\.\d+ s, "
         r"with free_mass = 1e-09 kg \(paper: 0\.005\)",
         text,
     )
 
 
 def test_the_end_does_not_depend_on_where_a_caller_stops():
-    assert failure(MICROGRAM, [1e6]) == failure(MICROGRAM, range(0, 1_000_000, 777))
+    assert failure(MICROGRAM, [3e6]) == failure(MICROGRAM, range(0, 3_000_000, 7777))
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_the_end_does_not_depend_on_where_a_caller_stops():
 )
 def test_the_tool_is_named_by_the_parameters_that_make_it(changes, name):
     parameters = preset(changes.get("regime", "drilling")).replace(free_mass=1e-9, **changes)
-    assert f"{name} = " in failure(parameters, [1e6])
+    assert f"{name} = " in failure(parameters, [3e6])
 
 
 @pytest.mark.parametrize(
@@ -72,10 +72,10 @@ def test_a_sane_drill_is_far_from_its_budget(parameters):
 
 
 def test_a_burst_of_elastic_bounces_is_no_overload():
-    """With no drive, 1000 N cage the free mass between tip and tool: it bounces ever faster."""
-    heavy = preset("free").replace(weight_on_bit=1000.0)
+    """With no drive, 300 N cage the free mass between tip and tool: it bounces ever faster."""
+    heavy = preset("free").replace(weight_on_bit=300.0)
     engine = Engine(heavy)
-    engine.change(1, 0.0, derive(heavy), (1000.0, 0.0, 16000.0))
+    engine.change(1, 0.0, derive(heavy), (300.0, 0.0, 16000.0))
     engine.advance(2, 0.0)
     segments, _ = engine.drain()
     begun = segments["start_seconds"] + segments["start_fraction"]
