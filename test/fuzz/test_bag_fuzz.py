@@ -24,7 +24,7 @@ def crash(bag):
 
 
 def waste(bag):
-    return bool(b"x" * (bag_campaign.MEMORY + 1))
+    return bool(b"x" * (bag_campaign.MEMORY + 2**26 + 1))
 
 
 def fail(bag):
