@@ -87,7 +87,7 @@ def test_changes_at_any_time_keep_the_order_of_bodies_and_continuity(regime, pla
     for name in impacts.dtype.names:
         assert np.isfinite(impacts[name]).all()
     assert (impacts["sequence"] == np.arange(len(impacts))).all()
-    # A drill that is nearly at rest strikes anew at the same instant: such a contact has no force.
+    # A drill that is nearly at rest strikes again at the same instant: such a contact has no force.
     lasting = impacts["contact_duration"] > 0.0
     assert (impacts["peak_force"][lasting] > 0.0).all()
     assert (impacts["peak_force"] >= 0.0).all()

@@ -407,7 +407,7 @@ def test_a_journal_that_makes_no_sense_cannot_be_verified(bag, tmp_path, edit):
 
 
 def of_another_type(source, out, definition, fields):
-    """Write a bag anew with contact forces of another definition, with these fields alone."""
+    """Copy a bag with contact forces of another definition, with these fields alone."""
     name = "rpud_msgs/msg/ContactForce"
     installed, other = Codec(name, find_definition(name)), Codec(name, definition)
     topic = "/rpud/contact_force"

@@ -1,4 +1,4 @@
-"""Fits as a whole: intervals that hold the truth, choices that are told apart, files that serve."""
+"""Fits as a whole: intervals that hold the truth, choices that differ, files that serve."""
 
 import dataclasses
 import json
