@@ -123,6 +123,11 @@ class DrillClient:
         return stamp_of(self.status) / SECOND
 
     @property
+    def status_number(self) -> int:
+        """Number that the drill's publisher has given to the latest status; 0 before the first."""
+        return self._drill.watch.number
+
+    @property
     def faults(self) -> list[Fault]:
         """Faults since the start, those that last and those that are over, by number."""
         self.found()

@@ -51,6 +51,11 @@ class DrillWatch:
         listening.subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, _DIAGNOSTICS)
 
     @property
+    def number(self) -> int:
+        """Number that the publisher has given to the latest status; 0 before the first."""
+        return self._sequence[-1] if self._sequence else 0
+
+    @property
     def publishers(self) -> list[str]:
         """Full names of the nodes that publish the status."""
         node = self._listening.node

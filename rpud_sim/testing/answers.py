@@ -1,0 +1,101 @@
+"""Answers that the nodes under test have declared: one step is over when all have come."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.testing.collector import Collector
+from rpud_sim.testing.heard_topic import HeardTopic
+
+
+@dataclasses.dataclass
+class _Answer:
+    name: str
+    kind: str
+    count: int
+    topic: HeardTopic | None = None
+    begun: int = 0  # messages before the step
+
+
+class Answers:
+    """Declared answers of the nodes under test.
+
+    An answer to a step has the stamp that the step has reached, or a later one. A message without
+    a stamp answers if it comes after the step has begun.
+
+    Args:
+        collector: of the messages.
+    """
+
+    def __init__(self, collector: Collector) -> None:
+        self._collector = collector
+        self._answers: list[_Answer] = []
+        self.period = 0
+        """Simulation time between two answers [ns]; 0 without answers."""
+        self.timeout = 0.0
+        """Longest real time for the answers to one step [s]."""
+
+    @property
+    def declared(self) -> bool:
+        """Whether any answer is declared."""
+        return bool(self._answers)
+
+    @property
+    def names(self) -> list[str]:
+        """Absolute names of the topics."""
+        return [answer.name for answer in self._answers]
+
+    def declare(self, names: tuple[str, ...], kind: str, count: int) -> None:
+        """Declare topics with answers, in place of those before."""
+        resolve = self._collector.resolve
+        self._answers = [_Answer(resolve(name), kind, count) for name in names]
+
+    def connect(self) -> bool:
+        """Subscribe as far as publishers are there; return whether all are connected."""
+        for answer in self._answers:
+            if answer.topic is None:
+                answer.topic = self._collector.subscribe(answer.name, answer.kind)
+        return all(
+            answer.topic is not None and answer.topic.subscription.get_publisher_count()
+            for answer in self._answers
+        )
+
+    def begin(self) -> None:
+        """Begin a step: what has come until now is no answer to it."""
+        for answer in self._answers:
+            answer.begun = len(answer.topic) if answer.topic else 0
+
+    def missing(self, stamp: int) -> list[str]:
+        """Return a phrase for each topic that has not answered for a stamp [ns]."""
+        return [
+            self._lack(answer, stamp) for answer in self._answers if not _answered(answer, stamp)
+        ]
+
+    def late(self, stamp: int) -> bool:
+        """Return whether what is missing has come at all since the step began."""
+        return any(
+            answer.topic is not None and len(answer.topic) > answer.begun
+            for answer in self._answers
+            if not _answered(answer, stamp)
+        )
+
+    def _lack(self, answer: _Answer, stamp: int) -> str:
+        topic = answer.topic
+        if topic is None:
+            return f"{answer.name}, which nobody publishes"
+        if not len(topic):
+            return f"{answer.name}, which has published nothing"
+        if not topic.stamped:
+            return f"{answer.name}: {len(topic) - answer.begun} of {answer.count} messages"
+        return f"{answer.name}, whose last answer is for {topic.stamps[-1] / SECOND:.3f} s"
+
+
+def _answered(answer: _Answer, stamp: int) -> bool:
+    topic = answer.topic
+    if topic is None:
+        return False
+    since = topic.stamps[answer.begun :]
+    if topic.stamped:
+        since = [each for each in since if each >= stamp]
+    return len(since) >= answer.count
