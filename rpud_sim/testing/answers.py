@@ -7,6 +7,7 @@ import dataclasses
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.heard_topic import HeardTopic
+from rpud_sim.testing.introduction import Introduction
 
 
 @dataclasses.dataclass
@@ -31,6 +32,8 @@ class Answers:
     def __init__(self, collector: Collector) -> None:
         self._collector = collector
         self._answers: list[_Answer] = []
+        self._introductions: dict[str, Introduction] = {}
+        self._dead: set[bytes] = set()  # publishers of ended processes that are still remembered
         self.period = 0
         """Simulation time between two answers [ns]; 0 without answers."""
         self.timeout = 0.0
@@ -52,14 +55,29 @@ class Answers:
         self._answers = [_Answer(resolve(name), kind, count) for name in names]
 
     def connect(self) -> bool:
-        """Subscribe as far as publishers are there; return whether all are connected."""
+        """Subscribe as far as publishers are there; return whether all of them know it."""
         for answer in self._answers:
             if answer.topic is None:
                 answer.topic = self._collector.subscribe(answer.name, answer.kind)
-        return all(
-            answer.topic is not None and answer.topic.subscription.get_publisher_count()
-            for answer in self._answers
-        )
+        living = [self._publishers(answer) for answer in self._answers]
+        if not all(living):
+            return False
+        for name in {name for names in living for name in names.values()}:
+            if name not in self._introductions:
+                self._introductions[name] = Introduction(self._collector.node, name)
+        waiting = [each for each in self._introductions.values() if not each.done()]
+        return not waiting
+
+    def part(self) -> None:
+        """Forget the nodes that have answered until now: others take their places.
+
+        The middleware remembers a killed process for up to 20 s.
+        """
+        for answer in self._answers:
+            self._dead.update(self._publishers(answer))
+        for introduction in self._introductions.values():
+            introduction.close()
+        self._introductions.clear()
 
     def begin(self) -> None:
         """Begin a step: what has come until now is no answer to it."""
@@ -79,6 +97,16 @@ class Answers:
             for answer in self._answers
             if not _answered(answer, stamp)
         )
+
+    def _publishers(self, answer: _Answer) -> dict[bytes, str]:
+        """Return the living publishers, by their identifiers, with the names of their nodes."""
+        if answer.topic is None or not answer.topic.subscription.get_publisher_count():
+            return {}
+        found = {
+            bytes(each.endpoint_gid): f"{each.node_namespace.rstrip('/')}/{each.node_name}"
+            for each in self._collector.node.get_publishers_info_by_topic(answer.name)
+        }
+        return {gid: name for gid, name in found.items() if gid not in self._dead}
 
     def _lack(self, answer: _Answer, stamp: int) -> str:
         topic = answer.topic

@@ -123,14 +123,19 @@ class Collector:
         return taken
 
     def until(
-        self, condition: Callable[[], object], seconds: float, check: Callable[[], object]
+        self,
+        condition: Callable[[], object],
+        seconds: float,
+        check: Callable[[], object],
+        period: float = _LONGEST_WAIT,
     ) -> bool:
         """Take messages until a condition holds; return whether it does within real time.
 
         Args:
-            condition: looked at after each message, and twenty times a second.
+            condition: looked at after each message and each period.
             seconds: longest real time.
             check: called as often; may raise an error.
+            period: longest time between two looks [s].
         """
         deadline = time.monotonic() + seconds
         self.take()
@@ -139,7 +144,7 @@ class Collector:
             remaining = deadline - time.monotonic()
             if remaining <= 0.0:
                 return False
-            self.wait(min(remaining, _LONGEST_WAIT))
+            self.wait(min(remaining, period))
             self.take()
         return True
 

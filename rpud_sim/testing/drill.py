@@ -60,6 +60,7 @@ class Drill:
         self._answers = Answers(self._collector)
         self._systems = Systems(self._collector, self._answers, process.environment)
         self.folder = folder
+        self._introduced = False  # whether the nodes that answer are known to be connected
         self.log: list[tuple[float, str]] = []
         """Commands of the test: simulation time [s] and text."""
         try:
@@ -257,7 +258,7 @@ class Drill:
 
         Args:
             topics: on which a node publishes when it has done its work for a stamp: with a header
-                or a time, that stamp; otherwise one more message. Relative to the drill's namespace.
+                or a time, that stamp; otherwise one more message.
             kind: type of the topics; may be empty: that of the publisher.
             count: messages of each topic for one stamp.
             period: simulation time between two answers: they are due at its multiples [s].
@@ -267,6 +268,7 @@ class Drill:
         answers.period = round(_SECONDS.check("period", period) * SECOND) if topics else 0
         answers.timeout = _REAL_SECONDS.check("timeout", timeout)
         answers.declare(topics, kind, int(_COUNT.check("count", count)))
+        self._introduced = False
         self._note(f"with_answers {' '.join(topics)} period={period:g} s")
         return self
 
@@ -368,6 +370,9 @@ class Drill:
     def _advance(self, until: int) -> None:
         """Advance to a simulation time [ns], and wait for everything that belongs to it."""
         self._systems.check()
+        if self._answers.period and not self._introduced:
+            self._systems.await_answerers()
+            self._introduced = True
         self._answers.begin()
         while self._collector.time < until:
             length = min(until - self._collector.time, _LONGEST_ADVANCE)

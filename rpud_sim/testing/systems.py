@@ -16,8 +16,10 @@ from rpud_sim.testing.collector import COMMANDS, Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError
 from rpud_sim.testing.processes import ChildProcess, stop_all
 
+_START = 30.0  # that nodes may take to start which the test does not start itself [s]
 _CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
 _ACCEPTANCE = 10.0  # that a command may take to reach the drill [s]
+_POLL_PERIOD = 0.01  # between looks at the graph, whose changes wake nobody [s]
 _CALM = 0.25  # without a change of the graph, after which a node counts as complete [s]
 
 
@@ -76,6 +78,8 @@ class Systems:
     ) -> SystemUnderTest:
         """Start a process, and wait until it is connected; see ``Drill.start``."""
         words = _words(command)
+        if self._ended:
+            self._answers.part()
         before = {topic: self._subscribers(topic) for topic in hears}
         graph = self._graph()
         self._count += 1
@@ -98,7 +102,7 @@ class Systems:
                 heard = calm()
             return heard and _is_ready(system, ready)
 
-        if not self._collector.until(connected, timeout, self.check):
+        if not self._collector.until(connected, timeout, self.check, _POLL_PERIOD):
             raise self._failure(
                 system, "silent", f"is not connected to the drill within {timeout:g} s"
             )
@@ -122,10 +126,23 @@ class Systems:
 
     def await_connections(self) -> None:
         """Wait until the drill reaches every subscriber that there is."""
-        if not self._collector.until(self.connected, _CONNECTION, self.check):
+        if not self._collector.until(self.connected, _CONNECTION, self.check, _POLL_PERIOD):
             raise LostMessagesError(
                 f"the drill does not reach every subscriber within {_CONNECTION:g} s"
             )
+
+    def await_answerers(self) -> None:
+        """Wait until the nodes that shall answer are there, and know that the test hears them.
+
+        Raises:
+            SystemUnderTestError: if one is missing after the time limit.
+        """
+        answers = self._answers
+        if self._ended or not answers.declared:
+            return
+        if not self._collector.until(answers.connect, _START, self.check, _POLL_PERIOD):
+            text = f"nobody publishes on all of {', '.join(answers.names)} within {_START:g} s"
+            raise SystemUnderTestError(", ".join(answers.names), "silent", self._with_output(text))
 
     def await_answers(self, stamp: int) -> None:
         """Wait until all declared answers for a stamp [ns] are here.
@@ -134,9 +151,8 @@ class Systems:
             SystemUnderTestError: if one is missing after the time limit.
         """
         answers = self._answers
-        if self._processes and all(system.expected for system in self._processes):
-            return  # the test has ended them
-        answers.connect()
+        if self._ended:
+            return
         if self._collector.until(lambda: not answers.missing(stamp), answers.timeout, self.check):
             return
         kind = "late" if answers.late(stamp) else "silent"
@@ -144,9 +160,7 @@ class Systems:
             f"no answer for {stamp / SECOND:.3f} s of simulation time within "
             f"{answers.timeout:g} s on {'; '.join(answers.missing(stamp))}"
         )
-        raise SystemUnderTestError(
-            ", ".join(answers.names), kind, "\n".join([text, *map(_last_lines, self._processes)])
-        )
+        raise SystemUnderTestError(", ".join(answers.names), kind, self._with_output(text))
 
     def await_commands(self) -> bool:
         """Wait until the drill has counted every command there was; return whether there was one.
@@ -185,8 +199,17 @@ class Systems:
 
     def stop(self) -> None:
         """Stop all processes."""
+        self._answers.part()
         stop_all(self._processes)
         self._processes.clear()
+
+    @property
+    def _ended(self) -> bool:
+        """Whether the test has ended everything that it has started."""
+        return bool(self._processes) and all(system.expected for system in self._processes)
+
+    def _with_output(self, text: str) -> str:
+        return "\n".join([text, *map(_last_lines, self._processes)])
 
     def _failure(self, system: SystemUnderTest, kind: str, what: str) -> SystemUnderTestError:
         when = f"at {self._collector.time / SECOND:.3f} s of simulation time"
