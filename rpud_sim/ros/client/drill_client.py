@@ -378,8 +378,9 @@ class DrillClient:
         active = self.list_faults().faults
         numbers = [int(each.number) for each in active if which in ("all", each.kind)]
         if not numbers and which != "all":
-            kinds = sorted({each.kind for each in active})
-            hint = did_you_mean(which, kinds) if kinds else "no fault is active"
+            if not active:
+                raise RefusedError("no fault is active")
+            hint = did_you_mean(which, sorted({each.kind for each in active}))
             raise RefusedError(f"no fault {shown(which)} is active; {hint}")
         return numbers
 

@@ -70,7 +70,7 @@ class DrillWatch:
             if any(after <= before for before, after in pairwise(self._sequence)):
                 topic = self._listening.node.resolve_topic_name("status")
                 raise NoDrillError(
-                    f"{len(names)} nodes publish {topic} ({', '.join(names)}): all of them would "
+                    f"{len(names)} nodes publish {topic} ({', '.join(filter(None, names))}): all of them would "
                     "answer; start each drill in a namespace of its own"
                 )
             self._listening.spin(0.02)
