@@ -193,12 +193,16 @@ class DrillConnection:
             self._introduce(self._patience)
         return self.call(full_name, request, repeat=True)
 
-    def listen(self, topic: str, kind: Any, qos: QoSProfile | None) -> list[Any]:
+    def listen(
+        self, topic: str, kind: Any, qos: QoSProfile | None, patience: float | None
+    ) -> list[Any]:
         """Subscribe to a topic, and return the list that its messages are added to."""
         self.find()
         name = self.node.resolve_topic_name(topic)
         if kind is None:
-            types = self.until(lambda: types_of_topic(self.node, name), f"nobody published {name}")
+            types = self.until(
+                lambda: types_of_topic(self.node, name), f"nobody published {name}", patience
+            )
             kind = message_class(types[0])
         if qos is None:
             qos = listening_qos(offers_of_topic(self.node, name))

@@ -166,7 +166,7 @@ class ListeningNode:
         Raises:
             NoAnswerError: if there is no response.
         """
-        service = client.srv_name
+        service = self.node.resolve_service_name(client.srv_name)
         self.until(client.service_is_ready, patience, f"service {service} did not appear")
         futures = [client.call_async(request)]
         quiet_since = sent = time.monotonic()

@@ -7,10 +7,10 @@ from collections import deque
 from contextlib import suppress
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
+from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.foundation.quantities import did_you_mean
 from rpud_sim.ros.client.errors import ClientError, NoAnswerError
 from rpud_sim.ros.client.listening_node import ListeningNode
@@ -27,7 +27,6 @@ class TopicListener:
     Attributes:
         topic: absolute name.
         kind: class of the messages.
-        lost: messages that the middleware reports as lost.
 
     Args:
         listening: node that owns it.
@@ -44,13 +43,18 @@ class TopicListener:
         self._node = listening.node
         self.topic = self._node.resolve_topic_name(topic)
         self.kind = self._find(patience)
-        self.lost = 0
+        self._gaps = SequenceGaps(lambda: self._node.count_publishers(self.topic))
         self._messages: deque[Any] = deque()
         self._heard = False
         self._subscription: Subscription | None = None
         self._request: QoSProfile | None = None
         self._due = 0.0
         self._refresh()
+
+    @property
+    def lost(self) -> int:
+        """Messages that are missing between those that came."""
+        return self._gaps.missing
 
     def take(self, seconds: float) -> list[Any]:
         """Return the messages that have come, or wait some seconds for the next one."""
@@ -104,20 +108,13 @@ class TopicListener:
         if self._subscription is not None:
             self._listening.unsubscribe(self._subscription)
         self._request = request
-        self._subscription = self._subscribe(request)
+        self._subscription = self._listening.subscribe(
+            self.kind, self.topic, self._on_message, request
+        )
 
-    def _subscribe(self, request: QoSProfile) -> Subscription:
-        events = SubscriptionEventCallbacks(message_lost=self._on_lost)
-        try:
-            return self._listening.subscribe(
-                self.kind, self.topic, self._on_message, request, event_callbacks=events
-            )
-        except UnsupportedEventTypeError:  # of a middleware that does not report it
-            return self._listening.subscribe(self.kind, self.topic, self._on_message, request)
-
-    def _on_message(self, message: Any) -> None:
+    def _on_message(self, message: Any, info: dict[str, Any]) -> None:
         self._heard = True
         self._messages.append(message)
-
-    def _on_lost(self, event: Any) -> None:
-        self.lost += event.total_count_change
+        number = info["publication_sequence_number"]
+        if number is not None:  # not every middleware counts
+            self._gaps.note(number)
