@@ -1,0 +1,373 @@
+"""Drill of a test: what the test can do with it, and what was published."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown_name
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.client import DrillClient
+from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.testing.drill_process import NO_FAULTS, DrillProcess
+from rpud_sim.testing.errors import LostMessagesError, is_verdict
+from rpud_sim.testing.expectations import Expectable, LiveVerdicts, verdict_line
+from rpud_sim.testing.heard_topic import HeardTopic
+from rpud_sim.testing.lockstep import Lockstep, described
+from rpud_sim.testing.systems import SystemUnderTest
+from rpud_sim.verdicts import Formula, Verdict
+
+PERIOD = 0.1
+"""Simulation time of one step, and between two answers, unless another one is given [s]."""
+
+_SECONDS = Quantity("s", "a simulation time", 1e-9, 1e6)
+_REAL_SECONDS = Quantity("s", "a time limit", 0.0, 1e6, exclusive=True)
+_COUNT = Quantity("", "a number of messages", 1, 1e6, whole=True)
+
+Value = TypeVar("Value")
+__tracebackhide__ = is_verdict
+
+
+class Drill:
+    """Drill in lockstep: simulation time passes in steps alone.
+
+    A step is over when all that the drill has published up to its stamp is here, and every declared
+    answer of the nodes under test. So a test gives the same result on every machine, at any load.
+
+    Attributes:
+        log: commands of the test: simulation time [s] and text.
+        folder: of the test; its commands start there, and relative paths begin there.
+
+    Args:
+        process: of the drill, just started.
+        folder: as the attribute; None for the working directory.
+
+    Raises:
+        DrillError: if the drill does not start.
+    """
+
+    def __init__(self, process: DrillProcess, folder: Path | None = None) -> None:
+        self._process = process
+        self._lockstep = Lockstep(process)
+        self._collector = self._lockstep.collector
+        self._verdicts = LiveVerdicts(self._collector)
+        self.folder = folder
+        self.log: list[tuple[float, str]] = []
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """Environment for a process under test: ROS domain and loopback."""
+        return dict(self._process.environment)
+
+    @property
+    def domain(self) -> int:
+        """ROS domain of the drill."""
+        return self._process.domain
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of the drill."""
+        return self._process.namespace
+
+    @property
+    def client(self) -> DrillClient:
+        """Client of the drill, for what this class has no method for."""
+        return self._lockstep.client
+
+    @property
+    def time(self) -> float:
+        """Simulation time that was reached [s]."""
+        return self._collector.time / SECOND
+
+    @property
+    def status(self) -> Any:
+        """Latest status of the drill, a ``rpud_msgs/Status``."""
+        return self.latest("status")
+
+    @property
+    def output(self) -> str:
+        """All that the drill's process has printed."""
+        return self._process.process.output
+
+    @property
+    def systems(self) -> tuple[SystemUnderTest, ...]:
+        """Processes under test that this test has started."""
+        return self._lockstep.systems.processes
+
+    @property
+    def heard(self) -> dict[str, HeardTopic]:
+        """Everything that was published since the test began, by absolute topic."""
+        return dict(self._collector.topics)
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Verdicts of this test, in the order of their expectations."""
+        return tuple(self._verdicts.verdicts)
+
+    @property
+    def verdict_lines(self) -> list[str]:
+        """The same, as one line each."""
+        return [verdict_line(verdict) for verdict in self._verdicts.verdicts]
+
+    # Time.
+
+    def step(self, seconds: float | None = None) -> float:
+        """Advance, and return the simulation time that is reached [s].
+
+        Declared answers divide a longer step at each of their times.
+
+        Args:
+            seconds: of simulation time; None for the time until the next answers.
+
+        Raises:
+            SystemUnderTestError: if a node under test has died, or does not answer.
+            LostMessagesError: if messages of the drill are lost.
+        """
+        if seconds is None:
+            self._lockstep.advance(self._next_stop())
+        else:
+            length = round(_SECONDS.check("step", seconds) * SECOND)
+            self._lockstep.advance(self._collector.time + length)
+        return self.time
+
+    def step_until(
+        self, condition: Callable[[], object] | Formula, timeout: float, period: float | None = None
+    ) -> float:
+        """Step until a condition holds, and return the simulation time [s].
+
+        Args:
+            condition: looked at before the first step and after each; a formula of
+                ``rpud_sim.verdicts`` has to hold at some instant from now on.
+            timeout: longest simulation time [s].
+            period: of the steps [s]; None for the time between two answers.
+
+        Raises:
+            AssertionError: if it does not hold within the time.
+        """
+        limit = _SECONDS.check("timeout", timeout)
+        length = None if period is None else round(_SECONDS.check("period", period) * SECOND)
+        begun = self._collector.time
+        end = begun + round(limit * SECOND)
+        holds, text = (
+            (self._verdicts.eventually(condition, begun), str(condition))
+            if isinstance(condition, Formula)
+            else (condition, described(condition))
+        )
+        while not holds():
+            now = self._collector.time
+            if now >= end:
+                raise AssertionError(
+                    f"not within {limit:g} s of simulation time, at {self.time:.3f} s: {text}; "
+                    f"{self._summary()}"
+                )
+            stop = self._next_stop() if length is None else now + length
+            self._lockstep.advance(min(stop, end))
+        return self.time
+
+    # Commands.
+
+    def press(self, force: float) -> None:
+        """Command a weight on bit [N]; see ``DrillClient.press``."""
+        self._act(f"press {force!r} N", lambda: self.client.press(force))
+
+    def drive(
+        self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
+    ) -> None:
+        """Command the drive; see ``DrillClient.drive``."""
+        self._act(
+            f"drive {enabled} voltage={voltage} frequency={frequency}",
+            lambda: self.client.drive(enabled, voltage, frequency),
+        )
+
+    def engage(self, on: bool = True) -> None:
+        """Put the drill tool into the rock, or take it out."""
+        self._act(f"engage {on}", lambda: self.client.engage(on))
+
+    def inject(
+        self,
+        kind: str,
+        channel: str = "",
+        magnitude: float | None = None,
+        duration: float | None = None,
+    ) -> int:
+        """Inject a fault and return its number; see ``DrillClient.inject``."""
+        return self._act(
+            f"inject {kind} channel={channel!r} magnitude={magnitude} duration={duration}",
+            lambda: self.client.inject(kind, channel, magnitude, duration),
+        )
+
+    def clear(self, which: int | str = "all") -> list[int]:
+        """End active faults and return their numbers; see ``DrillClient.clear``."""
+        return self._act(f"clear {which}", lambda: self.client.clear(which))
+
+    def set_parameters(self, **values: Any) -> None:
+        """Set parameters of the drill; the next test has those of its start again."""
+        text = " ".join(f"{name}={value}" for name, value in values.items())
+        self._act(f"set {text}", lambda: self.client.set_parameters(**values))
+
+    # What was published.
+
+    def listen(self, topic: str, kind: str = "") -> None:
+        """Keep the messages of a topic from now on.
+
+        All topics of the drill are kept from the beginning, but ``waveform`` and ``trajectory``.
+
+        Args:
+            topic: of any node; a relative name is one of the drill's namespace.
+            kind: type such as ``std_msgs/msg/String``; may be empty if somebody publishes it.
+
+        Raises:
+            ParameterError: if nobody publishes the topic, and no type is given.
+        """
+        heard = self._collector.subscribe(topic, kind)
+        if heard is None:
+            raise ParameterError(
+                f"nobody publishes {self._collector.resolve(topic)}; give its type"
+            )
+        if topic in TOPICS:
+            self.await_connections()
+            if heard.number is None:
+                heard.number = self._collector.published[topic]
+
+    def messages(self, topic: str) -> list[Any]:
+        """Return all messages of a topic since the test began.
+
+        Raises:
+            ParameterError: if the topic was not listened to.
+            LostMessagesError: if some are lost.
+        """
+        heard = self._heard(topic)
+        if heard.lost:
+            raise LostMessagesError(f"{heard.lost} messages of {heard.name} are lost")
+        return heard.messages()
+
+    def latest(self, topic: str) -> Any:
+        """Return the latest message of a topic, None without one."""
+        return self._heard(topic).latest()
+
+    def expect(
+        self, *expectations: Expectable, name: str = "", requirement: str = ""
+    ) -> tuple[Verdict, ...]:
+        """Evaluate expectations on what was published since the test began.
+
+        Args:
+            expectations: of ``rpud_sim.verdicts``, formulas, or files of expectations.
+            name: of a formula.
+            requirement: identifier of a formula.
+
+        Raises:
+            ExpectationFailedError: if one has failed or is undecided.
+            ExpectationError: if one cannot be evaluated on this drill.
+        """
+        given = self._verdicts.expectations(expectations, self.folder, name, requirement)
+        for expectation in given:
+            for topic in expectation.topics:
+                self._heard(topic)
+        return self._verdicts.expect(given, self.time)
+
+    # Nodes under test.
+
+    def with_answers(
+        self,
+        *topics: str,
+        kind: str = "",
+        count: int = 1,
+        period: float = PERIOD,
+        timeout: float = 10.0,
+    ) -> Drill:
+        """Declare how the nodes under test answer; a step is over when all have answered.
+
+        Args:
+            topics: on which a node publishes when it has done its work for a stamp: with a header
+                or a time, that stamp; otherwise one more message.
+            kind: type of the topics; may be empty: that of the publisher.
+            count: messages of each topic for one stamp.
+            period: simulation time between two answers: they are due at its multiples [s].
+            timeout: longest real time for the answers to one step [s].
+        """
+        answers = self._lockstep.answers
+        answers.timeout = _REAL_SECONDS.check("timeout", timeout)
+        length = round(_SECONDS.check("period", period) * SECOND)
+        answers.declare(topics, kind, int(_COUNT.check("count", count)), length)
+        self._note(f"with_answers {' '.join(topics)} period={period:g} s")
+        return self
+
+    def start(
+        self,
+        *command: str,
+        name: str = "",
+        hears: tuple[str, ...] = (),
+        ready: str | Callable[[], object] | None = None,
+        timeout: float = 30.0,
+    ) -> SystemUnderTest:
+        """Start a process under test, and wait until it and the drill are connected.
+
+        Args:
+            command: words, or one text; ``python`` is this interpreter.
+            name: for messages; the command's file if empty.
+            hears: topics of the drill that it subscribes to, which makes the wait exact. Otherwise
+                it counts as connected when the graph has not changed for a while.
+            ready: further condition: a regular expression that its output has, or a callable.
+            timeout: longest real time until then [s].
+
+        Raises:
+            SystemUnderTestError: if it ends, or is not connected within the time.
+        """
+        self._note(f"start {' '.join(command)}")
+        limit = _REAL_SECONDS.check("timeout", timeout)
+        return self._lockstep.systems.start(command, self.folder, name, hears, ready, limit)
+
+    # For the owner of the drill.
+
+    def await_connections(self) -> None:
+        """Wait until the drill reaches every subscriber that there is."""
+        self._lockstep.systems.await_connections()
+
+    def begin(self, seed: int, scenario: str = NO_FAULTS) -> None:
+        """Begin a test; see ``Lockstep.begin``."""
+        self._lockstep.begin(seed, scenario)
+        self._verdicts.begin()
+        self.log = []
+
+    def end(self) -> None:
+        """End the processes under test."""
+        self._lockstep.systems.stop()
+
+    def close(self) -> None:
+        """End everything."""
+        self._lockstep.close()
+
+    @property
+    def alive(self) -> bool:
+        """Whether the drill's process runs."""
+        return self._lockstep.alive
+
+    def _next_stop(self) -> int:
+        if self._lockstep.answers.period:
+            return self._lockstep.next_answer()
+        return self._collector.time + round(PERIOD * SECOND)
+
+    def _act(self, text: str, action: Callable[[], Value]) -> Value:
+        self._note(text)
+        return self._lockstep.act(action)
+
+    def _heard(self, topic: str) -> HeardTopic:
+        heard = self._collector.topics.get(self._collector.resolve(topic))
+        if heard is None:
+            hint = "" if topic in TOPICS else f"; {did_you_mean(topic, [*TOPICS, *self.heard])}"
+            raise ParameterError(
+                f"topic {shown_name(topic)} is not listened to: call listen({topic!r}) first{hint}"
+            )
+        return heard
+
+    def _note(self, text: str) -> None:
+        self.log.append((self.time, text))
+
+    def _summary(self) -> str:
+        status = self.status
+        return (
+            f"the drill is {status.state} in the regime {status.regime}, weight on bit "
+            f"{status.weight_on_bit:g} N, drive {'on' if status.drive_enabled else 'off'}, "
+            f"{status.active_faults} faults"
+        )

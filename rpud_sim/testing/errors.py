@@ -1,0 +1,49 @@
+"""Errors of a test with a drill. No ROS, so that the plugin can name them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rpud_sim.verdicts import Verdict
+
+
+class DrillError(RuntimeError):
+    """A drill that does not start, or has ended; the text has its last lines."""
+
+
+class LostMessagesError(AssertionError):
+    """Messages that the drill has published and the test has not got."""
+
+
+class SystemUnderTestError(AssertionError):
+    """A process under test that died, hangs, or answers late.
+
+    Args:
+        name: of the process, or of the topic on which an answer is missing.
+        kind: ``died``, ``silent`` or ``late``.
+        text: the whole verdict, with the last lines of output.
+    """
+
+    def __init__(self, name: str, kind: str, text: str) -> None:
+        super().__init__(text)
+        self.name = name
+        self.kind = kind
+
+
+class ExpectationFailedError(AssertionError):
+    """Expectations that failed, or that what was published does not decide.
+
+    Args:
+        text: a line for each.
+        verdicts: on all that were evaluated.
+    """
+
+    def __init__(self, text: str, verdicts: tuple[Verdict, ...]) -> None:
+        super().__init__(text)
+        self.verdicts = verdicts
+
+
+def is_verdict(error: Any) -> bool:
+    """Whether a failure needs no traceback into this package; pytest asks it for each frame."""
+    return error is not None and bool(error.errisinstance((AssertionError, DrillError)))
