@@ -19,6 +19,7 @@ COMMANDS = (
     "info",
     "recover",
     "verify",
+    "test",
     "rebuild",
     "export",
     "report",
