@@ -20,6 +20,7 @@ COMMANDS = (
     "recover",
     "verify",
     "rebuild",
+    "fork",
     "export",
     "report",
     "sweep",

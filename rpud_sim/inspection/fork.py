@@ -26,12 +26,16 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.recorded_changes import repeated
 from rpud_sim.inspection.recorded_run import ForkError, RecordedRun, find_run
 from rpud_sim.simulation.changes import Changes, apply_change, apply_parameters
+from rpud_sim.simulation.configuration import PARAMETERS, Settings
 from rpud_sim.simulation.fields import Bookkeeping, Fields
 from rpud_sim.simulation.rerun import JournalError
-from rpud_sim.simulation.resumption import Resumed, resume
+from rpud_sim.simulation.resumption import Resumed, Start, resume
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.telemetry import Entry
 from rpud_sim.simulation.topics import TOPICS
+
+LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")
+"""Parameters of a node that a live fork may have otherwise, for they change no bit."""
 
 # A change of a run, at a time in nanoseconds; it yields messages.
 Event = tuple[int, Callable[[], Iterable[Entry]]]
@@ -170,9 +174,7 @@ def write_fork(
     changes = Changes() if changes is None else changes
     if os.path.lexists(out):
         raise BagExistsError(f"{os.fspath(out)} exists already")
-    fork = open_fork(
-        path, at, changes, run=run, topic=topic, stop=not changes.empty, report=report
-    )
+    fork = open_fork(path, at, changes, run=run, topic=topic, stop=not changes.empty, report=report)
     continuation = Continuation(fork, changes, duration)
     first = list(continuation.begin())
     written = _write(out, fork, continuation, first, report)
@@ -219,15 +221,10 @@ class Continuation:
         Raises:
             ParameterError: if one of them is refused.
         """
-        run, changes = self._run, self._changes
-        if not changes.empty:
-            run.control.adopt()
-            apply_parameters(run, self._fork.resumed.settings, changes.parameters)
-            for planned in changes.planned:
-                if planned.delay == 0:
-                    apply_change(run, planned.change)
-            yield from run.changes()
-        yield run.status("running", Bookkeeping())
+        if not self._changes.empty:
+            _begin_changes(self._run, self._fork.resumed.settings, self._changes)
+            yield from self._run.changes()
+        yield self._run.status("running", Bookkeeping())
 
     def messages(self, report: Callable[[float], object]) -> Iterator[Entry]:
         """Yield the messages after the instant."""
@@ -272,14 +269,20 @@ class Continuation:
         fork, run = self._fork, self._run
         events = repeated(fork.recorded, fork.time, self.end, self._changes)
         for entry, repeat in events:
-            yield entry.time, lambda entry=entry, repeat=repeat: self._try(  # type: ignore[misc]
-                entry.time, lambda: repeat(run)
+            yield (
+                entry.time,
+                lambda entry=entry, repeat=repeat: self._try(  # type: ignore[misc]
+                    entry.time, lambda: repeat(run)
+                ),
             )
         for planned in self._changes.planned:
             if planned.delay:
                 time = fork.time + planned.delay
-                yield time, lambda time=time, planned=planned: self._try(  # type: ignore[misc]
-                    time, lambda: self._apply(planned.change)
+                yield (
+                    time,
+                    lambda time=time, planned=planned: self._try(  # type: ignore[misc]
+                        time, lambda: self._apply(planned.change)
+                    ),
                 )
 
     def _apply(self, change: Any) -> Iterator[Entry]:
@@ -294,13 +297,64 @@ class Continuation:
             self.warnings.append(f"refused at {time / SECOND:.9g} s: {error}")
 
 
+def live_start(fork: Fork, changes: Changes) -> Start:
+    """Return the start of a drill node in the state of a fork.
+
+    Recorded changes after the instant are not repeated, for others command a node. Scheduled ends
+    of faults and the rest of the scenario are part of the state.
+
+    Args:
+        fork: that stopped at its instant; its run is used up.
+        changes: from there on.
+
+    Raises:
+        ParameterError: if a change at the instant is refused.
+    """
+    run = fork.resumed.run
+    settings = _begin_changes(run, fork.resumed.settings, changes)
+    entries = (*fork.resumed.entries, *run.changes())
+    # The scenario is part of the state, and its file may be another one by now.
+    fixed: dict[str, Any] = {"scenario": "", "autostart": True, **_of_node(changes.parameters)}
+    if run.beginning.seed <= PARAMETERS["seed"].allowed.maximum:  # type: ignore[union-attr]
+        fixed["seed"] = run.beginning.seed
+    return Start(
+        run,
+        settings.replace(fixed),
+        (
+            *(fields for _, fields in fork.history),
+            *(fields for _, name, fields in entries if name == "journal"),
+        ),
+        tuple(
+            dataclasses.replace(planned, delay=fork.time + planned.delay)
+            for planned in changes.planned
+            if planned.delay
+        ),
+    )
+
+
+def _of_node(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if name in LIVE}
+
+
+def _begin_changes(run: Run, settings: Settings, changes: Changes) -> Settings:
+    """Make the changes that come at the instant of the fork; return the settings in force."""
+    run.control.adopt()
+    settings = apply_parameters(run, settings, changes.parameters)
+    for planned in changes.planned:
+        if planned.delay == 0:
+            apply_change(run, planned.change)
+    return settings
+
+
 def _check_instant(recorded: RecordedRun, time: int, at: float) -> None:
     start, end = recorded.start / SECOND, recorded.end / SECOND
     if recorded.start <= time <= recorded.end:
         return
     given = f"--at = {at:.9g} s"
     if time > recorded.end and recorded.torn:
-        raise ForkError(f"{given}: the journal is complete up to {end:.9g} s alone: {recorded.torn}")
+        raise ForkError(
+            f"{given}: the journal is complete up to {end:.9g} s alone: {recorded.torn}"
+        )
     which = f"run {recorded.number} of {recorded.runs}" if recorded.runs > 1 else "the run"
     raise ForkError(f"{given} is outside {which} of the bag: [{start:.9g}, {end:.9g}] s")
 

@@ -83,7 +83,9 @@ def _clear(fault: Fault, run: Run) -> Iterator[Entry]:
     raise FaultError(f"there is no {fault} to clear")
 
 
-def _cleared_faults(before: Sequence[JournalEntry], later: Iterable[JournalEntry]) -> dict[int, Fault]:
+def _cleared_faults(
+    before: Sequence[JournalEntry], later: Iterable[JournalEntry]
+) -> dict[int, Fault]:
     """Return the faults that recorded entries clear, by the numbers of the entries."""
     rerun = Rerun(wanted=lambda topic: False)
     found: dict[int, Fault] = {}

@@ -6,7 +6,9 @@ import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import Settings, to_values
+from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Run
@@ -83,3 +85,26 @@ def resume(
     configuration = run.simulation.configuration
     settings = run.beginning.settings.replace(to_values(configuration))
     return Resumed(run, settings, faults, tuple(stops))
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """Start of a drill in the state of a fork, in place of time zero.
+
+    Args:
+        run: in that state; it is copied.
+        settings: in force.
+        journal: messages of the journal up to there.
+        planned: changes that come by themselves; delays count from simulation time zero.
+    """
+
+    run: Run
+    settings: Settings
+    journal: tuple[Fields, ...]
+    planned: tuple[Planned, ...] = ()
+
+    def next_journal(self) -> Journal:
+        """Return a journal that goes on after the messages."""
+        journal = Journal()
+        journal.restart(int(self.journal[-1]["sequence"]) + 1)
+        return journal
