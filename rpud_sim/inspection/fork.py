@@ -11,7 +11,6 @@ from typing import Any
 
 import rpud_sim.bag
 from rpud_sim.bag import BagExistsError, BagFormatError, BagReader, BagWriter, QosProfile, Topic
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
@@ -25,6 +24,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.recorded_changes import repeated
 from rpud_sim.inspection.recorded_run import ForkError, RecordedRun, find_run
+from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.simulation.changes import Changes, apply_change, apply_parameters
 from rpud_sim.simulation.configuration import PARAMETERS, Settings
 from rpud_sim.simulation.fields import Bookkeeping, Fields
@@ -384,9 +384,7 @@ def _write(
 ) -> int:
     """Write the bag; return the number of messages after the history."""
     prefix = fork.recorded.prefix
-    codecs = {
-        name: Codec(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()
-    }
+    codecs = {name: installed_codec(topic.type) for name, topic in TOPICS.items()}
     zero = max(0, fork.resumed.run.origin)  # the bag's clock at simulation time zero [ns]
     instant = zero + fork.time
     count = 0

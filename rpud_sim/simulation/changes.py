@@ -251,8 +251,9 @@ def apply_change(run: Run, change: WeightOnBit | DriveChange | Injection) -> Non
     """
     if isinstance(change, Injection):
         run.simulation.inject(change.fault, change.duration)
-        return
-    if isinstance(change, DriveChange):
-        change = change.on(run.simulation.applied.drive)
-        run.simulation.configuration.check_drive(change)
-    run.control.apply(change)
+    elif isinstance(change, WeightOnBit):
+        run.control.apply(change)
+    else:
+        drive = change.on(run.simulation.applied.drive)
+        run.simulation.configuration.check_drive(drive)
+        run.control.apply(drive)
