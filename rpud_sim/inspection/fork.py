@@ -385,7 +385,7 @@ def _write(
     """Write the bag; return the number of messages after the history."""
     prefix = fork.recorded.prefix
     codecs = {name: installed_codec(topic.type) for name, topic in TOPICS.items()}
-    zero = max(0, fork.resumed.run.origin)  # the bag's clock at simulation time zero [ns]
+    zero, published = _clock(fork)
     instant = zero + fork.time
     count = 0
     with BagWriter(out) as bag:
@@ -402,8 +402,8 @@ def _write(
             bag.write(f"{prefix}{name}", codecs[name].encode(fields), log_time, publish_time)
 
         # As a recorder that begins at the instant would get the latched topics.
-        for published, fields in fork.history:
-            write("journal", fields, instant, min(published, instant))
+        for (_, fields), publish_time in zip(fork.history, published, strict=True):
+            write("journal", fields, instant, publish_time)
         faults = fork.resumed.faults
         for _, name, fields in (*((faults,) if faults else ()), *fork.resumed.entries, *first):
             write(name, fields, instant, instant)
@@ -416,6 +416,22 @@ def _write(
         losses = {f"{prefix}{name}": Losses() for name in TOPICS}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
     return count
+
+
+def _clock(fork: Fork) -> tuple[int, list[int]]:
+    """Return the bag's clock at simulation time zero, and when the history was published [ns].
+
+    Publishing times show which run a message belongs to: with runs before, every entry is before
+    all that follows.
+    """
+    zero = max(0, fork.resumed.run.origin)
+    count = len(fork.history) if fork.recorded.before else 0
+    zero += max(0, count - zero - fork.time)
+    instant = zero + fork.time
+    return zero, [
+        min(publish_time, instant - max(0, count - place))
+        for place, (publish_time, _) in enumerate(fork.history)
+    ]
 
 
 def _manifest(fork: Fork) -> Manifest:

@@ -69,13 +69,12 @@ class Rerun:
             if entry.time < self._run.time:
                 raise JournalError(f"its time {entry.time} ns is before that of the one before it")
             yield from self._run.advance_to(entry.time)
-            if entry.kind == "save":
-                self._run.note("save", **entry.content)
-                self._checkpoints.save(entry.content["name"], self._run)
-            elif entry.kind == "restore":
+            if entry.kind == "restore":
                 self._run = self._checkpoints.find(entry.content["name"])
-            else:
-                yield from repeat_change(self._run, entry)
+                return
+            if entry.kind == "save":
+                self._checkpoints.save(entry.content["name"], self._run)
+            yield from repeat_change(self._run, entry)
         except (ArithmeticError, LookupError, TypeError, ValueError) as error:
             reason = str(error) if isinstance(error, ValueError) else f"{error!r:.100}"
             raise JournalError(
@@ -106,6 +105,7 @@ def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:
         "clear_all": simulation.clear_all,
         "origin": lambda: run.place(content["origin"]),
         "stop": lambda: None,
+        "save": lambda: run.note("save", name=content["name"]),
     }
     if entry.kind in ("flush", "end"):
         yield from run.flush(entry.kind)
