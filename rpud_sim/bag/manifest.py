@@ -33,6 +33,8 @@ class Manifest:
         command: command line of the program that wrote the bag.
         versions: of the software of that program.
         machine: architecture and processor of its computer.
+        forked_from: of a fork: the ``bag`` and the ``run`` in it, the instant ``at`` [s], the
+            ``journal``'s SHA-256 up to there, and the ``changes``.
     """
 
     node: str = ""
@@ -42,6 +44,7 @@ class Manifest:
     command: tuple[str, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
     machine: str = ""
+    forked_from: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def seed(self) -> int | None:
@@ -52,6 +55,8 @@ class Manifest:
     def to_record(self) -> dict[str, str]:
         """Return the content of the metadata record: one key with a JSON object."""
         content = _readable(asdict(self))
+        if not self.forked_from:
+            del content["forked_from"]
         return {_KEY: json.dumps(content, ensure_ascii=False, default=repr)}
 
 
@@ -72,6 +77,7 @@ def manifest_from_record(record: Mapping[str, str]) -> Manifest:
             command=tuple(str(word) for word in value["command"]),
             versions={str(name): str(text) for name, text in value["versions"].items()},
             machine=str(value["machine"]),
+            forked_from=dict(value.get("forked_from", {}).items()),
         )
 
 

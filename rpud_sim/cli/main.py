@@ -33,6 +33,7 @@ COMMANDS = (
     "verify",
     "test",
     "rebuild",
+    "fork",
     "export",
     "report",
     "sweep",

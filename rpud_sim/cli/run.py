@@ -80,40 +80,69 @@ def run(arguments: argparse.Namespace) -> int:
             allow_duplicate=arguments.allow_duplicate,
         ) as node,
     ):
-        if not arguments.record:
-            drilled = _drill(node, stop, live=not arguments.quiet)
-            print(summary_text(node.totals.figures(), node.report), flush=True)
-            return ExitCode.DONE if drilled else ExitCode.FAILED
-        return _drill_and_record(node, stop, arguments)
+        return drill(
+            node,
+            stop,
+            "rpud run",
+            record=arguments.record,
+            max_loss=arguments.max_loss,
+            live=not arguments.quiet,
+        )
+
+
+def drill(
+    node: DrillNode,
+    stop: StopRequest,
+    program: str,
+    *,
+    record: str | None,
+    max_loss: float = RecordOptions.max_loss,
+    live: bool = True,
+) -> ExitCode:
+    """Drill to the end, and print a summary; return the exit code.
+
+    Args:
+        node: of the drill.
+        stop: a request to stop.
+        program: that complains.
+        record: new bag to record the node's namespace into; None for none.
+        max_loss: seconds of messages that a crash may cost the bag at most.
+        live: whether to show a live line.
+    """
+    if record:
+        return _drill_and_record(node, stop, program, record, max_loss, live)
+    drilled = _drill(node, stop, program, live)
+    print(summary_text(node.totals.figures(), node.report), flush=True)
+    return ExitCode.DONE if drilled else ExitCode.FAILED
 
 
 def _drill_and_record(
-    node: DrillNode, stop: StopRequest, arguments: argparse.Namespace
+    node: DrillNode, stop: StopRequest, program: str, record: str, max_loss: float, live: bool
 ) -> ExitCode:
     from rpud_sim.ros.drill.session import await_recorder
 
     with failing(RuntimeError):
         node.prepare()  # so that the recorder finds its topics, and has the first message
-    recorder = RecorderProcess(arguments.record, arguments.namespace, arguments.max_loss)
+    recorder = RecorderProcess(record, node.get_namespace(), max_loss)
     if not recorder.wait_until_ready(stop):
         closed = recorder.close()
         return ExitCode.DONE if stop.requested and closed else ExitCode.FAILED
     await_recorder(node, stop)
     node.count_sent()
     try:
-        drilled = _drill(node, stop, live=not arguments.quiet)
+        drilled = _drill(node, stop, program, live)
     finally:
         recorded = recorder.close()
     for line in recorder.missing(node.sent) if recorded else ():
         recorded = False
-        complain("rpud run", line)
+        complain(program, line)
     print(summary_text(node.totals.figures(), node.report), flush=True)
     if recorded:
-        print(f"bag: {printable(arguments.record)}", flush=True)
+        print(f"bag: {printable(record)}", flush=True)
     return ExitCode.DONE if drilled and recorded else ExitCode.FAILED
 
 
-def _drill(node: DrillNode, stop: StopRequest, *, live: bool) -> bool:
+def _drill(node: DrillNode, stop: StopRequest, program: str, live: bool) -> bool:
     """Drill to the end; print why it failed, and return whether it did not."""
     from rpud_sim.ros.drill.drill_node import spin
 
@@ -126,5 +155,5 @@ def _drill(node: DrillNode, stop: StopRequest, *, live: bool) -> bool:
     finally:
         line.end()
     if reason is not None:
-        complain("rpud run", reason)
+        complain(program, reason)
     return reason is None

@@ -50,6 +50,10 @@ class Block:
     electrical_energy: float
     actuator: ActuatorReading | None = None
 
+    def __deepcopy__(self, memo: dict[int, object]) -> Block:
+        """Return itself: copies of a run share what cannot change."""
+        return self
+
     @property
     def segments(self) -> np.ndarray:
         """The segments that ended in the block."""

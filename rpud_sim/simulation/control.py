@@ -51,6 +51,15 @@ class Control:
         self._active = active
         self.act()
 
+    def adopt(self) -> None:
+        """Take the commands in force as given now, and let commands act from now on."""
+        applied = self._simulation.applied
+        self._weight_on_bit = applied.weight_on_bit
+        self._drive = applied.drive
+        self._watchdog.reset(self._simulation.time)
+        self._active = True
+        self._lost = False
+
     def apply(self, command: WeightOnBit | Drive) -> None:
         """Put a command into force now, if commands act."""
         if not self._active:

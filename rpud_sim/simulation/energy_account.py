@@ -52,6 +52,10 @@ class EnergyAccount:
     stored: float = 0.0
     electrical: float = 0.0
 
+    def __deepcopy__(self, memo: dict[int, object]) -> EnergyAccount:
+        """Return itself: copies of a run share what cannot change."""
+        return self
+
     @staticmethod
     def of(block: Block) -> EnergyAccount:
         """Return the account of a block."""

@@ -46,6 +46,11 @@ class Journal:
         self._entries.append(JournalEntry(self._sequence, time, kind, content))
         self._sequence += 1
 
+    def restart(self, sequence: int) -> None:
+        """Discard the entries since the last ``drain``, and give the next one this number."""
+        self._sequence = sequence
+        self._entries.clear()
+
     def drain(self) -> list[JournalEntry]:
         """Return the entries since the last call."""
         entries, self._entries = self._entries, []

@@ -28,6 +28,10 @@ class FaultRecord:
     onset: int
     clear: int | None = None
 
+    def __deepcopy__(self, memo: dict[int, object]) -> FaultRecord:
+        """Return itself: copies of a run share what cannot change."""
+        return self
+
     def lasts_at(self, time: int) -> bool:
         """Whether it lasts at a simulation time [ns]: from its onset on, before its end."""
         return self.onset <= time and (self.clear is None or time < self.clear)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.telemetry import Entry
 
@@ -20,10 +21,26 @@ class Rerun:
     """Runs that repeat the entries of a journal.
 
     The messages are those of the journal's runs with a subscriber on every topic.
+
+    Args:
+        journal: of the runs, to go on with another one; None for no journal.
+        wanted: whether to make the messages of a topic that no fault can touch.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        journal: Journal | None = None,
+        wanted: Callable[[str], bool] = lambda topic: True,
+    ) -> None:
+        self._journal = journal
+        self._wanted = wanted
         self._run: Run | None = None
+        self._checkpoints = Checkpoints()
+
+    @property
+    def run(self) -> Run | None:
+        """The present run; None before the first."""
+        return self._run
 
     @property
     def time(self) -> int:
@@ -43,14 +60,21 @@ class Rerun:
         """
         try:
             if entry.kind == "begin":
-                self._run = Run(Beginning.from_journal(entry.content))
+                if entry.sequence == 0:  # another start of the node, which forgot its checkpoints
+                    self._checkpoints = Checkpoints()
+                self._run = Run(Beginning.from_journal(entry.content), self._journal, self._wanted)
                 return
             if self._run is None:
                 raise JournalError("nothing has begun")
             if entry.time < self._run.time:
                 raise JournalError(f"its time {entry.time} ns is before that of the one before it")
             yield from self._run.advance_to(entry.time)
-            yield from _repeat(self._run, entry)
+            if entry.kind == "restore":
+                self._run = self._checkpoints.find(entry.content["name"])
+                return
+            if entry.kind == "save":
+                self._checkpoints.save(entry.content["name"], self._run)
+            yield from repeat_change(self._run, entry)
         except (ArithmeticError, LookupError, TypeError, ValueError) as error:
             reason = str(error) if isinstance(error, ValueError) else f"{error!r:.100}"
             raise JournalError(
@@ -62,7 +86,12 @@ class Rerun:
         return self._run.advance_to(time) if self._run else iter(())
 
 
-def _repeat(run: Run, entry: JournalEntry) -> Iterator[Entry]:
+def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:
+    """Repeat the change of an entry on a run at the entry's time, and yield the messages.
+
+    Raises:
+        ArithmeticError, LookupError, TypeError, ValueError: if the entry cannot be repeated.
+    """
     content = entry.content
     simulation = run.simulation
     changes: dict[str, Callable[[], object]] = {
@@ -76,6 +105,7 @@ def _repeat(run: Run, entry: JournalEntry) -> Iterator[Entry]:
         "clear_all": simulation.clear_all,
         "origin": lambda: run.place(content["origin"]),
         "stop": lambda: None,
+        "save": lambda: run.note("save", name=content["name"]),
     }
     if entry.kind in ("flush", "end"):
         yield from run.flush(entry.kind)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -119,6 +120,7 @@ class Run:
         settings = beginning.settings
         self._beginning = beginning
         self._journal = journal
+        self._wanted = wanted
         self._on_block = on_block
         self._rate = settings.telemetry_rate
         self._telemetry = Telemetry(
@@ -165,15 +167,52 @@ class Run:
 
     def begin(self, origin: int) -> None:
         """Start the journal, let commands act, and give simulation time zero its stamp [ns]."""
-        self._note("begin", **self._beginning.to_journal())
+        self.note("begin", **self._beginning.to_journal())
         self._control.act()
         self.place(origin)
+
+    def copy(
+        self,
+        journal: Journal | None = None,
+        wanted: Callable[[str], bool] | None = None,
+        on_block: Callable[[Block], object] | None = None,
+    ) -> Run:
+        """Return a run in the same state, which goes on by itself.
+
+        Args:
+            journal: of the copy, if this run has one; None for the same.
+            wanted: as of ``Run``; None for the same.
+            on_block: as of ``Run``; None for the same.
+        """
+        shared: list[tuple[Any, Any]] = [
+            (self._beginning, None),
+            (self._journal, journal),
+            (self._wanted, wanted),
+            (self._on_block, on_block),
+        ]
+        return copy.deepcopy(
+            self, {id(own): own if other is None else other for own, other in shared if own}
+        )
+
+    def begin_streams(self) -> None:
+        """Let waveform and trajectory begin here; what is pending of them is not published."""
+        self._telemetry.drop_pending()
+
+    def resume(self, origin: int, active: bool) -> None:
+        """Go on from a copied state.
+
+        Args:
+            origin: stamp of simulation time zero from here on [ns].
+            active: whether commands act.
+        """
+        self.place(origin)
+        self._control.activate(active)
 
     def place(self, origin: int) -> None:
         """Give simulation time zero a stamp [ns]; motion and commands go on."""
         self._telemetry.origin = origin
         self._published_faults = None
-        self._note("origin", origin=origin)
+        self.note("origin", origin=origin)
 
     def configure(self, settings: Settings) -> None:
         """Put settings into force that differ only in changeable parameters."""
@@ -191,7 +230,7 @@ class Run:
             end = self.next_boundary
             block = simulation.advance_to(min(end, time))
             if block.end < end:
-                self._note("stop")
+                self.note("stop")
                 yield from self._entries()
             self._recent_energy.add(block)
             yield from self._telemetry.prompt(block, simulation.faults.since(block.start))
@@ -206,7 +245,7 @@ class Run:
 
     def flush(self, kind: str = "flush") -> Iterator[Entry]:
         """Yield a journal entry, ``flush`` or ``end``, and the rest of waveform and trajectory."""
-        self._note(kind)
+        self.note(kind)
         yield from self.changes()
         yield from self._telemetry.flush()
 
@@ -226,7 +265,8 @@ class Run:
             },
         )
 
-    def _note(self, kind: str, **content: Any) -> None:
+    def note(self, kind: str, **content: Any) -> None:
+        """Append an entry to the journal, if there is one, at the present time."""
         if self._journal is not None:
             self._journal.note(self.time, kind, **content)
 

@@ -93,6 +93,13 @@ class Telemetry:
         if number is not None and number % self._stream_period == 0:
             yield from self.flush()
 
+    def drop_pending(self) -> None:
+        """Begin waveform and trajectory here; what is pending of them is not published."""
+        wanted, self._wanted = self._wanted, lambda topic: False
+        for _ in self.flush():
+            pass
+        self._wanted = wanted
+
     def flush(self) -> Iterator[Entry]:
         """Yield the waveform and the trajectory up to the end of the last block."""
         if not self._pending:

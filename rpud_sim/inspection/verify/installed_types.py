@@ -40,8 +40,8 @@ def proof_codec(summary: TopicSummary) -> Codec:
     if topic.type != expected:
         raise UnverifiableError(f"the type of {topic.name} is {topic.type:.80}, not {expected}")
     if topic.type_hash in ("", find_type_hash(expected)):
-        return _installed_codec(expected)
-    installed = _installed_codec(expected)
+        return installed_codec(expected)
+    installed = installed_codec(expected)
     try:
         codec = Codec(expected, summary.definition or "")
     except BagFormatError:
@@ -54,7 +54,7 @@ def proof_codec(summary: TopicSummary) -> Codec:
 def fields_not_held(codec: Codec) -> list[str]:
     """Return the fields of the installed type that a codec's type lacks, such as ``squeezed``."""
     name = codec.type_name
-    lacking = _fields(_installed_codec(name), name) - _fields(codec, name)
+    lacking = _fields(installed_codec(name), name) - _fields(codec, name)
     return sorted(path for path, _ in lacking)
 
 
@@ -81,5 +81,6 @@ def _expected_type(name: str, type_name: str) -> str:
 
 
 @cache
-def _installed_codec(type_name: str) -> Codec:
+def installed_codec(type_name: str) -> Codec:
+    """Return the codec of a type as it is installed here; making one takes long."""
     return Codec(type_name, find_definition(type_name))

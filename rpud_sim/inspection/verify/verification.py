@@ -251,7 +251,9 @@ class _Proof:
                     before = 0
                 for _, name, values in rerun.repeat(entry):
                     yield name, values, (stretch, rerun.origin + rerun.time)
-                self._count(rerun.time - before, report)
+                # A restored checkpoint takes the time back.
+                reached = entry.time if entry.kind == "restore" else rerun.time
+                self._count(reached - before, report)
             if entry.kind == "end":
                 return
             # The recording ended before the drill did.

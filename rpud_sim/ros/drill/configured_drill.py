@@ -14,6 +14,7 @@ from rpud_sim.ros.drill.namesakes import Namesakes
 from rpud_sim.ros.drill.pacing_thread import PacingThread
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.resumption import Start
 
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscribers [s]
 
@@ -29,6 +30,7 @@ class ConfiguredDrill:
         restored: called with the settings to which a reset went back.
         end: simulation time after which it has finished [ns].
         sent: counts of the messages, None for no count.
+        start: state in which it begins; None for time zero.
 
     Raises:
         ParameterError: if the scenario cannot be used.
@@ -43,12 +45,13 @@ class ConfiguredDrill:
         restored: Callable[[Settings], None],
         end: int,
         sent: Counter[str] | None,
+        start: Start | None = None,
     ) -> None:
         self.publishers = DrillPublishers(node, settings.publish_clock, sent)
         self.account = Account(node, settings.telemetry_rate, self.publishers, inbox, namesakes)
         try:
             self.drilling = Drilling(
-                node, settings, self.publishers, self.account, inbox, restored, end
+                node, settings, self.publishers, self.account, inbox, restored, end, start
             )
         except Exception:
             self.publishers.destroy()  # or the next configuration would have each topic twice

@@ -11,8 +11,8 @@ Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/driv
 rejected, counted and logged.
 
 Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
-``simulation/get_state``, ``set_state``, ``step``, ``run_to`` and ``reset`` (rpud_msgs), those
-of a managed node, and those of ``simulation_interfaces`` if it is installed.
+``simulation/get_state``, ``set_state``, ``step``, ``run_to``, ``reset``, ``save`` and ``restore``
+(rpud_msgs), those of a managed node, and those of ``simulation_interfaces`` if it is installed.
 
 Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``; those of ``CHANGEABLE`` may be
 set while it runs.
@@ -55,6 +55,7 @@ from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.resumption import Start
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.simulation.topics import TOPICS
 
@@ -70,17 +71,23 @@ class DrillNode(ManagedNode):
 
     Args:
         duration: simulation time after which it has finished [s]; None for never.
+        start: state in which it begins, with the settings of the parameters; None for time zero.
+            The duration counts from there.
         options: keyword arguments of ``rclpy.node.Node``.
 
     Raises:
         ParameterError: if a parameter has a value that cannot be used.
     """
 
-    def __init__(self, duration: float | None = None, **options: Any) -> None:
+    def __init__(
+        self, duration: float | None = None, start: Start | None = None, **options: Any
+    ) -> None:
         super().__init__(NAME, **options)
         self._drill_parameters = DrillParameters(self, self._apply_settings)
         self.settings.read_scenario()  # a file that is missing ends the start, not the activation
-        self._end = sys.maxsize if duration is None else round(duration * SECOND)
+        self._start = start
+        begin = start.run.time if start else 0
+        self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
         self._namesakes = Namesakes(self)
         self._drill: ConfiguredDrill | None = None
@@ -186,9 +193,15 @@ class DrillNode(ManagedNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Prepare everything; nothing moves yet."""
         compile_kernels(self.settings.configuration.parameters, self.get_logger().info)
-        restore = self._drill_parameters.restore
         self._drill = ConfiguredDrill(
-            self, self.settings, self._inbox, self._namesakes, restore, self._end, self._sent
+            self,
+            self.settings,
+            self._inbox,
+            self._namesakes,
+            self._drill_parameters.restore,
+            self._end,
+            self._sent,
+            self._start,
         )
         # A garbage collection of all that lives by now would make blocks late.
         gc.collect()

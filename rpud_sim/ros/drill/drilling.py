@@ -10,6 +10,7 @@ from concurrent.futures import Future
 
 from rclpy.node import Node
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.paced_run import PacedRun
@@ -17,9 +18,14 @@ from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.time_control import TimeControl
 from rpud_sim.ros.drill.time_source import TimeSource
+from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.resumption import Start
 from rpud_sim.simulation.run import Beginning, Run
+
+FORK = "fork"
+"""Checkpoint of a fork at its instant, to which a reset goes back."""
 
 
 class Drilling:
@@ -36,6 +42,7 @@ class Drilling:
         inbox: of commands.
         restored: called with the settings to which a reset went back.
         end: simulation time after which it has finished [ns].
+        start: state in which it begins; None for time zero.
 
     Raises:
         ParameterError: if the scenario cannot be used.
@@ -50,6 +57,7 @@ class Drilling:
         inbox: Inbox,
         restored: Callable[[Settings], None],
         end: int = sys.maxsize,
+        start: Start | None = None,
     ) -> None:
         self._settings = self._first_settings = settings
         self._seed = settings.seed
@@ -59,11 +67,17 @@ class Drilling:
         self._inbox = inbox
         self._restored = restored
         self._end = end
+        self._start = start
+        self._checkpoints = Checkpoints()
+        self._saved: dict[str, tuple[Settings, int]] = {}  # settings and seed of the checkpoints
         self._logger = node.get_logger()
         run = self._new_run(self._seed, settings, active=False)  # first what can fail
         self._source = TimeSource(node, settings.publish_clock)
         pacer = Pacer(settings.telemetry_rate, schedule=self._source.schedule)
-        self._paced = PacedRun(run, publishers, account, inbox, pacer, self._logger)
+        planned = start.planned if start else ()
+        self._paced = PacedRun(run, publishers, account, inbox, pacer, self._logger, planned)
+        if start is not None:
+            self._paced.resume(self._copy(start, Journal()), 0, active=True)
 
     @property
     def run(self) -> Run:
@@ -97,7 +111,7 @@ class Drilling:
 
     def announce(self) -> None:
         """Publish status and diagnostics of a drilling that has not started."""
-        self.run.place(self._source.begin())
+        self.run.place(self._source.return_to(self.run.time))
         self._account.report("inactive", self.run)
 
     def begin(self, settings: Settings) -> None:
@@ -106,6 +120,9 @@ class Drilling:
         Raises:
             ParameterError: if the scenario cannot be used.
         """
+        if self._start is not None:
+            self._begin_in_state(self._start, settings)
+            return
         self._journal = Journal()
         run = self._new_run(self._seed, settings, active=True)
         self._settings = self._first_settings = settings
@@ -118,7 +135,8 @@ class Drilling:
         """
         # The first line that a process logs takes tens of milliseconds: before time zero, then.
         self._logger.info(_first_line(self._settings.configuration))
-        self.run.place(self._source.wait(stop, serve))
+        self._source.wait(stop, serve)
+        self.run.place(self._source.return_to(self.run.time))
         self._account.finish()
         if self._source.follows or not self._settings.start_paused:
             self.play()
@@ -176,8 +194,47 @@ class Drilling:
         else:
             self._paced.report()
 
+    def save(self, name: str) -> tuple[int, tuple[str, ...]]:
+        """Keep the present state as a checkpoint; return its stamp [ns] and all names.
+
+        Raises:
+            CheckpointError: if the name cannot be one, or there are too many.
+        """
+        self._checkpoints.save(name, self.run)
+        self._saved[name] = self._settings, self._seed
+        self.run.note("save", name=name)
+        self._paced.report()
+        return self.run.origin + self.run.time, self._checkpoints.names
+
+    def restore(self, name: str, *, continues: bool = False) -> int:
+        """Go back to a checkpoint; return the stamp at which it goes on [ns].
+
+        Args:
+            name: of the checkpoint.
+            continues: whether stamps continue even where the node is the source of ``/clock``.
+
+        Raises:
+            CheckpointError: if there is none of this name.
+        """
+        old, new = self.run, self._checkpoints.find(name)
+        settings, self._seed = self._saved[name]
+        self._settings = dataclasses.replace(
+            settings, real_time_factor=self._settings.real_time_factor
+        )
+        self.time_control.interrupt("a checkpoint was restored")
+        self._paced.flush()
+        old.note("restore", name=name)
+        self._publishers.publish(old.changes())
+        now = old.origin + old.time - new.time
+        origin = self._source.return_to(new.time, now if continues else new.origin)
+        self._paced.resume(new, origin, old.control.active)
+        self._account.begin()
+        self._restored(self._settings)
+        self._pace()
+        return origin + new.time
+
     def reset(self, time: bool, state: bool, seed: int | None = None) -> None:
-        """Begin again.
+        """Begin again; a fork goes back to its instant.
 
         Args:
             time: whether stamps begin again.
@@ -186,8 +243,14 @@ class Drilling:
             seed: in place of the present one.
 
         Raises:
-            ParameterError: if the scenario cannot be used; nothing changes then.
+            ParameterError: if the scenario cannot be used, or a fork shall have another seed;
+                nothing changes then.
         """
+        if state and self._start is not None:
+            if seed not in (None, self._seed):
+                raise ParameterError(f"seed = {seed}: a fork keeps its seed {self._seed}")
+            self.restore(FORK, continues=not time)
+            return
         seed = self._seed if seed is None else seed
         old, new, settings = self.run, None, self._settings
         if state:
@@ -206,6 +269,23 @@ class Drilling:
         elif time:
             old.place(self._source.begin() - old.time)
         self._pace()
+
+    def _begin_in_state(self, start: Start, settings: Settings) -> None:
+        """Begin with the journal of a fork, and keep its state for resets."""
+        self._journal = start.next_journal()
+        run = self._copy(start, self._journal)
+        self._seed = run.beginning.seed
+        self._settings = self._first_settings = settings
+        self._publishers.publish((run.time, "journal", fields) for fields in start.journal)
+        if settings != start.settings:  # set since the node was made
+            run.configure(settings)
+        self._checkpoints.save(FORK, run)
+        self._saved[FORK] = settings, self._seed
+        run.note("save", name=FORK)
+        self._paced.resume(run, self.run.origin, active=True)
+
+    def _copy(self, start: Start, journal: Journal) -> Run:
+        return start.run.copy(journal, self._publishers.wanted, self._account.add)
 
     def _pace(self) -> None:
         factor = 1.0 if self._source.follows else self._settings.real_time_factor

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import time
+from collections import deque
+from collections.abc import Sequence
 from concurrent.futures import Future
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacer import Pacer, schedule_thread
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.time_control import TimeControl
+from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.run import Run
 
 _STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
@@ -31,6 +35,7 @@ class PacedRun:
         inbox: of commands.
         pacer: of the deadlines.
         logger: of the node.
+        planned: changes that come by themselves; delays count from simulation time zero.
     """
 
     def __init__(
@@ -41,6 +46,7 @@ class PacedRun:
         inbox: Inbox,
         pacer: Pacer,
         logger: RcutilsLogger,
+        planned: Sequence[Planned] = (),
     ) -> None:
         self.time_control = TimeControl()
         self._publishers = publishers
@@ -49,7 +55,9 @@ class PacedRun:
         self._pacer = pacer
         self._logger = logger
         self._clock_due = 0.0
-        self.replace(run, 0)
+        self._planned = planned
+        self._switch(run)
+        run.begin(0)
 
     @property
     def run(self) -> Run:
@@ -58,9 +66,13 @@ class PacedRun:
 
     def replace(self, run: Run, origin: int) -> None:
         """Go on with another run, whose simulation time zero has this stamp [ns]."""
-        self._run = run
-        self._pacer.reset()
+        self._switch(run)
         run.begin(origin)
+
+    def resume(self, run: Run, origin: int, active: bool) -> None:
+        """Go on with a run that is past its beginning; see ``Run.resume``."""
+        self._switch(run)
+        run.resume(origin, active)
 
     def pace(self, factor: float, priority: int, due: int | None = None) -> None:
         """Begin a schedule if time goes on by itself, hold it otherwise; report.
@@ -82,7 +94,7 @@ class PacedRun:
 
     def advance(self) -> float:
         """Do what is due now; return for how long nothing more is due [s]."""
-        until = self._run.next_boundary
+        until = min(self._run.next_boundary, self._next_planned)
         if self.time_control.goal is not None:
             self._advance_to(min(until, self.time_control.goal))
         elif not self.time_control.playing:
@@ -124,7 +136,7 @@ class PacedRun:
         self._pacer.wait(until)
         self._publishers.publish_clock(self._run.origin + until)
         self._publishers.send(each for each in messages if each[0] not in _STREAMS)
-        changed = self._apply_commands()
+        changed = self._apply_planned() | self._apply_commands()
         self._pacer.finish(until)
         # Streams are large, and have no deadline.
         self._publishers.send(each for each in messages if each[0] in _STREAMS)
@@ -144,6 +156,26 @@ class PacedRun:
         the speed of the machine.
         """
         return time % SECOND == 0 if self.time_control.stepping else self._account.due()
+
+    @property
+    def _next_planned(self) -> int:
+        return self._pending[0].delay if self._pending else NEVER
+
+    def _switch(self, run: Run) -> None:
+        self._run = run
+        self._pacer.reset()
+        self._pending = deque(planned for planned in self._planned if planned.delay > run.time)
+
+    def _apply_planned(self) -> bool:
+        """Make the planned changes that are due; return whether there were any."""
+        any_due = False
+        while self._next_planned <= self._run.time:
+            any_due = True
+            try:
+                apply_change(self._run, self._pending.popleft().change)
+            except ParameterError as error:
+                self._logger.warning(f"planned change refused: {error}")
+        return any_due
 
     def _apply_commands(self) -> bool:
         """Let waiting commands act; return whether anything changed that the status shows."""

@@ -19,6 +19,7 @@ from rpud_sim.ros.starting import name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.resumption import Start
 
 _DISCOVERY_TIME = 5.0  # that the middleware may take to connect a recorder's subscriptions [s]
 
@@ -34,6 +35,7 @@ def open_drill(
     duration: float | None = None,
     *,
     allow_duplicate: bool = False,
+    start: Start | None = None,
 ) -> Iterator[DrillNode]:
     """Start ROS and a drill node in this process; shut both down at the end.
 
@@ -42,6 +44,7 @@ def open_drill(
         namespace: of the node.
         duration: simulation time after which it has finished [s]; None for never.
         allow_duplicate: whether to drill beside a drill of the same name.
+        start: state in which it begins, whose settings are ``values``; None for time zero.
 
     Yields:
         The node, neither configured nor active.
@@ -71,7 +74,7 @@ def open_drill(
             Parameter(name, value=float(value) if _is_whole(value) else value)
             for name, value in values.items()
         ]
-        yield DrillNode(duration, namespace=namespace, parameter_overrides=overrides)
+        yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
     finally:
         rclpy.try_shutdown()
 

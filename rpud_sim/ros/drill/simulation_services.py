@@ -1,4 +1,4 @@
-"""Services that play, pause, step and reset the simulation."""
+"""Services that play, pause, step and reset the simulation, and take it back to checkpoints."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from rpud_msgs.msg import Result, SimulationState
 from rpud_msgs.srv import (
     GetSimulationState,
     ResetSimulation,
+    RestoreSimulation,
     RunToTime,
+    SaveSimulation,
     SetSimulationState,
     StepSimulation,
 )
@@ -40,7 +42,7 @@ class RefusedError(Exception):
 
 
 class SimulationServices:
-    """``simulation/get_state``, ``set_state``, ``step``, ``run_to`` and ``reset``.
+    """Services of the namespace ``simulation``: states, steps, resets and checkpoints.
 
     States, results and refusals are those of the ``simulation_interfaces`` standard.
 
@@ -59,6 +61,8 @@ class SimulationServices:
             (StepSimulation, "step", self._on_step, self.stepping),
             (RunToTime, "run_to", self._on_run_to, self.stepping),
             (ResetSimulation, "reset", self._on_reset, None),
+            (SaveSimulation, "save", self._on_save, None),
+            (RestoreSimulation, "restore", self._on_restore, None),
         ):
             node.create_service(kind, f"simulation/{name}", handler, callback_group=group)
 
@@ -228,6 +232,27 @@ class SimulationServices:
     ) -> ResetSimulation.Response:
         seed = int(request.seed) if request.reseed else None
         return self.answer(response, lambda: self.reset(int(request.scope), seed))
+
+    def _on_save(
+        self, request: SaveSimulation.Request, response: SaveSimulation.Response
+    ) -> SaveSimulation.Response:
+        def act() -> None:
+            self._controlled()
+            stamp, names = self._host.request(lambda drilling: drilling.save(request.name))
+            response.time = nanoseconds_to_time(stamp)
+            response.names = list(names)
+
+        return self.answer(response, act)
+
+    def _on_restore(
+        self, request: RestoreSimulation.Request, response: RestoreSimulation.Response
+    ) -> RestoreSimulation.Response:
+        def act() -> None:
+            self._controlled()
+            stamp = self._host.request(lambda drilling: drilling.restore(request.name))
+            response.time = nanoseconds_to_time(stamp)
+
+        return self.answer(response, act)
 
 
 def _state_of(control: TimeControl) -> int:

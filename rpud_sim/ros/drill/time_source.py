@@ -77,6 +77,15 @@ class TimeSource:
         self._origin = origin
         return origin
 
+    def return_to(self, time: int, origin: int = 0) -> int:
+        """Go on at a simulation time [ns], and return the stamp of simulation time zero [ns].
+
+        Args:
+            time: that has the stamp of now.
+            origin: the stamp to return where the node is the source; ``time`` goes with it.
+        """
+        return self.begin(origin if self._publishes else self._now() - time)
+
     def resume(self, time: int) -> int | None:
         """Return when on the schedule a simulation time [ns] is due; None for now."""
         return self._origin + time if self._follows else None

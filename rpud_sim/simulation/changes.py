@@ -1,0 +1,259 @@
+"""Changes of a fork: what differs from the recorded run, from the instant of the fork on."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Settings
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.scenario import ONSET, parse_scenario
+
+COMMANDED = ("weight_on_bit", "drive_enabled")
+"""Parameters that a fork changes by a command, for they hold only until the first command."""
+
+_COMMAND_KEYS = ("time", "weight_on_bit", "drive")
+_DRIVE_KEYS = ("enabled", "voltage", "frequency")
+_INJECT_KEYS = ("channel", "onset", "duration", "magnitude")
+
+
+@dataclasses.dataclass(frozen=True)
+class DriveChange:
+    """Command to the drive; what it leaves open stays as it is.
+
+    Args:
+        enabled: whether the actuator is driven.
+        voltage: amplitude [V]; None for the present one.
+        frequency: [Hz]; None for the present one.
+    """
+
+    enabled: bool
+    voltage: float | None = None
+    frequency: float | None = None
+
+    def on(self, present: Drive) -> Drive:
+        """Return the command, given the drive in force."""
+        return Drive(
+            self.enabled,
+            present.voltage if self.voltage is None else self.voltage,
+            present.frequency if self.frequency is None else self.frequency,
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Injection:
+    """Fault to inject.
+
+    Args:
+        fault: that begins.
+        duration: after which it ends by itself [ns]; 0 for never.
+    """
+
+    fault: Fault
+    duration: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class Planned:
+    """Change at a time.
+
+    Args:
+        delay: from the instant of the fork [ns].
+        change: the command or the fault.
+    """
+
+    delay: int
+    change: WeightOnBit | DriveChange | Injection
+
+
+@dataclasses.dataclass(frozen=True)
+class Changes:
+    """What differs from the recorded run.
+
+    Args:
+        parameters: values from the instant of the fork on, by name.
+        planned: commands and faults, in the order of their times.
+        replaces_commands: whether the recorded commands after the fork are left out.
+    """
+
+    parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    planned: tuple[Planned, ...] = ()
+    replaces_commands: bool = False
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing differs."""
+        return not (self.parameters or self.planned or self.replaces_commands)
+
+    def __add__(self, other: Changes) -> Changes:
+        """Return both; the other's values of parameters win."""
+        return Changes(
+            {**self.parameters, **other.parameters},
+            tuple(sorted((*self.planned, *other.planned), key=lambda planned: planned.delay)),
+            self.replaces_commands or other.replaces_commands,
+        )
+
+
+def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> Changes:
+    """Return the changes of ``--set``.
+
+    Args:
+        values: by name; what a fork takes is checked later, with the other values of the run.
+        fixed: names that may be given too.
+
+    Raises:
+        ParameterError: if a name is unknown, or cannot change during a run.
+    """
+    allowed = (*CHANGEABLE, *COMMANDED, *fixed)
+    for name in values:
+        if name not in PARAMETERS:
+            hint = did_you_mean(name, PARAMETERS)
+            raise ParameterError(f"{shown_name(name)} is not a parameter; {hint}")
+        if name not in allowed:
+            raise ParameterError(
+                f"{name} cannot change during a run; those that can are {', '.join(allowed)}"
+            )
+    return Changes(dict(values))
+
+
+def parse_injections(texts: Sequence[str]) -> Changes:
+    """Return the faults of ``--inject``: kinds with commas and keys of a scenario's entry.
+
+    Args:
+        texts: such as ``noise,channel=wrench,magnitude=0.5``; without ``onset`` a fault begins at
+            the instant of the fork.
+
+    Raises:
+        ParameterError: if a text cannot be used.
+    """
+    entries = []
+    for text in texts:
+        kind, *rest = text.split(",")
+        entry: dict[str, Any] = {"kind": kind, "onset": 0.0}
+        for item in rest:
+            name, equals, value = item.partition("=")
+            if not equals or name not in _INJECT_KEYS:
+                hint = did_you_mean(name, _INJECT_KEYS)
+                raise ParameterError(
+                    f"--inject {shown(text)}: {shown(item)} is not key=value; {hint}"
+                )
+            entry[name] = parse_yaml(value)
+        entries.append(entry)
+    return Changes(planned=_injections({"faults": entries}, "--inject"))
+
+
+def read_commands(path: str | Path) -> Changes:
+    """Return the changes of a command file: a scenario that may hold commands as well.
+
+    Times count from the instant of the fork.
+
+    Raises:
+        ParameterError: if the file cannot be read or used; one line with its name.
+    """
+    content = read_yaml(path, truth_values=False)
+    if not isinstance(content, Mapping):
+        raise ParameterError(f"{path} is not a scenario: it holds no mapping")
+    rest = {key: value for key, value in content.items() if key != "commands"}
+    if "commands" in content:
+        rest.setdefault("faults", [])
+    faults = Changes(planned=_injections(rest, str(path)))
+    if "commands" not in content:
+        return faults
+    entries = content["commands"]
+    if not isinstance(entries, list):
+        raise ParameterError(f"{path}: commands = {shown(entries)} is not a list")
+    planned: list[Planned] = []
+    for number, entry in enumerate(entries, 1):
+        try:
+            planned += _commands(entry)
+        except ParameterError as error:
+            raise ParameterError(f"{path}: command {number}: {error}") from None
+    planned.sort(key=lambda each: each.delay)
+    return Changes(planned=tuple(planned), replaces_commands=True) + faults
+
+
+def _injections(content: Mapping[Any, Any], name: str) -> tuple[Planned, ...]:
+    return tuple(
+        Planned(
+            scheduled.onset,
+            Injection(
+                scheduled.fault,
+                0 if scheduled.clear is None else scheduled.clear - scheduled.onset,
+            ),
+        )
+        for scheduled in parse_scenario(content, name).faults
+    )
+
+
+def _commands(entry: Any) -> list[Planned]:
+    if not isinstance(entry, Mapping):
+        raise ParameterError(f"{shown(entry)} is not a mapping")
+    for key in entry:
+        if key not in _COMMAND_KEYS:
+            raise ParameterError(f"{shown(key)} is not one of {', '.join(_COMMAND_KEYS)}")
+    if "time" not in entry or len(entry) == 1:
+        raise ParameterError("it needs a time, and weight_on_bit or drive")
+    delay = round(ONSET.check("time", entry["time"]) * SECOND)
+    changes: list[WeightOnBit | DriveChange] = []
+    if "weight_on_bit" in entry:
+        changes.append(WeightOnBit(entry["weight_on_bit"]))
+    if "drive" in entry:
+        changes.append(_drive(entry["drive"]))
+    return [Planned(delay, change) for change in changes]
+
+
+def _drive(values: Any) -> DriveChange:
+    if not isinstance(values, Mapping):
+        raise ParameterError(f"drive = {shown(values)} is not a mapping")
+    for key in values:
+        if key not in _DRIVE_KEYS:
+            raise ParameterError(f"drive: {shown(key)} is not one of {', '.join(_DRIVE_KEYS)}")
+    # The file is read without truth values, for off is a kind of fault.
+    enabled = values.get("enabled", "true")
+    if enabled not in ("true", "false"):
+        raise ParameterError(f"drive enabled = {shown(enabled)} is not true or false")
+    change = DriveChange(enabled == "true", values.get("voltage"), values.get("frequency"))
+    change.on(Drive(True, 1.0, 1e4))  # checks the numbers
+    return change
+
+
+def apply_parameters(run: Run, settings: Settings, values: Mapping[str, Any]) -> Settings:
+    """Put other values into force on a run; return the settings with them.
+
+    Raises:
+        ParameterError: if a value cannot be used.
+    """
+    if not values:
+        return settings
+    changed = settings.replace(values)
+    lasting = settings.replace({n: v for n, v in values.items() if n not in COMMANDED})
+    if lasting != settings:
+        run.configure(lasting)
+    if "weight_on_bit" in values:
+        apply_change(run, WeightOnBit(changed.configuration.parameters.weight_on_bit))
+    if "drive_enabled" in values:
+        apply_change(run, DriveChange(changed.configuration.drive_enabled))
+    return lasting
+
+
+def apply_change(run: Run, change: WeightOnBit | DriveChange | Injection) -> None:
+    """Put a change into force on a run that takes commands.
+
+    Raises:
+        ParameterError: if it is refused.
+    """
+    if isinstance(change, Injection):
+        run.simulation.inject(change.fault, change.duration)
+    elif isinstance(change, WeightOnBit):
+        run.control.apply(change)
+    else:
+        drive = change.on(run.simulation.applied.drive)
+        run.simulation.configuration.check_drive(drive)
+        run.control.apply(drive)

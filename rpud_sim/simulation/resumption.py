@@ -1,0 +1,110 @@
+"""Resumption of a recorded run: its journal is run again up to an instant."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.simulation.changes import Planned
+from rpud_sim.simulation.configuration import Settings, to_values
+from rpud_sim.simulation.fields import Fields
+from rpud_sim.simulation.journal import Journal, JournalEntry
+from rpud_sim.simulation.rerun import JournalError, Rerun
+from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.telemetry import Entry
+
+
+@dataclasses.dataclass(frozen=True)
+class Resumed:
+    """Recorded run at an instant.
+
+    Args:
+        run: with a journal that goes on with the number after the recorded entries.
+        settings: in force.
+        faults: the last message of the topic ``faults``.
+        entries: of the journal that the resumption itself added: the stop at the instant.
+    """
+
+    run: Run
+    settings: Settings
+    faults: Entry | None
+    entries: tuple[Entry, ...]
+
+
+def resume(
+    entries: Sequence[JournalEntry],
+    time: int,
+    *,
+    stop: bool,
+    report: Callable[[float], object] = lambda seconds: None,
+) -> Resumed:
+    """Run a journal again up to an instant.
+
+    Args:
+        entries: up to that instant, at least one; all of them are repeated.
+        time: simulation time of the instant in the last of their runs [ns].
+        stop: whether the run stops exactly there, which its journal notes between two blocks.
+            Otherwise it stops at the end of the last block before it.
+        report: called with the seconds that were simulated since its last call.
+
+    Raises:
+        JournalError: if an entry cannot be repeated.
+        EngineError: if the simulation cannot go on.
+    """
+    listening: list[bool] = []
+    journal = Journal()
+    rerun = Rerun(journal, lambda topic: bool(listening))
+    faults: Entry | None = None
+    reached = 0
+
+    def hear(messages: Iterable[Entry]) -> list[Entry]:
+        nonlocal faults, reached
+        heard = []
+        for message in messages:
+            if message[1] == "faults":
+                faults = message
+            if message[1] == "journal":
+                heard.append(message)
+            if rerun.time >= reached + SECOND:
+                report((rerun.time - reached) / SECOND)
+                reached = rerun.time
+        return heard
+
+    for entry in entries:
+        hear(rerun.repeat(entry))
+        reached = min(reached, rerun.time)  # a restored checkpoint, or the next run
+    run = rerun.run
+    if run is None:
+        raise JournalError("nothing has begun")
+    while run.next_boundary <= time:
+        hear(run.advance_to(run.next_boundary))
+    journal.restart(entries[-1].sequence + 1)
+    stops = hear(run.advance_to(time)) if stop else []
+    listening.append(True)
+    configuration = run.simulation.configuration
+    settings = run.beginning.settings.replace(to_values(configuration))
+    return Resumed(run, settings, faults, tuple(stops))
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """Start of a drill in the state of a fork, in place of time zero.
+
+    Args:
+        run: in that state; it is copied.
+        settings: in force.
+        journal: messages of the journal up to there.
+        planned: changes that come by themselves; delays count from simulation time zero.
+    """
+
+    run: Run
+    settings: Settings
+    journal: tuple[Fields, ...]
+    planned: tuple[Planned, ...] = ()
+
+    def next_journal(self) -> Journal:
+        """Return a journal that goes on after the messages."""
+        journal = Journal()
+        journal.restart(int(self.journal[-1]["sequence"]) + 1)
+        return journal
