@@ -33,7 +33,11 @@ setup(
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed"], f"{PACKAGE}.bag": ["share/*/msg/*.msg"]},
+    package_data={
+        PACKAGE: ["py.typed"],
+        f"{PACKAGE}.bag": ["share/*/msg/*.msg"],
+        f"{PACKAGE}.kernels": ["compiled/*.kernel"],
+    },
     python_requires=">=3.10",
     # What every command needs. Where an extra is missing, the program says which.
     install_requires=[

@@ -26,6 +26,7 @@ COMMANDS = (
     "sensitivity",
     "fit",
     "reproduce",
+    "precompile",
 )
 
 
