@@ -17,6 +17,7 @@ from setuptools import build_meta
 
 _SOURCES = ("LICENSE", "config", "launch", "package.xml", "pyproject.toml", "resource")
 _SOURCES += ("rpud_sim", "setup.cfg", "setup.py", "urdf")
+_KERNELS = Path("rpud_sim", "kernels", "compiled")
 
 Settings = Mapping[str, Any] | None
 
@@ -40,9 +41,20 @@ def build_wheel(
     config_settings: Settings = None,
     metadata_directory: str | None = None,
 ) -> str:
-    """Build a wheel and return the name of its file."""
+    """Build a wheel and return the name of its file.
+
+    Args:
+        wheel_directory: for the wheel.
+        config_settings: ``kernels`` is a folder of compiled kernels to put into the wheel.
+        metadata_directory: what `prepare_metadata_for_build_wheel` has written.
+    """
+    settings = dict(config_settings or {})
+    kernels = settings.pop("kernels", None)
     with _copy_of_sources():
-        return build_meta.build_wheel(wheel_directory, config_settings, metadata_directory)
+        if kernels:  # these, and not what has been compiled in the clone over time
+            shutil.rmtree(_KERNELS, ignore_errors=True)
+            shutil.copytree(kernels, _KERNELS)
+        return build_meta.build_wheel(wheel_directory, settings, metadata_directory)
 
 
 def prepare_metadata_for_build_wheel(

@@ -10,6 +10,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from rpud_sim.foundation.terminal import complain
+from toolchain.dist.kernels import compile_kernels
 from toolchain.dist.messages import BUILT, ROOT, stage_messages
 from toolchain.dist.pythons import VERSIONS, find_pythons
 
@@ -38,14 +39,16 @@ def main() -> int:
         complain(_PROGRAM, f"needs the headers of a CPython {VERSIONS[0]} to {VERSIONS[-1]}")
         return 1
 
-    stage = ROOT / "build" / "dist" / "rpud_msgs"
+    work = ROOT / "build" / "dist"
     try:
-        tag = stage_messages(stage, pythons)
+        tag = stage_messages(work / "rpud_msgs", pythons)
+        for line in compile_kernels(work / "kernels", pythons, ROOT):
+            complain(_PROGRAM, f"{line}; the first start compiles there")
         # A wheel of an earlier build beside the new one would stop `pip install dist/*.whl`.
         for old in arguments.out.glob("rpud_*.whl"):
             old.unlink()
-        for source in (stage, ROOT):
-            _build_wheel(source, arguments.out)
+        _build_wheel(work / "rpud_msgs", arguments.out)
+        _build_wheel(ROOT, arguments.out, f"--config-settings=kernels={work / 'kernels'}")
     except subprocess.CalledProcessError as error:
         complain(_PROGRAM, f"{Path(error.cmd[0]).name} failed with exit code {error.returncode}")
         return 1
@@ -72,12 +75,14 @@ def _obstacle() -> str:
     return ""
 
 
-def _build_wheel(source: Path, out: Path) -> None:
+def _build_wheel(source: Path, out: Path, *options: str) -> None:
     """Build a wheel with what is installed here: no package is downloaded."""
     subprocess.run(
         [
             *(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-index"),
-            *("--no-build-isolation", "--disable-pip-version-check", "--wheel-dir", out, source),
+            *("--no-build-isolation", "--disable-pip-version-check", "--wheel-dir", out),
+            *options,
+            source,
         ],
         check=True,
     )

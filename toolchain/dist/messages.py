@@ -80,9 +80,10 @@ def _compile_module(python: Python, generated: Path) -> Path:
         generated: folder of the generated C sources.
     """
     build = ROOT / "build" / "dist" / python.tag
-    shutil.rmtree(build, ignore_errors=True)
     settings = {
-        "CMAKE_C_FLAGS": "-O2",  # with its assertions, as colcon builds it: a wrong type must not pass
+        # With its assertions, as colcon builds it: a field of a wrong type must not pass. They
+        # name their files, which need not say where this folder is.
+        "CMAKE_C_FLAGS": f"-O2 -ffile-prefix-map={ROOT}=.",
         "Python3_EXECUTABLE": python.executable,
         "GENERATED": generated,
         "MESSAGES": BUILT,
