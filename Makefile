@@ -8,6 +8,7 @@ BAG ?= bags/$(shell date +%Y-%m-%d-%H%M%S)
 PYTEST_ARGS ?=
 BENCH_ARGS ?=
 KILLS ?= 1000
+PYTHONS ?=
 
 # An installed ROS is used in place of the wheels. ROS_PREFIX= (empty) asks for the wheels all the same.
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
@@ -57,6 +58,10 @@ docs: install/.package .venv/.docs ## Publish docs/ as pages in build/docs; a wa
 	  python -m sphinx --builder html --jobs auto --fresh-env --fail-on-warning --keep-going --quiet docs build/docs
 	@echo "Pages: build/docs/index.html"
 
+.PHONY: dist
+dist: install/.package ## Build wheels of both packages into dist/, for each CPython found or for PYTHONS
+	@$(WITH_ENV) python -m toolchain.dist $(PYTHONS:%=--python %)
+
 .PHONY: bench
 bench: install/.package .venv/.bench ## Run the benchmarks, or those of BENCH_ARGS; installs MuJoCo to compare with
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
@@ -90,7 +95,7 @@ lock: ## Resolve the newest versions of toolchain/requirements/*.in into the loc
 
 .PHONY: clean
 clean: ## Remove what was built
-	rm -rf build install log .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf build dist install log .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 
 .PHONY: distclean
 distclean: clean ## Remove the virtual environment as well

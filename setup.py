@@ -7,43 +7,58 @@ from setuptools import find_packages, setup
 
 PACKAGE = "rpud_sim"
 manifest = ElementTree.parse("package.xml").getroot()
+VERSION = manifest.findtext("version")
+
+# ROS 2 Jazzy as wheels, as toolchain/requirements/ros.in pins them.
+ROS = [
+    "ros-jazzy-rclpy[fastrtps]==7.1.6",
+    "ros-jazzy-builtin-interfaces==2.0.3",
+    "ros-jazzy-diagnostic-msgs==5.3.6",
+    "ros-jazzy-geometry-msgs==5.3.6",
+    "ros-jazzy-lifecycle-msgs==2.0.3",
+    "ros-jazzy-rosgraph-msgs==2.0.3",
+    "ros-jazzy-sensor-msgs==5.3.6",
+    "ros-jazzy-std-msgs==5.3.6",
+    "ros-jazzy-std-srvs==5.3.6",
+]
+REPORT = ["matplotlib"]
+EXPORT = ["pyarrow"]
+STUDIES = [*REPORT, *EXPORT, "scipy"]
 
 setup(
     name=PACKAGE,
-    version=manifest.findtext("version"),
+    version=VERSION,
     description=" ".join(manifest.findtext("description").split()),
     license=manifest.findtext("license"),
     maintainer=manifest.findtext("maintainer"),
     maintainer_email=manifest.find("maintainer").get("email"),
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={PACKAGE: ["py.typed"], f"{PACKAGE}.bag": ["share/*/msg/*.msg"]},
+    package_data={
+        PACKAGE: ["py.typed"],
+        f"{PACKAGE}.bag": ["share/*/msg/*.msg"],
+        f"{PACKAGE}.kernels": ["compiled/*.kernel"],
+    },
     python_requires=">=3.10",
-    # What the offline commands need. The ROS packages come from package.xml.
+    # What every command needs. Where an extra is missing, the program says which.
     install_requires=[
         "apsw",
         "jinja2",
         "lz4",
-        "matplotlib",
         "mcap",
         "numba",
         "numpy",
-        "pyarrow",
         "pyyaml",
         "rosbags",
-        "scipy",
         "tqdm",
         "zstandard",
     ],
     extras_require={
-        "cluster": ["distributed"],
-        "test": [
-            "distributed",
-            "hypothesis",
-            "mcap-ros2-support",
-            "pytest",
-            "pytest-timeout",
-            "pytest-xdist",
-        ],
+        "ros": [*ROS, f"rpud_msgs=={VERSION}"],
+        "report": REPORT,
+        "export": EXPORT,
+        "studies": STUDIES,  # sweep, sensitivity, fit, reproduce
+        "cluster": [*STUDIES, "distributed"],
+        "test": ["pytest", *REPORT],  # what the plugin needs; a failed test leaves a report
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -9,20 +9,19 @@ import os
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.bag.errors import BagError, BagExistsError, BagFormatError, BagNotFoundError
-from rpud_sim.bag.losses import Losses
-from rpud_sim.bag.messages import Message
-from rpud_sim.bag.metadata import Topic
-from rpud_sim.bag.qos import QosProfile
-from rpud_sim.bag.reader import BagReader
-from rpud_sim.bag.recovery import recover
-from rpud_sim.bag.recovery_account import Recovery, TopicRecovery
-from rpud_sim.bag.topic_summary import TopicSummary
-from rpud_sim.bag.writer import BagWriter
-
 if TYPE_CHECKING:
     from rpud_sim.bag.columns import Column, Kind
+    from rpud_sim.bag.errors import BagError, BagExistsError, BagFormatError, BagNotFoundError
+    from rpud_sim.bag.losses import Losses
+    from rpud_sim.bag.messages import Message
+    from rpud_sim.bag.metadata import Topic
+    from rpud_sim.bag.qos import QosProfile
+    from rpud_sim.bag.reader import BagReader
+    from rpud_sim.bag.recovery import recover
+    from rpud_sim.bag.recovery_account import Recovery, TopicRecovery
     from rpud_sim.bag.tables import Batch
+    from rpud_sim.bag.topic_summary import TopicSummary
+    from rpud_sim.bag.writer import BagWriter
 
 __all__ = [
     "BagError",
@@ -45,19 +44,36 @@ __all__ = [
     "recover",
 ]
 
-# Loaded at first use: they need NumPy and the message compiler, which listing a bag does not.
-_TABLE_TYPES = {
-    "Batch": "rpud_sim.bag.tables",
-    "Column": "rpud_sim.bag.columns",
-    "Kind": "rpud_sim.bag.columns",
+# Loaded at first use. A drill that records nothing uses this package too, and must run where the
+# libraries of bags are missing; tables need NumPy, which listing a bag does not.
+_MODULES = {
+    "BagError": "errors",
+    "BagExistsError": "errors",
+    "BagFormatError": "errors",
+    "BagNotFoundError": "errors",
+    "BagReader": "reader",
+    "BagWriter": "writer",
+    "Batch": "tables",
+    "Column": "columns",
+    "Kind": "columns",
+    "Losses": "losses",
+    "Message": "messages",
+    "QosProfile": "qos",
+    "Recovery": "recovery_account",
+    "Topic": "metadata",
+    "TopicRecovery": "recovery_account",
+    "TopicSummary": "topic_summary",
+    "recover": "recovery",
 }
 
 
 def __getattr__(name: str) -> Any:
-    """Return a type of tables."""
-    if name not in _TABLE_TYPES:
+    """Return a public name, and keep it."""
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_TABLE_TYPES[name]), name)
+    value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
@@ -75,4 +91,6 @@ def open(path: str | os.PathLike[str]) -> BagReader:
         BagNotFoundError: if there is no bag at ``path``.
         BagFormatError: if a file is damaged or incomplete.
     """
+    from rpud_sim.bag.reader import BagReader
+
     return BagReader(path)

@@ -40,6 +40,7 @@ COMMANDS = (
     "sensitivity",
     "fit",
     "reproduce",
+    "precompile",
 )
 
 

@@ -18,7 +18,12 @@ TRACEBACK = "RPUD_TRACEBACK"
 """Environment variable: where it is set, an unexpected error shows its traceback."""
 
 _RETRY_DELAY = 0.01  # s
-_OPTIONAL_MODULES = ("pyarrow",)  # of pip; every other module that is missing belongs to ROS
+# What only some commands need comes with an extra: these have one each, the others share one.
+_EXTRA_MODULES = ("matplotlib", "pyarrow", "scipy")
+_EXTRAS = {"rpud export": "export", "rpud report": "report"}
+_STUDIES = "studies"
+# Of pip alone, so that a ROS package cannot depend on them. Any other missing module is of ROS.
+_BAG_MODULES = ("apsw", "lz4", "mcap", "rosbags", "zstandard")
 
 
 class ExitCode(enum.IntEnum):
@@ -101,11 +106,16 @@ def _report_unexpected(program: str, error: Exception) -> ExitCode:
         import traceback  # only when it is needed, for it slows every start
 
         traceback.print_exception(error)
-    missing = (error.name or "") if isinstance(error, ModuleNotFoundError) else ""
-    if missing in _OPTIONAL_MODULES:
-        reason = f"needs the Python module {missing}: pip install {missing}"
+    missing = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
+    if missing in _EXTRA_MODULES:
+        extra = _EXTRAS.get(program, _STUDIES)
+        reason = f"needs {missing}: pip install 'rpud_sim[{extra}]'"
+    elif missing in _BAG_MODULES:
+        reason = f"needs {missing}: pip install {' '.join(_BAG_MODULES)}"
     elif missing and not missing.startswith("rpud_sim"):
-        reason = f"needs the Python module {missing}; source ROS 2 Jazzy or env.bash first"
+        reason = (
+            f"needs {missing}: pip install 'rpud_sim[ros]', or source ROS 2 Jazzy or env.bash first"
+        )
     elif isinstance(error, OSError):
         cause = error.strerror or str(error)  # Parquet's have no number
         reason = f"{error.filename}: {cause}" if error.filename else cause

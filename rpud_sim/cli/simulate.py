@@ -192,6 +192,5 @@ def _text(figures: dict[str, Any]) -> str:
 
 
 def _show(line: str) -> None:
-    """Show what takes long, on a terminal."""
-    if sys.stderr.isatty():
-        complain("rpud simulate", line)
+    """Show what takes long."""
+    complain("rpud simulate", line)

@@ -1,27 +1,19 @@
-"""Compilation of the kernels: cached, without the GIL, in strict IEEE arithmetic."""
+"""Compilation of the kernels: kept in files, without the GIL, in strict IEEE arithmetic."""
 
-import contextlib
 from pathlib import Path
 
-import numba
+from rpud_sim.kernels.dispatchers import kernel_compiler
+from rpud_sim.kernels.notice import notice
+from rpud_sim.kernels.processor import this_target
+from rpud_sim.kernels.store import KernelStore, user_folders
+
+# Beside the package, so that an installation has its kernels for every user; if nobody may write
+# there, each user keeps what was compiled anew.
+STORE = KernelStore((Path(__file__).parents[1] / "kernels" / "compiled", *user_folders()))
+
+compiled = kernel_compiler(STORE, Path(__file__).parent)
 
 
-def _drop_stale_cache() -> None:
-    """Remove cached kernels of the package that are older than any source of the model.
-
-    Numba compares a cached kernel with the file it is written in, but not with the files of the
-    kernels that it calls. A kernel of the simulation calls those of the model: kept, it would go on
-    with the former equations.
-    """
-    model = Path(__file__).parent
-    newest = max(source.stat().st_mtime_ns for source in model.glob("*.py"))
-    for index in model.parent.glob("*/__pycache__/*.nbi"):
-        with contextlib.suppress(OSError):
-            if index.stat().st_mtime_ns < newest:
-                index.unlink()
-
-
-_drop_stale_cache()
-
-# No fastmath: the same commands must give the same bits, in one call or in many.
-compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+def compilation_notice() -> str:
+    """Return the line that says why the model is compiled, and where the kernels are kept."""
+    return notice(this_target(), STORE)

@@ -13,6 +13,7 @@ import numpy as np
 from numba.core import event
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.model.compile import compilation_notice
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
@@ -25,8 +26,7 @@ from rpud_sim.simulation.statistics import Statistics
 # Simulated time between two reports of progress [ns].
 _STRIDE = 10 * SECOND
 
-COMPILING = "a model that has changed or never ran here is compiled, which takes up to a minute"
-_LONG = 3.0  # time of compiling after which it is reported [s]
+_LONG = 1.0  # time of compiling after which it is reported [s]
 
 Figures = dict[str, float | int | None]
 
@@ -114,7 +114,7 @@ class _CompilationListener(event.Listener):
 
 @contextmanager
 def _notice(report: Callable[[str], object]) -> Iterator[None]:
-    notice = threading.Timer(_LONG, report, [COMPILING])
+    notice = threading.Timer(_LONG, lambda: report(compilation_notice()))
     try:
         with event.install_listener("numba:compile", _CompilationListener(notice)):
             yield

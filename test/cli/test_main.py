@@ -17,6 +17,11 @@ from rpud_sim.cli.main import COMMANDS, build_parser, main
 
 HEAVY = ("numpy", "numba", "scipy", "matplotlib", "mcap", "yaml", "tqdm", "rclpy", "rpud_msgs")
 # All that `rpud simulate` may need, beside the standard library.
+# Where ROS and the libraries of bags are missing, whichever is needed first is named.
+NO_ROS = (
+    r"needs \w+: pip install (?:"
+    r"'rpud_sim\[ros\]', or source ROS 2 Jazzy or env.bash first|apsw lz4 mcap rosbags zstandard)"
+)
 OFFLINE = ("numpy", "numpy.libs", "numba", "llvmlite", "yaml", "tqdm")
 
 
@@ -132,7 +137,7 @@ def test_what_needs_ros_says_so_in_one_line_where_there_is_none(without_ros, wor
     done = without_ros(*words)
     assert (done.returncode, done.stdout) == (1, "")
     assert re.fullmatch(
-        rf"rpud {words[0]}: needs the Python module \w+; source ROS 2 Jazzy or env.bash first\n",
+        rf"rpud {words[0]}: {NO_ROS}\n",
         done.stderr,
     )
 
@@ -180,8 +185,7 @@ def test_what_is_unexpected_is_one_line_that_says_how_to_see_the_rest(monkeypatc
 def test_an_executable_says_in_one_line_that_there_is_no_ros(without_ros, name, words):
     done = without_ros(*words, program=f"rpud_sim.cli.executables:{name}")
     assert (done.returncode, done.stdout) == (1, "")
-    reason = r"needs the Python module \w+; source ROS 2 Jazzy or env.bash first\n"
-    assert re.fullmatch(rf"{name}: {reason}", done.stderr)
+    assert re.fullmatch(rf"{name}: {NO_ROS}\n", done.stderr)
 
 
 @pytest.mark.parametrize("buffered", [True, False])

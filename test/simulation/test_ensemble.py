@@ -9,10 +9,10 @@ import threading
 import numba
 import pytest
 
+from rpud_sim.model.compile import compilation_notice
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import (
-    COMPILING,
     Ensemble,
     compile_kernels,
     initial_phases,
@@ -188,7 +188,7 @@ def test_a_compilation_that_takes_long_is_told(monkeypatch, long):
     monkeypatch.setattr(ensemble, "Statistics", Compiling)
     monkeypatch.setattr(ensemble, "_LONG", 0.01 if long else 3600.0)
     compile_kernels(PARAMETERS, tell)
-    assert lines == [COMPILING] * long
+    assert lines == [compilation_notice()] * long
 
 
 def test_kernels_that_are_cached_are_not_told_however_busy_the_machine_is(monkeypatch):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -54,7 +55,7 @@ def single_contact(parameters: Parameters, impact_velocity: float) -> Contact:
 
 
 def contact_history(
-    parameters: Parameters, impact_velocity: float, times: np.ndarray
+    parameters: Parameters, impact_velocity: float, times: Sequence[float] | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the tool's displacement [m] and the contact force [N], eqs. (30) and (36).
 

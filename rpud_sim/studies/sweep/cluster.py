@@ -29,7 +29,7 @@ def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Outcomes:
         from distributed import Client, Future, KilledWorker, as_completed
     except ModuleNotFoundError as error:
         raise WorkerError(
-            f"--scheduler needs the Python module {error.name}: pip install distributed"
+            f"--scheduler needs {error.name}: pip install 'rpud_sim[cluster]'"
         ) from None
     _check_reachable(address)
     with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:

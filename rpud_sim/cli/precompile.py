@@ -1,0 +1,89 @@
+"""``rpud precompile``: compile every kernel now, so that no later start has to."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import shutil
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rpud_sim.cli.program import CommandError, ExitCode
+
+if TYPE_CHECKING:
+    from rpud_sim.kernels.store import KernelStore
+
+HELP = "compile the model now, for the first start on this machine or on others"
+DETAILS = (
+    "The kernels serve every x86-64 processor of level x86-64-v2 with the same versions of Python "
+    "(3.x), NumPy (its first number), Numba and llvmlite. Kernels that are there already are left."
+)
+EXAMPLE = "rpud precompile --into kernels"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of ``rpud precompile``."""
+    parser.add_argument(
+        "--into",
+        metavar="DIR",
+        help="folder for the kernels, such as rpud_sim/kernels/compiled of a package that is built "
+        "(default: that of this installation, or the user's if it cannot be written to)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compile what is missing; return the exit code."""
+    from rpud_sim.kernels.processor import BASELINE, this_target
+    from rpud_sim.model.compile import STORE
+
+    target = this_target()
+    if arguments.into:
+        if target.lacking:
+            lacking = ", ".join(target.lacking)
+            raise CommandError(f"this processor lacks {lacking} of {BASELINE}: --into needs them")
+        STORE.folders = (Path(arguments.into), *STORE.folders)
+    place = STORE.place()
+    if place is None or (arguments.into and place != STORE.folders[0]):
+        folders = arguments.into or ", ".join(str(folder) for folder in STORE.folders)
+        raise CommandError(f"nothing can be written to {folders}")
+    began = time.perf_counter()
+    _use_every_kernel()
+    if arguments.into:
+        _gather(STORE, place)
+    print(_text(STORE, target.cpu, time.perf_counter() - began))
+    return ExitCode.DONE
+
+
+def _use_every_kernel() -> None:
+    """Call each kernel once, because a kernel is compiled when it is first called."""
+    from rpud_sim.simulation.configuration import Configuration
+    from rpud_sim.simulation.ensemble import compile_kernels
+    from rpud_sim.studies.reproduction.single_contact import contact_history, single_contact
+
+    configuration = Configuration()
+    actuator = dataclasses.replace(configuration.actuator, actuator_model="resonance")
+    compile_kernels(configuration)
+    compile_kernels(dataclasses.replace(configuration, actuator=actuator))
+    single_contact(configuration.parameters, 1.0)
+    contact_history(configuration.parameters, 1.0, [0.0])
+
+
+def _gather(store: KernelStore, folder: Path) -> None:
+    """Copy what was found elsewhere."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, file in enumerate(store.found):
+        if file.parent != folder:
+            store.found[number] = Path(shutil.copyfile(file, folder / file.name))
+
+
+def _text(store: KernelStore, cpu: str, duration: float) -> str:
+    folders = sorted({str(file.parent) for file in (*store.found, *store.written)})
+    place = ", ".join(folders)
+    if not store.written:
+        return f"nothing to compile: {len(store.found)} kernels for {cpu} are in {place}"
+    size = sum(file.stat().st_size for file in store.written) / 1e6
+    return (
+        f"{len(store.written)} kernels compiled for {cpu} in {duration:.0f} s, {size:.1f} MB; "
+        f"{len(store.found) + len(store.written)} are in {place}"
+    )

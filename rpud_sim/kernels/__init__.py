@@ -1,0 +1,1 @@
+"""Kernels: how the model is compiled, kept in files, and found again by another process."""

@@ -1,0 +1,55 @@
+"""The processor that kernels are compiled for: a baseline that most machines have, or this one."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+
+import llvmlite.binding as llvm
+from numba.core import config
+from numba.core.codegen import get_host_cpu_features
+
+BASELINE = "x86-64-v2"
+"""Level of the x86-64 psABI that Intel has since Nehalem (2008) and AMD since Bulldozer (2011).
+
+The kernels are scalar: with the instructions of newer processors they are not measurably faster.
+"""
+
+# What the level adds to plain x86-64, by LLVM's names.
+BASELINE_FEATURES = frozenset(("cx16", "popcnt", "sahf", "sse3", "sse4.1", "sse4.2", "ssse3"))
+
+
+@dataclasses.dataclass(frozen=True)
+class Target:
+    """Processor that kernels are compiled for.
+
+    Args:
+        cpu: name, as LLVM knows it.
+        features: instructions beyond those of the name, as LLVM writes them.
+        lacking: what this processor lacks of the baseline; empty if the target is the baseline.
+    """
+
+    cpu: str
+    features: str = ""
+    lacking: tuple[str, ...] = ()
+
+
+def choose_target(cpu: str, features: str) -> Target:
+    """Return the baseline if a processor has it, otherwise the processor itself.
+
+    Args:
+        cpu: its name.
+        features: its instructions as LLVM writes them, such as ``+sse4.2,-avx2``.
+    """
+    present = {name[1:] for name in features.split(",") if name.startswith("+")}
+    lacking = tuple(sorted(BASELINE_FEATURES - present))
+    return Target(cpu, features, lacking) if lacking else Target(BASELINE)
+
+
+@functools.cache
+def this_target() -> Target:
+    """Return the target on this machine; NUMBA_CPU_NAME and NUMBA_CPU_FEATURES stand in for it."""
+    features = config.CPU_FEATURES
+    if features is None:
+        features = get_host_cpu_features()
+    return choose_target(config.CPU_NAME or llvm.get_host_cpu_name(), features)

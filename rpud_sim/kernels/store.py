@@ -1,0 +1,137 @@
+"""Files of compiled kernels, found by what they were compiled from and for.
+
+A file's name ends with a digest of everything that its machine code depends on: the texts of the
+sources, the types of the arguments, the target processor, and the versions of Python, Numba and
+LLVM. Times of files play no part, because an installation changes them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import pickle
+import sys
+import uuid
+from collections.abc import Sequence
+from pathlib import Path
+
+import llvmlite
+import numba
+import numpy as np
+
+SUFFIX = ".kernel"
+_FORMAT = 1  # of the files
+_DIGEST_SIZE = 32  # bytes of SHA-256
+
+
+def user_folders() -> tuple[Path, ...]:
+    """Return the folder of the user's own kernels by the XDG specification; none without a home."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    if not cache.is_absolute():
+        try:
+            cache = Path.home() / ".cache"
+        except RuntimeError:  # a container may run as a user that it does not know
+            return ()
+    return (cache / "rpud_sim" / "kernels",)
+
+
+@functools.cache
+def digest_of_sources(files: tuple[Path, ...]) -> str:
+    """Return a digest of the names and texts of source files."""
+    digest = hashlib.sha256()
+    for file in files:
+        text = file.read_bytes()
+        digest.update(f"{file.name}\0{len(text)}\0".encode())
+        digest.update(text)
+    return digest.hexdigest()
+
+
+def kernel_name(function: str, signature: str, cpu: str, options: str, sources: str) -> str:
+    """Return the name of a kernel's file.
+
+    Args:
+        function: full name of the kernel.
+        signature: types of its arguments.
+        cpu: name of the processor.
+        options: its instructions, and how the code is optimised.
+        sources: digest of all texts that the kernel comes from.
+    """
+    python = sys.implementation.cache_tag
+    numpy_major = np.__version__.partition(".")[0]
+    versions = (_FORMAT, python, numba.__version__, llvmlite.__version__, numpy_major)
+    made_from = _digest(repr((function, signature, cpu, options, sources, versions)))
+    return f"{function}-{_digest(signature)[:8]}.{python}.{cpu}.{made_from[:24]}{SUFFIX}"
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+class KernelStore:
+    """Folders that kernels are read from and written to.
+
+    Args:
+        folders: in the order of search. A new kernel goes to the first that can be written to.
+
+    Attributes:
+        folders: the same.
+        found: files that were read.
+        written: files that were written.
+    """
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        self.folders = tuple(folders)
+        self.found: list[Path] = []
+        self.written: list[Path] = []
+
+    def read(self, name: str) -> object | None:
+        """Return the content of a kernel's file; None if there is none that is whole."""
+        for folder in self.folders:
+            with contextlib.suppress(OSError, pickle.UnpicklingError):
+                data = (folder / name).read_bytes()
+                digest, body = data[:_DIGEST_SIZE], data[_DIGEST_SIZE:]
+                # Machine code that is cut short would end the process.
+                if hashlib.sha256(body).digest() == digest:
+                    content: object = pickle.loads(body)
+                    self.found.append(folder / name)
+                    return content
+        return None
+
+    def write(self, name: str, body: bytes) -> Path | None:
+        """Keep a kernel and drop its former versions; return its file, None if there is no place.
+
+        Args:
+            name: of its file.
+            body: pickled content.
+        """
+        for folder in self.folders:
+            with contextlib.suppress(OSError):
+                folder.mkdir(parents=True, exist_ok=True)
+                part = folder / f".{name}.{uuid.uuid4().hex}"
+                try:
+                    part.write_bytes(hashlib.sha256(body).digest() + body)
+                    part.replace(folder / name)
+                finally:
+                    part.unlink(missing_ok=True)
+                self._drop_former(folder, name)
+                self.written.append(folder / name)
+                return folder / name
+        return None
+
+    def place(self) -> Path | None:
+        """Return the folder that new kernels go to; None if there is none."""
+        for folder in self.folders:
+            existing = next(parent for parent in (folder, *folder.parents) if parent.exists())
+            if os.access(existing, os.W_OK | os.X_OK) and existing.is_dir():
+                return folder
+        return None
+
+    @staticmethod
+    def _drop_former(folder: Path, name: str) -> None:
+        prefix = name.removesuffix(SUFFIX).rpartition(".")[0]
+        for former in folder.glob(f"{prefix}.*{SUFFIX}"):
+            if former.name != name:
+                with contextlib.suppress(OSError):
+                    former.unlink()

@@ -1,0 +1,89 @@
+"""What the wheels of ROS find in their environment when nobody has sourced env.bash."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rpud_sim.ros.environment import complete_environment
+
+WHEELS = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
+
+
+@pytest.fixture
+def prefix(tmp_path):
+    profile = tmp_path / "share/rpud_sim/config/fastdds_loopback.xml"
+    profile.parent.mkdir(parents=True)
+    profile.touch()
+    return str(tmp_path)
+
+
+def completed(prefix, **variables):
+    environment = WHEELS | variables
+    complete_environment(environment, prefix)
+    return {name: value for name, value in environment.items() if name not in WHEELS}
+
+
+@pytest.mark.parametrize("variables", [{}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}])
+def test_the_wheels_use_loopback_alone(prefix, variables):
+    assert completed(prefix, **variables) == {
+        "AMENT_PREFIX_PATH": prefix,
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": f"{prefix}/share/rpud_sim/config/fastdds_loopback.xml",
+    }
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
+        {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT", "FASTRTPS_DEFAULT_PROFILES_FILE": "a"},
+    ],
+)
+def test_what_the_user_has_said_stays(prefix, variables):
+    assert completed(prefix, **variables) == {"AMENT_PREFIX_PATH": prefix} | variables
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [{"FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}, {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}],
+)
+def test_beside_another_profile_or_implementation_the_range_is_this_machine(prefix, variables):
+    expected = {"AMENT_PREFIX_PATH": prefix, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    assert completed(prefix, **variables) == expected | variables
+
+
+def test_without_the_profile_the_range_is_this_machine(tmp_path):
+    assert completed(str(tmp_path))["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+
+
+def test_an_installed_ros_is_left_as_it_is(prefix):
+    environment = {}
+    complete_environment(environment, prefix)
+    assert environment == {}
+
+
+def test_env_bash_gives_the_same_discovery(prefix):
+    """Two programs of one user must find each other, whichever way each was started."""
+    root = Path(__file__).parents[2]
+    names = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+    plain = {name: value for name, value in os.environ.items() if name not in names}
+    script = "source ./env.bash && env"
+    lines = subprocess.check_output(["bash", "-c", script], cwd=root, env=plain, text=True)
+    sourced = dict(line.split("=", 1) for line in lines.splitlines() if line.startswith(names))
+    ours = completed(prefix)
+    assert sourced[names[0]] == ours[names[0]]
+    profiles = [
+        Path(each[names[1]]).relative_to(each_prefix)
+        for each, each_prefix in ((sourced, root), (ours, Path(prefix, "share", "rpud_sim")))
+    ]
+    assert profiles[0] == profiles[1]
+
+
+def test_the_package_completes_the_environment_before_ros_starts():
+    script = "import os, rpud_sim.ros; print(os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'])"
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("ROS_", "FASTRTPS_"))}
+    output = subprocess.check_output([sys.executable, "-c", script], env=environment | WHEELS)
+    assert output.decode().strip() == "LOCALHOST"  # the profile lies in the clone, not in .venv

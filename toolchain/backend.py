@@ -1,0 +1,83 @@
+"""Build backend of ``pip install .``: setuptools in a copy of the sources.
+
+In the clone itself, setuptools would leave ``build/`` and ``rpud_sim.egg-info/``.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from setuptools import build_meta
+
+_SOURCES = ("LICENSE", "config", "launch", "package.xml", "pyproject.toml", "resource")
+_SOURCES += ("rpud_sim", "setup.cfg", "setup.py", "urdf")
+_KERNELS = Path("rpud_sim", "kernels", "compiled")
+
+Settings = Mapping[str, Any] | None
+
+# What pip calls beside the functions below; an editable installation has to point to the sources.
+build_editable = build_meta.build_editable
+prepare_metadata_for_build_editable = build_meta.prepare_metadata_for_build_editable
+
+
+def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
+    """Return nothing more than pyproject.toml; setuptools would write an egg-info to say so."""
+    return []
+
+
+def get_requires_for_build_editable(config_settings: Settings = None) -> list[str]:
+    """Return nothing, as for a wheel."""
+    return []
+
+
+def build_wheel(
+    wheel_directory: str,
+    config_settings: Settings = None,
+    metadata_directory: str | None = None,
+) -> str:
+    """Build a wheel and return the name of its file.
+
+    Args:
+        wheel_directory: for the wheel.
+        config_settings: ``kernels`` is a folder of compiled kernels to put into the wheel.
+        metadata_directory: what `prepare_metadata_for_build_wheel` has written.
+    """
+    settings = dict(config_settings or {})
+    kernels = settings.pop("kernels", None)
+    with _copy_of_sources():
+        if kernels:  # these, and not what has been compiled in the clone over time
+            shutil.rmtree(_KERNELS, ignore_errors=True)
+            shutil.copytree(kernels, _KERNELS)
+        return build_meta.build_wheel(wheel_directory, settings, metadata_directory)
+
+
+def prepare_metadata_for_build_wheel(
+    metadata_directory: str, config_settings: Settings = None
+) -> str:
+    """Write the metadata of the wheel and return the name of its folder."""
+    with _copy_of_sources():
+        return build_meta.prepare_metadata_for_build_wheel(metadata_directory, config_settings)
+
+
+@contextmanager
+def _copy_of_sources() -> Iterator[None]:
+    """Work in a copy of what the package consists of; links become files."""
+    clone = Path.cwd()
+    with tempfile.TemporaryDirectory(prefix="rpud_sim_build_") as folder:
+        for name in _SOURCES:
+            source = clone / name
+            if source.is_dir():
+                shutil.copytree(source, Path(folder, name))
+            elif source.exists():
+                shutil.copy(source, folder)
+        os.chdir(folder)
+        try:
+            yield
+        finally:
+            os.chdir(clone)

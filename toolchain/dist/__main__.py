@@ -1,0 +1,92 @@
+"""Build the wheels of both packages into ``dist/``."""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+from rpud_sim.foundation.terminal import complain
+from toolchain.dist.kernels import compile_kernels
+from toolchain.dist.messages import BUILT, ROOT, stage_messages
+from toolchain.dist.pythons import VERSIONS, find_pythons
+
+_PROGRAM = "make dist"
+
+
+def main() -> int:
+    """Build the wheels, print their files and sizes, and return the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m toolchain.dist", description=__doc__)
+    parser.add_argument(
+        "--python",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="CPython to compile the messages for (default: each of "
+        f"{VERSIONS[0]} to {VERSIONS[-1]} on the search path or of pyenv)",
+    )
+    parser.add_argument("--out", type=Path, default=ROOT / "dist", help="folder of the wheels")
+    arguments = parser.parse_args()
+    reason = _obstacle()
+    if reason:
+        complain(_PROGRAM, reason)
+        return 1
+    pythons = find_pythons(arguments.python)
+    if not pythons:
+        complain(_PROGRAM, f"needs the headers of a CPython {VERSIONS[0]} to {VERSIONS[-1]}")
+        return 1
+
+    work = ROOT / "build" / "dist"
+    try:
+        tag = stage_messages(work / "rpud_msgs", pythons)
+        for line in compile_kernels(work / "kernels", pythons, ROOT):
+            complain(_PROGRAM, f"{line}; the first start compiles there")
+        # A wheel of an earlier build beside the new one would stop `pip install dist/*.whl`.
+        for old in arguments.out.glob("rpud_*.whl"):
+            old.unlink()
+        _build_wheel(work / "rpud_msgs", arguments.out)
+        _build_wheel(ROOT, arguments.out, f"--config-settings=kernels={work / 'kernels'}")
+    except subprocess.CalledProcessError as error:
+        complain(_PROGRAM, f"{Path(error.cmd[0]).name} failed with exit code {error.returncode}")
+        return 1
+    print(f"messages for {tag}")
+    for wheel in sorted(arguments.out.glob("rpud_*.whl")):
+        print(f"{wheel}  {wheel.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+def _obstacle() -> str:
+    """Return why no wheels can be built, or an empty text."""
+    if not (Path(sys.prefix) / "share" / "rclpy").is_dir():
+        return "needs ROS 2 Jazzy as wheels: make distclean, then make dist ROS_PREFIX="
+    if not BUILT.is_dir():
+        return "the messages are not built: run 'make setup' first"
+    versions = {
+        ElementTree.parse(folder / "package.xml").getroot().findtext("version")
+        for folder in (ROOT, ROOT / "msg_defs")
+    }
+    if len(versions) != 1:
+        return f"the two package.xml have different versions: {' and '.join(sorted(map(str, versions)))}"
+    if shutil.which("readelf") is None:
+        return "needs readelf and strip: sudo apt install binutils"
+    return ""
+
+
+def _build_wheel(source: Path, out: Path, *options: str) -> None:
+    """Build a wheel with what is installed here: no package is downloaded."""
+    subprocess.run(
+        [
+            *(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-index"),
+            *("--no-build-isolation", "--disable-pip-version-check", "--wheel-dir", out),
+            *options,
+            source,
+        ],
+        check=True,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())
