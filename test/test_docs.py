@@ -1,9 +1,13 @@
 """The pages are true: commands run, output is what they print, tables are the code's."""
 
+import contextlib
+import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -56,11 +60,19 @@ def shape(line):
 
 def run(command, folder):
     """Run a command and return all that it printed, with paths that any reader could have."""
-    result = subprocess.run(
-        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    assert result.returncode == 0, result.stdout
-    return result.stdout.replace(f"{folder}/", "")
+    with tempfile.TemporaryFile("w+") as output:
+        process = subprocess.Popen(
+            command, cwd=folder, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        try:
+            code = process.wait()
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)  # a block that failed leaves its drill
+        output.seek(0)
+        printed = output.read()
+    assert code == 0, printed
+    return printed.replace(f"{folder}/", "")
 
 
 @pytest.mark.timeout(240)

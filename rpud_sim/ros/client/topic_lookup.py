@@ -8,6 +8,7 @@ from rclpy.exceptions import NameValidationException
 from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.validate_topic_name import validate_topic_name
 
 from rpud_sim.ros.qos import request_for
 from rpud_sim.ros.starting import name_error
@@ -22,6 +23,7 @@ def absolute_name(node: Node, topic: str) -> str:
         StartError: if ROS does not allow the name.
     """
     try:
+        validate_topic_name(topic)
         return expand_topic_name(topic, node.get_name(), node.get_namespace())
     except NameValidationException as error:
         raise name_error(error) from error
