@@ -17,6 +17,8 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from rpud_sim.cli.main import COMMANDS
 from rpud_sim.model import tolerances
+from rpud_sim.ros import client
+from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
@@ -201,6 +203,13 @@ def test_the_table_of_services_is_that_of_the_node(node):
 def test_the_table_of_commands_is_that_of_the_program():
     table = rows("reference/commands.md", "Commands")
     assert [row[0].split()[1] for row in table] == list(COMMANDS)
+
+
+def test_the_table_of_the_client_is_that_of_the_code():
+    table = rows("reference/python.md", "Client of a running drill")
+    found = {name for row in table for name in re.findall(r"\w+", re.sub(r"\([^)]*", "", row[0]))}
+    public = {name for name in dir(DrillClient) if not name.startswith("_")}
+    assert found == public | set(client.__all__) - {"DrillClient"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
