@@ -27,12 +27,17 @@ def rpud(drill, capsys):
             main([*map(str, words), *where])
         return (end.value.code or 0, *capsys.readouterr())
 
-    call("pause")
-    call("reset")
     return call
 
 
-def test_a_session_of_commands_acts_on_the_drill(rpud):
+@pytest.fixture
+def fresh(rpud):
+    """Put the drill back to its start, paused."""
+    rpud("pause")
+    rpud("reset")
+
+
+def test_a_session_of_commands_acts_on_the_drill(rpud, fresh):
     assert rpud("press", 30) == (0, "weight on bit: 30 N\n", "")
     assert rpud("drive", "--off") == (0, "drive: off, 100 V, 16000 Hz\n", "")
     assert rpud("drive", "--voltage", 80) == (0, "drive: on, 80 V, 16000 Hz\n", "")
@@ -50,7 +55,7 @@ def test_a_session_of_commands_acts_on_the_drill(rpud):
     assert rpud("pause") == (0, "state: paused\n", "")
 
 
-def test_faults_are_injected_listed_and_cleared(rpud):
+def test_faults_are_injected_listed_and_cleared(rpud, fresh):
     assert rpud("inject", "free_mass_jammed", "--for", 5)[1] == "fault 1: free_mass_jammed\n"
     noise = rpud("inject", "noise", "--channel", "reacting_force", "--magnitude", 0.5)
     assert noise == (0, "fault 2: noise on reacting_force\n", "")
@@ -102,7 +107,7 @@ def test_what_is_not_there_is_one_line_within_the_patience(rpud, words):
     assert re.fullmatch(rf"rpud {words[0]}: no .* /shall.* within 1 s; .*/shell.*\n", errors)
 
 
-def test_echo_prints_fields_json_lines_and_latched_messages(rpud):
+def test_echo_prints_fields_json_lines_and_latched_messages(rpud, fresh):
     rpud("press", 15)
     rpud("step", 0.1)
     code, lines, _ = rpud("echo", "journal", "--count", 2, "--json")
