@@ -175,7 +175,7 @@ class DrillConnection:
         Args:
             name: of the service.
             request: of its type.
-            repeat: whether to send it again each second; not if it must act only once.
+            repeat: whether to send it again and again; not if it must act only once.
 
         Raises:
             NoAnswerError: if the drill does not answer, and publishes no status either.
