@@ -329,6 +329,7 @@ def live_start(fork: Fork, changes: Changes) -> Start:
             for planned in changes.planned
             if planned.delay
         ),
+        fork.origin,
     )
 
 
