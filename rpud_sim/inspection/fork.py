@@ -173,7 +173,7 @@ def write_fork(
     """
     changes = Changes() if changes is None else changes
     if os.path.lexists(out):
-        raise BagExistsError(f"{os.fspath(out)} exists already")
+        raise BagExistsError(f"{os.fspath(out)} exists already; a bag is never overwritten")
     fork = open_fork(path, at, changes, run=run, topic=topic, stop=not changes.empty, report=report)
     continuation = Continuation(fork, changes, duration)
     first = list(continuation.begin())
@@ -329,6 +329,7 @@ def live_start(fork: Fork, changes: Changes) -> Start:
             for planned in changes.planned
             if planned.delay
         ),
+        fork.origin,
     )
 
 

@@ -105,7 +105,7 @@ def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:
         "clear_all": simulation.clear_all,
         "origin": lambda: run.place(content["origin"]),
         "stop": lambda: None,
-        "save": lambda: run.note("save", name=content["name"]),
+        "save": lambda: run.note("save", **content),
     }
     if entry.kind in ("flush", "end"):
         yield from run.flush(entry.kind)

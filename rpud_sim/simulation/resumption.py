@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.changes import Planned
@@ -96,12 +97,14 @@ class Start:
         settings: in force.
         journal: messages of the journal up to there.
         planned: changes that come by themselves; delays count from simulation time zero.
+        forked_from: where the state came from, for the journal.
     """
 
     run: Run
     settings: Settings
     journal: tuple[Fields, ...]
     planned: tuple[Planned, ...] = ()
+    forked_from: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def next_journal(self) -> Journal:
         """Return a journal that goes on after the messages."""

@@ -18,6 +18,7 @@ from fuzz import hostile
 from fuzz.drill import Drill
 from rpud_sim.foundation.quantities import ParameterError, Quantity
 from rpud_sim.ros.drill.declaration import declare_settings
+from rpud_sim.simulation.changes import read_commands
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import (
     CHANGEABLE,
@@ -41,6 +42,12 @@ LONGEST_STEP = 1_000_000 * SECOND  # that the drill takes; a fuzz that waits for
 CONFIG = ROOT / "config"
 PARAMETER_FILES = tuple((CONFIG / name).read_text() for name in ("drilling.yaml", "free.yaml"))
 SCENARIOS = ((CONFIG / "faults.yaml").read_text(),)
+COMMANDS = """
+commands:
+  - {time: 0.1, weight_on_bit: 15}
+  - {time: 0.3, drive: {voltage: 80, frequency: 16000}}
+  - {time: 0.5, drive: {enabled: false}}
+"""
 ROS_NAMES = ("use_sim_time", "start_type_description_service")
 # Those that an active drill has would end it, rightly.
 IMPOSSIBLE_TRANSITIONS = (0, 1, 2, 3, *range(8, 256))
@@ -82,7 +89,7 @@ def _stamp(random: random.Random) -> Time:
     return Time(sec=hostile.whole(random, 32, signed=True), nanosec=hostile.whole(random, 32))
 
 
-def _service(name: str, refusal: Callable[[Any], Reason], **fields: Any) -> Send:
+def _service(name: str, refusal: Callable[[Any], Reason], /, **fields: Any) -> Send:
     """Call a service; each field is drawn by a function of its own."""
 
     def send(random: random.Random, drill: Drill) -> Reason:
@@ -155,6 +162,12 @@ def _state(random: random.Random) -> Any:
     state = hostile.whole(random, 8)
     quitting = state == SimulationState.STATE_QUITTING  # ends the node, rightly
     return SimulationState(state=255 if quitting else state)
+
+
+def _checkpoint(random: random.Random) -> str:
+    if random.random() < 0.5:
+        return random.choice(("before", "after", "befor"))
+    return hostile.text(random, surrogates=False)
 
 
 def _transition(random: random.Random) -> Any:
@@ -307,13 +320,16 @@ WAYS: Mapping[str, Send] = {
         reseed=lambda random: random.random() < 0.5,
         seed=lambda random: hostile.whole(random, 32),
     ),
+    "simulation/save": _service("simulation/save", _of_result, name=_checkpoint),
+    "simulation/restore": _service("simulation/restore", _of_result, name=_checkpoint),
     "overrides": _overrides,
     "parameter file": _file(
         "parameters.yaml", lambda path: to_configuration(read_parameter_file(path)), PARAMETER_FILES
     ),
     "scenario file": _file("scenario.yaml", read_scenario, SCENARIOS),
+    "command file": _file("commands.yaml", read_commands, (*SCENARIOS, COMMANDS)),
     "--set": _assignment,
     "node": _node,
 }
 # Their share of the turns: these take milliseconds, and rclpy never frees all that a node took.
-RARE = {"node": 0.005, "simulation/reset": 0.2}
+RARE = {"node": 0.005, "simulation/reset": 0.2, "simulation/restore": 0.2}

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from datetime import datetime, timezone
 
+from rpud_sim.bag.manifest import Manifest
 from rpud_sim.inspection.report.drill_topics import FaultLog
 from rpud_sim.inspection.report.running_statistics import Distribution
 from rpud_sim.inspection.report.survey import Survey
@@ -47,11 +48,26 @@ def bag_rows(seen: Survey) -> Rows:
     ]
 
 
+def _fork_rows(manifest: Manifest) -> Rows:
+    """Return where a fork came from; nothing for a run that is none."""
+    origin = manifest.forked_from
+    if not origin:
+        return []
+    return [
+        (
+            "forked from",
+            f"{origin.get('bag', _UNSET)}, run {origin.get('run', _UNSET)} "
+            f"at {origin.get('at', _UNSET)} s",
+        )
+    ]
+
+
 def run_rows(seen: Survey) -> list[Rows]:
     """Return the properties of each run, from its manifest."""
     return [
         [
             ("drill", manifest.node or _UNSET),
+            *_fork_rows(manifest),
             ("seed", _UNSET if manifest.seed is None else str(manifest.seed)),
             ("command", " ".join(manifest.command) or _UNSET),
             ("machine", manifest.machine or _UNSET),

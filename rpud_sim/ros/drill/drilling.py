@@ -281,7 +281,7 @@ class Drilling:
             run.configure(settings)
         self._checkpoints.save(FORK, run)
         self._saved[FORK] = settings, self._seed
-        run.note("save", name=FORK)
+        run.note("save", name=FORK, forked_from=dict(start.forked_from))
         self._paced.resume(run, self.run.origin, active=True)
 
     def _copy(self, start: Start, journal: Journal) -> Run:

@@ -1,0 +1,102 @@
+"""`rpud fork` from the shell: what it prints, and its exit codes."""
+
+import json
+
+import pytest
+from sample_bags import write_offline_bag
+
+import rpud_sim.bag
+from rpud_sim.cli.main import main
+from rpud_sim.simulation import preset
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bags") / "bag"
+    write_offline_bag(path, preset("drilling"), 0.2, 0.4)
+    return path
+
+
+@pytest.fixture
+def rpud(capsys):
+    """Call the command line in this process; give exit code, output and errors."""
+
+    def call(*words):
+        with pytest.raises(SystemExit) as end:
+            main([str(word) for word in words])
+        printed = capsys.readouterr()
+        return end.value.code, printed.out, printed.err
+
+    return call
+
+
+def test_the_rest_of_a_bag_is_written(bag, tmp_path, rpud):
+    code, out, err = rpud("fork", bag, "--at", "0.1234", "--out", tmp_path / "fork")
+    assert (code, err) == (0, "")
+    with rpud_sim.bag.open(bag) as opened:
+        rest = sum(message.log_time > 123_400_000 for message in opened.messages())
+    assert out == (
+        f"forked {bag} at 0.1234 s without a change: 0.0766 s and {rest} messages in "
+        f"{tmp_path / 'fork'}\n"
+    )
+    assert rpud("verify", tmp_path / "fork")[0] == 0
+
+
+def test_all_changes_at_once_and_the_account_as_json(bag, tmp_path, rpud):
+    (tmp_path / "file.yaml").write_text("commands: [{time: 0.01, weight_on_bit: 12}]")
+    words = ("--set", "regime=free", "--set", "gravity=3.7", "--duration", "0.3")
+    faults = ("--inject", "lost_preload", "--inject", "noise,channel=wrench,onset=0.05")
+    files = ("--commands", tmp_path / "file.yaml", "--out", tmp_path / "fork", "--json")
+    code, out, err = rpud("fork", bag, "--at", "0.1", *words, *faults, *files)
+    assert (code, err) == (0, "")
+    account = json.loads(out)
+    assert account["changed"] is True
+    assert (account["at"], account["duration"], account["run"]) == (0.1, 0.3, 1)
+    assert account["messages"] > 100
+    assert rpud("verify", tmp_path / "fork")[0] == 0
+
+
+def test_what_a_repeat_refuses_is_one_line_each(bag, tmp_path, rpud):
+    (tmp_path / "file.yaml").write_text("faults: [{kind: hard_rock, onset: 0.01}]")
+    words = ("--commands", tmp_path / "file.yaml", "--out", tmp_path / "fork")
+    code, _, err = rpud("fork", bag, "--at", "0.1", *words)
+    assert code == 0
+    assert err == (
+        "rpud fork: refused at 0.11 s: hard_rock cannot be honoured: it needs a rock_model, "
+        "which is none\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "reason"),
+    [
+        (("--at", "0.1"), 2, "where to? give --out DIR, or --live"),
+        (("--at", "-1", "--out", "x"), 2, "--at = -1 s is outside its range"),
+        (("--at", "nan", "--out", "x"), 2, "--at = nan s is outside its range"),
+        (("--at", "0.3", "--out", "x"), 1, "--at = 0.3 s is outside the run of the bag: [0, 0.2]"),
+        (("--at", "0.1", "--run", "2", "--out", "x"), 1, "--run = 2 is outside its range [1, 1]"),
+        (("--at", "0.1", "--set", "gravty=1", "--out", "x"), 2, "did you mean gravity"),
+        (("--at", "0.1", "--set", "gravity=-1", "--out", "x"), 2, "gravity = -1 m/s^2 is outside"),
+        (("--at", "0.1", "--inject", "jammed", "--out", "x"), 2, "free_mass_jammed"),
+        (("--at", "0.1", "--commands", "none.yaml", "--out", "x"), 2, "none.yaml"),
+        (("--at", "0.1", "--duration", "0", "--out", "x"), 2, "--duration = 0 s is outside"),
+        (("--at", "0.1", "--quiet", "--out", "x"), 2, "--namespace and --quiet go with --live"),
+        (("--at", "0.1", "--live", "--json"), 2, "--json goes with a bag, not with --live"),
+        (("--at", "0.1", "--set", "publish_clock=true", "--out", "x"), 2, "publish_clock cannot"),
+    ],
+)
+def test_bad_usage_is_one_line(bag, tmp_path, rpud, monkeypatch, words, code, reason):
+    monkeypatch.chdir(tmp_path)
+    ended, out, err = rpud("fork", bag, *words)
+    assert (ended, out) == (code, "")
+    assert err.startswith("rpud fork: ")
+    assert err.count("\n") == 1
+    assert reason in err
+    assert not (tmp_path / "x").exists()
+
+
+def test_an_existing_bag_is_not_overwritten(bag, tmp_path, rpud):
+    (tmp_path / "fork").mkdir()
+    code, _, err = rpud("fork", bag, "--at", "0.1", "--out", tmp_path / "fork")
+    assert code == 1
+    assert f"{tmp_path / 'fork'} exists already" in err
