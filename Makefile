@@ -14,18 +14,26 @@ PYTHONS ?=
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
 LOCK := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros,wheels).lock
 
-PIP_INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps
+# Python compiles a module when it is first imported: pip would do it for all, most of which are never imported here.
+PIP_INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps --no-compile
 WITH_ENV := source ./env.bash &&
-COLCON_BUILD := source toolchain/ros_env.bash && colcon build --symlink-install --packages-select
+# CMake's own make must not take part in the jobs of this one.
+COLCON_BUILD := unset MAKEFLAGS MFLAGS && source toolchain/ros_env.bash && colcon build --symlink-install --packages-select
+
+# Kernels compile while messages build.
+MAKEFLAGS += --jobs=2
 
 ##@ Use
 .PHONY: setup
-setup: install/.package ## Install ROS 2 Jazzy and the Python packages into .venv and build (the default)
+setup: install/.package install/.kernels ## Install ROS 2 Jazzy and the Python packages into .venv and build (the default)
 	@echo "Ready: 'make run' drills, 'source env.bash' puts rpud into this shell, 'make help' lists the rest."
 
 .PHONY: run
 run: install/.package ## Drill in real time for DURATION seconds (10) and record to BAG (bags/<time>)
 	@$(WITH_ENV) rpud run --duration $(DURATION) --record $(BAG)
+
+.PHONY: precompile
+precompile: install/.kernels ## Compile the model's kernels, so that no start has to
 
 .PHONY: picture
 picture: install/.package ## Draw docs/images anew: record BAG for 3 s, and BAG_faults for 12 s with the faults of config
@@ -65,6 +73,10 @@ dist: install/.package ## Build wheels of both packages into dist/, for each CPy
 .PHONY: bench
 bench: install/.package .venv/.bench ## Run the benchmarks, or those of BENCH_ARGS; installs MuJoCo to compare with
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
+
+.PHONY: measure-setup
+measure-setup: ## Clone into a new folder and print the time of each stage from there to the first impact
+	@toolchain/measure_setup.sh
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each
@@ -134,6 +146,13 @@ help: ## Show this help
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)
 	@$(COLCON_BUILD) rpud_msgs
+	@touch $@
+
+# What is up to date already is found and left. A kernel comes from the sources of the model, and from those that call it.
+install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/model/*.py) \
+  rpud_sim/simulation/sampling.py rpud_sim/simulation/statistics.py
+	@mkdir -p install
+	@PYTHONPATH="$$PWD" .venv/bin/python -m rpud_sim.cli.main precompile
 	@touch $@
 
 install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from importlib.metadata import version
@@ -32,6 +31,29 @@ def test_colcon_finds_both_packages_as_ros_packages():
 
 def test_both_packages_and_the_metadata_have_one_version():
     assert manifest_version(ROOT) == manifest_version(ROOT / "msg_defs") == version("rpud_sim")
+
+
+def test_both_manifests_are_fit_for_a_release():
+    """One version, and no dependency that only pip has, since a rosdistro release may have none."""
+    subprocess.check_call([sys.executable, ROOT / "toolchain" / "check_manifests.py"])
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "complaint"),
+    [
+        ("msg_defs/package.xml", (r"<version>.*<", "<version>9.9.9<"), "another version than"),
+        ("package.xml", (r' condition="[^"]*"', ""), "mcap-ros2-support, which only pip has"),
+    ],
+)
+def test_a_manifest_that_is_not_is_told(tmp_path, file, change, complaint):
+    for name in ("package.xml", "msg_defs/package.xml", "toolchain/check_manifests.py"):
+        text = (ROOT / name).read_text()
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(re.sub(*change, text) if name == file else text)
+    command = [sys.executable, tmp_path / "toolchain" / "check_manifests.py"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert complaint in done.stdout
 
 
 def test_every_message_and_service_is_built():
@@ -68,17 +90,19 @@ def test_data_files_are_installed(pattern):
         assert (share / file).read_text() == (ROOT / file).read_text()
 
 
+def made_by_setuptools() -> set[Path]:
+    """Return what setuptools would leave in the clone."""
+    return {*ROOT.glob("*.egg-info"), *ROOT.glob("build/lib*"), *ROOT.glob("build/bdist*")}
+
+
 @pytest.fixture(scope="module")
 def plain_install(tmp_path_factory) -> Path:
-    """Install a copy of the package with pip, as outside ROS, and return the prefix."""
-    source = tmp_path_factory.mktemp("source")
-    for name in ("package.xml", "setup.py", "setup.cfg", "pyproject.toml"):
-        shutil.copy(ROOT / name, source)
-    for name in ("rpud_sim", "resource", "launch", "config", "urdf"):
-        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    """Install the package with pip, as outside ROS, and return the prefix."""
     prefix = tmp_path_factory.mktemp("prefix")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps"]
-    subprocess.check_call([*pip, "--no-build-isolation", "--prefix", prefix, source])
+    before = made_by_setuptools()
+    subprocess.check_call([*pip, "--no-build-isolation", "--prefix", prefix, ROOT])
+    assert made_by_setuptools() == before
     return prefix
 
 

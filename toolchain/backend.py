@@ -73,7 +73,9 @@ def _copy_of_sources() -> Iterator[None]:
         for name in _SOURCES:
             source = clone / name
             if source.is_dir():
-                shutil.copytree(source, Path(folder, name))
+                shutil.copytree(
+                    source, Path(folder, name), ignore=shutil.ignore_patterns("__pycache__")
+                )
             elif source.exists():
                 shutil.copy(source, folder)
         os.chdir(folder)

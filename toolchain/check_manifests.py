@@ -1,12 +1,21 @@
-"""Check both package.xml with ROS's own parser, in which a warning counts as an error."""
+"""Check both package.xml with ROS's own parser, in which a warning counts as an error.
+
+They must have one version, and no dependency that only pip has: a rosdistro release may have none.
+"""
 
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 from catkin_pkg.package import InvalidPackage, parse_package
 
 ROOT = Path(__file__).resolve().parent.parent
 MANIFESTS = (ROOT / "package.xml", ROOT / "msg_defs" / "package.xml")
+
+
+PIP_KEYS = ("mcap-ros2-support", "python3-rosbags-pip")
+# What bloom knows when it evaluates conditions.
+RELEASE = {"ROS_DISTRO": "jazzy", "ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3"}
 
 
 def complaints(manifest: Path) -> list[str]:
@@ -18,12 +27,21 @@ def complaints(manifest: Path) -> list[str]:
         return [str(error)]
     if package.package_format != 3:
         warnings.append(f"is of format {package.package_format}, not 3")
+    package.evaluate_conditions(RELEASE)
+    warnings += [
+        f"a release depends on {each.name}, which only pip has: it needs a condition"
+        for each in (*package.exec_depends, *package.build_depends)
+        if each.evaluated_condition and each.name in PIP_KEYS
+    ]
     return warnings
 
 
 def main() -> int:
     """Print every complaint with its file."""
     found = [f"{manifest}: {text}" for manifest in MANIFESTS for text in complaints(manifest)]
+    versions = {ElementTree.parse(each).getroot().findtext("version") for each in MANIFESTS}
+    if len(versions) != 1:
+        found.append(f"{MANIFESTS[1]}: has another version than {MANIFESTS[0]}")
     print("\n".join(found) or "package.xml: both are valid")
     return bool(found)
 

@@ -22,6 +22,7 @@ from numba.core.caching import _Cache
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler, compile_result
 from numba.core.registry import CPUDispatcher
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
 from rpud_sim.kernels.processor import this_target
@@ -168,7 +169,9 @@ def _content(result: Any) -> tuple[Any, ...]:
 
 def _load(content: Any, target_context: Any) -> Any:
     machine_code, descriptor, environment, signature, others = content
-    target_context.refresh()  # defines what machine code refers to: without it the process dies
+    # Defines the functions that machine code refers to: without it the process dies. What Numba
+    # sets up for a compilation beyond that takes a quarter of a start.
+    rtsys.initialize(target_context)
     codegen = _codegen()
     library = codegen.create_library(descriptor.qualname)
     library.enable_object_caching()

@@ -1,12 +1,14 @@
 """Install the wheels of ``dist/`` into fresh environments; print the times and the disk space.
 
-Packages come from the package index that pip is set up for. Nothing is sourced.
+Packages come from the package index that pip is set up for. Nothing is sourced. The time of
+processors says how long a machine takes that does nothing else.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -56,7 +58,7 @@ class Steps:
                 *(self.programs / "pip", "install", "--quiet", "--disable-pip-version-check"),
                 *(*self._options, "--find-links", wheels, requirement),
             )
-        print(f"{_disk(self.folder / 'v'):8.0f} MB of disk")
+        print(f"{_disk(self.folder / 'v'):8.0f} MB of disk", flush=True)
 
     def call(self, program: str, *words: str) -> None:
         """Run an installed program."""
@@ -65,7 +67,7 @@ class Steps:
 
     def total(self) -> None:
         """Print the time since the beginning."""
-        print(f"{time.monotonic() - self._begin:8.1f} s  all together")
+        _print("all together", time.monotonic() - self._begin, _processor_time())
 
     def _run(self, *command: str | Path) -> None:
         done = subprocess.run(
@@ -82,9 +84,19 @@ class Steps:
 
     @contextmanager
     def _timed(self, name: str) -> Iterator[None]:
-        begin = time.monotonic()
+        begin, processor = time.monotonic(), _processor_time()
         yield
-        print(f"{time.monotonic() - begin:8.1f} s  {name}", flush=True)
+        _print(name, time.monotonic() - begin, _processor_time() - processor)
+
+
+def _print(name: str, elapsed: float, processor: float) -> None:
+    print(f"{elapsed:8.1f} s {processor:6.1f} s of processors  {name}", flush=True)
+
+
+def _processor_time() -> float:
+    """Return the processor time of all programs that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _disk(folder: Path) -> float:

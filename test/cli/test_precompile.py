@@ -1,0 +1,134 @@
+"""`rpud precompile`: after it nothing is left to compile, and its kernels compute the same bits."""
+
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from rpud_sim.cli.main import execute
+from rpud_sim.kernels.store import user_folders
+from rpud_sim.model.compile import STORE
+
+SWEEP = {
+    "design": "latin_hypercube",
+    "points": 2,
+    "repeat": 1,
+    "duration": 0.1,
+    "swept": {"weight_on_bit": {"minimum": 5.0, "maximum": 20.0}},
+}
+FIT = {
+    "parameters": {"regime": "drilling"},
+    "unknowns": {"weight_on_bit": [4.0, 20.0]},
+    "points": 16,
+    "rounds": 1,
+    "repeat": 1,
+    "targets": [
+        {"figure": "reacting_force_mean", "window": 0.1, "value": 15.0, "tolerance": "5 %"}
+    ],
+}
+FAULTS = {
+    "seed": 1,
+    "faults": [
+        {"kind": "noise", "channel": "wrench", "magnitude": 0.5, "onset": 0.02},
+        {"kind": "free_mass_jammed", "onset": 0.05},
+    ],
+}
+
+
+def kernels():
+    """Return the files of all kernels, with the time at which each was written."""
+    files = (
+        file for folder in (*STORE.folders, *user_folders()) for file in folder.glob("*.kernel")
+    )
+    return {file: file.stat().st_mtime_ns for file in files}
+
+
+@pytest.fixture
+def specifications(tmp_path):
+    for name, content in (("sweep", SWEEP), ("fit", FIT), ("faults", FAULTS)):
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(content))
+    return tmp_path
+
+
+def test_nothing_is_left_to_compile(specifications, capsys):
+    assert execute(["precompile"]) == 0
+    before = kernels()
+    assert before
+    faults = f"scenario={specifications / 'faults.yaml'}"
+    simulate = ["simulate", "--duration", "0.1"]
+    for words in (
+        simulate,
+        [*simulate, "--regime", "free"],
+        [*simulate, "--set", "actuator_model=resonance", "--set", faults],
+        [*simulate, "--set", "rock_model=specific_energy", "--bag", f"{specifications}/bag"],
+        ["verify", f"{specifications}/bag"],
+        ["report", f"{specifications}/bag", "--out", f"{specifications}/page.html"],
+        ["rebuild", f"{specifications}/bag", "--rate", "1e5", "--out", f"{specifications}/exact"],
+        ["sweep", f"{specifications}/sweep.yaml", "--out", f"{specifications}/s", "--workers", "1"],
+        ["fit", f"{specifications}/fit.yaml", "--out", f"{specifications}/f", "--workers", "1"],
+    ):
+        code = execute(words)
+        assert code == 0, capsys.readouterr().err
+    assert kernels() == before
+
+
+def test_it_says_that_nothing_is_left_and_gathers_all_kernels(tmp_path, capsys):
+    words = [sys.executable, "-m", "rpud_sim.cli.main", "precompile"]
+    gathered = subprocess.run(
+        [*words, "--into", str(tmp_path / "kernels")], capture_output=True, text=True, check=True
+    )
+    files = list((tmp_path / "kernels").iterdir())
+    count = len(files)
+    assert count > 10
+    assert f"{count} kernels for x86-64-v2 are in {tmp_path / 'kernels'}" in gathered.stdout
+    assert all(len(file.read_bytes()) > 1000 for file in files)
+
+
+def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
+    (tmp_path / "taken").write_text("")
+    words = ["precompile", "--into", str(tmp_path / "taken" / "kernels")]
+    done = subprocess.run(
+        [sys.executable, "-m", "rpud_sim.cli.main", *words],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    expected = f"rpud precompile: nothing can be written to {tmp_path / 'taken/kernels'}\n"
+    assert (done.returncode, done.stderr) == (1, expected)
+
+
+# Kernels of another instruction set, compiled here from the same sources without the baseline's.
+NATIVE = """
+import sys
+from numba.core.codegen import get_host_cpu_features
+import llvmlite.binding as llvm
+from rpud_sim.kernels import dispatchers, processor
+if "native" in sys.argv:
+    target = processor.Target(llvm.get_host_cpu_name(), get_host_cpu_features())
+    dispatchers.this_target = lambda: target
+from rpud_sim.model.compile import STORE
+STORE.folders = STORE.folders if "native" not in sys.argv else ()
+from rpud_sim.simulation import ActuatorParameters, Configuration, Simulation, WeightOnBit
+actuator = ActuatorParameters(actuator_model="resonance")
+digest = __import__("hashlib").sha256()
+for configuration in (Configuration(), Configuration(actuator=actuator)):
+    simulation = Simulation(configuration, 0.1)
+    for number in range(1, 21):
+        simulation.apply(WeightOnBit(5.0 * (number % 7)))
+        block = simulation.advance_to(number * 100_000_000)
+        digest.update(block.covering.tobytes() + block.impacts.tobytes())
+print(digest.hexdigest(), dispatchers._codegen().magic_tuple()[1])
+"""
+
+
+def test_kernels_of_the_baseline_compute_the_bits_of_kernels_for_this_processor_alone():
+    def run(*words):
+        process = subprocess.run(
+            [sys.executable, "-c", NATIVE, *words], capture_output=True, text=True, check=True
+        )
+        return process.stdout.split()
+
+    baseline, native = run(), run("native")
+    assert baseline[0] == native[0]
+    assert (baseline[1], native[1] == "x86-64-v2") == ("x86-64-v2", False)

@@ -1,0 +1,170 @@
+"""Kernels in files: found by whoever has the same sources, and never by anybody else.
+
+Each test compiles a package of two functions in processes of its own.
+"""
+
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import rpud_sim
+
+ROOT = Path(rpud_sim.__file__).parents[1]
+
+RULES = """
+from store import compiled
+FACTOR = 3.0
+
+@compiled
+def rule(x, count):
+    return FACTOR * x + count
+"""
+KERNEL = """
+import numpy as np
+from store import compiled
+from room.rules import rule
+
+@compiled
+def kernel(values):
+    total = 0.0
+    for i in range(len(values)):
+        total += rule(values[i], 7) + rule(values[i], np.uint8(i))
+    return total
+"""
+STORE = """
+import os
+from pathlib import Path
+from rpud_sim.kernels.dispatchers import kernel_compiler
+from rpud_sim.kernels.store import KernelStore
+
+here = Path(__file__).parent
+folders = (here / "kernels", Path(os.environ["OWN"]))
+compiled = kernel_compiler(KernelStore(folders), here / "room")
+"""
+# Prints the result, the functions that were compiled, and how many rules were.
+MAIN = """
+import numpy as np
+from numba.core import event
+from room.kernel import kernel
+from room.rules import rule
+
+with event.install_recorder("numba:compile") as recorder:
+    result = kernel(np.array([1.0, 2.0]))
+started = [entry for _, entry in recorder.buffer if entry.is_start]
+names = [entry.data["dispatcher"].__name__ for entry in started]
+print(result, sorted(name for name in names if name in ("kernel", "rule")))
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    room = tmp_path / "package" / "room"
+    room.mkdir(parents=True)
+    (room / "rules.py").write_text(RULES)
+    (room / "kernel.py").write_text(KERNEL)
+    (room.parent / "store.py").write_text(STORE)
+    (room.parent / "main.py").write_text(MAIN)
+    yield room.parent
+    for folder in (tmp_path, *(path for path in tmp_path.rglob("*") if path.is_dir())):
+        folder.chmod(stat.S_IRWXU)
+
+
+def run(package, own="/nonexistent/own", main="main.py", **environment):
+    environment = {
+        **os.environ,
+        "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}",
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "OWN": str(own),
+        **environment,
+    }
+    words = [sys.executable, str(package / main)]
+    process = subprocess.run(
+        words, env=environment, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert process.returncode == 0, process.stderr
+    return process.stdout.strip()
+
+
+COMPILED = "33.0 ['kernel', 'rule']"
+LOADED = "33.0 []"
+
+
+def read_only(folder):
+    for path in (folder, *folder.rglob("*")):
+        path.chmod(path.stat().st_mode & ~0o222)
+
+
+def test_kernels_serve_a_copy_elsewhere_with_other_times_that_nobody_may_write_to(
+    package, tmp_path
+):
+    assert run(package) == COMPILED  # the rule once, for a literal, a byte and an int64
+    assert len(list((package / "kernels").iterdir())) == 1
+    elsewhere = tmp_path / "elsewhere"
+    shutil.copytree(package, elsewhere, copy_function=shutil.copyfile)
+    for source in elsewhere.rglob("*.py"):
+        os.utime(source, (1, 1))
+    read_only(elsewhere)
+    assert run(elsewhere, HOME="/nonexistent", XDG_CACHE_HOME="") == LOADED
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "result"),
+    [
+        ("rules.py", "FACTOR = 3.0", "FACTOR = 4.0", "39.0"),
+        ("kernel.py", "total = 0.0", "total = 1.0", "34.0"),
+    ],
+)
+def test_a_changed_source_is_never_served_by_the_former_kernel(package, file, old, new, result):
+    assert run(package) == COMPILED
+    source = package / "room" / file
+    before = source.stat()
+    source.write_text(source.read_text().replace(old, new))
+    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert run(package) == f"{result} ['kernel', 'rule']"
+    assert len(list((package / "kernels").iterdir())) == 1  # the former one is gone
+
+
+def test_a_damaged_kernel_is_compiled_again(package):
+    run(package)
+    (kernel,) = (package / "kernels").iterdir()
+    kernel.write_bytes(kernel.read_bytes()[:-100])
+    assert run(package) == COMPILED
+    assert run(package) == LOADED
+
+
+def test_a_user_keeps_what_the_installation_cannot(package, tmp_path):
+    (package / "kernels").write_text("")  # as if it could not be written to, also for root
+    own = tmp_path / "own"
+    assert run(package, own) == COMPILED
+    assert run(package, own) == LOADED
+
+
+def test_kernels_that_cannot_be_kept_work_all_the_same(package):
+    (package / "kernels").write_text("")
+    assert run(package, "/proc/nonexistent") == COMPILED
+    assert run(package, "/proc/nonexistent") == COMPILED
+
+
+def test_a_processor_without_the_baseline_compiles_its_own_and_leaves_the_others(package):
+    assert run(package) == COMPILED
+    foreign = {"NUMBA_CPU_NAME": "core2", "NUMBA_CPU_FEATURES": "+ssse3,+cx16"}
+    assert run(package, **foreign) == COMPILED
+    assert run(package, **foreign) == LOADED
+    assert run(package) == LOADED
+
+
+def test_other_numba_code_is_compiled_for_this_processor_as_always(package):
+    (package / "other.py").write_text(
+        "import numba, numpy as np\n"
+        "from numba.core.registry import cpu_target\n"
+        "from room.kernel import kernel\n"
+        "kernel(np.zeros(1))\n"
+        "numba.njit(lambda x: x + 1)(1)\n"
+        "print(cpu_target.target_context.codegen().magic_tuple()[1])\n"
+    )
+    assert run(package, main="other.py", NUMBA_CPU_NAME="haswell") == "haswell"

@@ -1,0 +1,37 @@
+"""The target: the baseline where a processor has it, otherwise that processor alone."""
+
+import pytest
+
+from rpud_sim.kernels.notice import notice
+from rpud_sim.kernels.processor import BASELINE, BASELINE_FEATURES, Target, choose_target
+from rpud_sim.kernels.store import KernelStore
+
+ENOUGH = ",".join(f"+{name}" for name in sorted(BASELINE_FEATURES))
+
+
+@pytest.mark.parametrize("more", ["", ",+avx512f,+avx2,+fma", ",-avx"])
+def test_kernels_are_the_same_on_every_processor_with_the_baseline(more):
+    assert choose_target("a processor", ENOUGH + more) == Target(BASELINE)
+
+
+@pytest.mark.parametrize("missing", sorted(BASELINE_FEATURES))
+def test_a_processor_without_one_instruction_has_kernels_of_its_own(missing):
+    features = ENOUGH.replace(f"+{missing}", f"-{missing}", 1) + ",+fma"
+    target = choose_target("old", features)
+    assert target.cpu == "old"
+    assert target.features == features
+    assert missing in target.lacking
+
+
+def test_the_line_names_what_a_foreign_processor_lacks_and_where_its_kernels_go(tmp_path):
+    line = notice(choose_target("old", "+sse3"), KernelStore((tmp_path / "mine",)))
+    assert "this processor lacks cx16, popcnt, sahf, sse4.1, sse4.2, ssse3" in line
+    assert line.endswith(f"they are kept in {tmp_path / 'mine'}")
+    assert "\n" not in line
+
+
+def test_the_line_says_that_nothing_can_be_kept(tmp_path):
+    (tmp_path / "taken").write_text("")
+    line = notice(Target(BASELINE), KernelStore((tmp_path / "taken", tmp_path / "taken" / "deep")))
+    assert "no compiled kernels for these sources" in line
+    assert f"nothing can be written to {tmp_path / 'taken'} nor {tmp_path / 'taken/deep'}" in line

@@ -1,0 +1,112 @@
+"""Files of kernels: whole or not used, and in the first folder that can be written to."""
+
+import os
+import pickle
+
+import pytest
+
+from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name, user_folders
+
+NAME = kernel_name("room.f", "(float64,)", "x86-64-v2", "", "sources")
+
+
+def test_what_is_written_is_read_and_its_former_version_is_gone(tmp_path):
+    store = KernelStore((tmp_path / "kernels",))
+    former = kernel_name("room.f", "(float64,)", "x86-64-v2", "", "older sources")
+    store.write(former, pickle.dumps("former"))
+    store.write(NAME, pickle.dumps("present"))
+    assert store.read(NAME) == "present"
+    assert store.read(former) is None
+    assert [file.name for file in (tmp_path / "kernels").iterdir()] == [NAME]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        ("room.g", "(float64,)", "x86-64-v2", "", "sources"),
+        ("room.f", "(int64,)", "x86-64-v2", "", "sources"),
+        ("room.f", "(float64,)", "nehalem", "", "sources"),
+    ],
+)
+def test_another_function_type_or_processor_has_its_own_file(tmp_path, other):
+    store = KernelStore((tmp_path,))
+    store.write(NAME, pickle.dumps("one"))
+    store.write(kernel_name(*other), pickle.dumps("other"))
+    assert store.read(NAME) == "one"
+    assert store.read(kernel_name(*other)) == "other"
+
+
+@pytest.mark.parametrize("size", [0, 1, 31, 32, 40, -1])
+def test_a_file_that_is_cut_short_is_not_used(tmp_path, size):
+    store = KernelStore((tmp_path,))
+    file = store.write(NAME, pickle.dumps("machine code" * 10))
+    file.write_bytes(file.read_bytes()[:size])
+    assert store.read(NAME) is None
+
+
+def test_a_changed_byte_is_noticed(tmp_path):
+    store = KernelStore((tmp_path,))
+    file = store.write(NAME, pickle.dumps("machine code"))
+    data = bytearray(file.read_bytes())
+    data[-4] ^= 1
+    file.write_bytes(data)
+    assert store.read(NAME) is None
+
+
+def test_a_file_in_place_of_the_first_folder_leads_to_the_second(tmp_path):
+    (tmp_path / "taken").write_text("")
+    store = KernelStore((tmp_path / "taken", tmp_path / "own"))
+    assert store.place() == tmp_path / "own"
+    assert store.write(NAME, pickle.dumps(1)) == tmp_path / "own" / NAME
+    assert store.read(NAME) == 1
+
+
+def test_without_any_folder_nothing_is_kept(tmp_path):
+    (tmp_path / "taken").write_text("")
+    store = KernelStore((tmp_path / "taken",))
+    assert store.place() is None
+    assert store.write(NAME, pickle.dumps(1)) is None
+    assert KernelStore(()).place() is None
+
+
+def test_no_part_of_a_file_is_left_when_the_disk_is_full(tmp_path, monkeypatch):
+    def full(path, data):
+        path.touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    assert KernelStore((tmp_path,)).write(NAME, pickle.dumps(1)) is None
+    assert not list(tmp_path.iterdir())
+
+
+def test_only_names_and_texts_of_sources_count_not_their_times(tmp_path):
+    def digest(name, text, time):
+        file = tmp_path / name
+        file.write_text(text)
+        os.utime(file, (time, time))
+        digest_of_sources.cache_clear()
+        return digest_of_sources((file,))
+
+    first = digest("a.py", "x = 1", 1000)
+    assert digest("a.py", "x = 1", 2000) == first
+    assert digest("a.py", "x = 2", 1000) != first
+    assert digest("b.py", "x = 1", 1000) != first
+
+
+@pytest.mark.parametrize(
+    ("cache", "folder"),
+    [("/c", "/c/rpud_sim/kernels"), ("", "/h/.cache/rpud_sim/kernels"), ("c", None)],
+)
+def test_the_users_folder_is_that_of_xdg(monkeypatch, cache, folder):
+    monkeypatch.setenv("HOME", "/h")
+    monkeypatch.setenv("XDG_CACHE_HOME", cache)
+    assert [str(each) for each in user_folders()] == [folder or "/h/.cache/rpud_sim/kernels"]
+
+
+def test_a_user_without_a_home_has_no_folder(monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr("pathlib.Path.home", homeless)
+    assert user_folders() == ()
