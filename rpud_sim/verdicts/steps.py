@@ -120,10 +120,7 @@ def over_window(
         times = np.unique(np.concatenate(cuts))
         times = times[(times >= steps.begin) & (times <= steps.end + 1)]
     first = np.minimum(steps.at(times + start), last)
-    if end is None:
-        final = first
-    else:
-        final = steps.at(times + end)
+    final = first if end is None else steps.at(times + end)
     neutral = np.inf if least else -np.inf
     rows = steps.values.copy()
     rows[:, steps.absent] = neutral
