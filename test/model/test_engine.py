@@ -81,7 +81,7 @@ def test_a_motion_that_is_no_longer_a_number_ends_the_run_in_one_line():
     engine = Engine(preset("drilling"))
     engine.advance(0, 0.01)
     engine._open_segment["nodal_plane_offset"] = math.inf
-    with pytest.raises(EngineError, match="^the motion cannot be computed .* at 0.0.* s, with "):
+    with pytest.raises(EngineError, match=r"^the motion cannot be computed .* at 0.0.* s, with "):
         engine.advance(0, 0.02)
 
 
