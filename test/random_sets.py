@@ -63,7 +63,7 @@ def _value(
         return float(random.choice(ends))
     if not allowed.unit:
         return float(random.uniform(allowed.minimum, allowed.maximum))
-    low = allowed.minimum or allowed.maximum / 10.0**decades
+    low = max(allowed.minimum, allowed.maximum / 10.0**decades)
     value = np.exp(random.uniform(np.log(low), np.log(allowed.maximum)))
     return float(value.clip(low, allowed.maximum))
 

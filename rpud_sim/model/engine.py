@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from typing import NoReturn
 
@@ -19,6 +20,8 @@ from rpud_sim.model.unusual import unusual_values
 # Records that one call of the kernel can return; it is called again when they are full. With larger
 # arrays, every call gets fresh memory from the system, and short blocks take a fifth longer.
 _CAPACITY = 256
+# What would be lost first if numbers overflowed: every other number of the state follows from them.
+_FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
 
 
 class EngineError(RuntimeError):
@@ -87,7 +90,8 @@ class Engine:
         """Advance to a time, whole seconds and a fraction from 0 to 1; not back.
 
         Raises:
-            EngineError: if events follow each other without time passing, or exceed their budget.
+            EngineError: if events follow each other without time passing or exceed their budget, or
+                if the motion is no longer finite.
         """
         while self._seating and self._seating[0][0] <= (seconds, fraction):
             time, drill = self._seating.popleft()
@@ -118,7 +122,8 @@ class Engine:
             resonance_frequency: of a resonance [Hz].
 
         Raises:
-            EngineError: if events follow each other without time passing, or exceed their budget.
+            EngineError: if events follow each other without time passing or exceed their budget, or
+                if the motion is no longer finite.
         """
         self.advance(seconds, fraction)
         if drill != self._target:
@@ -178,6 +183,9 @@ class Engine:
             self._fail(f"more than {LONGEST_STANDSTILL} events at one instant")
         if status == OVERLOADED:
             self._fail(f"events exceed their budget of {EVENT_BUDGET:g} in a simulated second")
+        state = self._state[0]
+        if not all(math.isfinite(state[name]) for name in _FINITE):
+            self._fail("the motion cannot be computed in double precision")
 
     def _fail(self, reason: str) -> NoReturn:
         state = self._state[0]

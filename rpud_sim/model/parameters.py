@@ -19,7 +19,7 @@ REGIMES = ("free", "drilling")
 CONTACT_MODELS = ("printed", "rayleigh", "mode_shape", "given")
 
 
-# Upper limits keep every closed form well inside the range of double precision; they are far beyond
+# The limits keep every closed form well inside the range of double precision; they are far beyond
 # any drill of this kind.
 @dataclasses.dataclass(frozen=True)
 class Parameters(ParameterGroup):
@@ -33,7 +33,7 @@ class Parameters(ParameterGroup):
         ParameterError: if a value is outside its range.
     """
 
-    rpud_mass: float = number(1.0, "kg", "mass of the RPUD, m_ud", 0.0, 1e3, exclusive=True)
+    rpud_mass: float = number(1.0, "kg", "mass of the RPUD, m_ud", 1e-12, 1e3)
     vibration_frequency: float = number(
         16000.0, "Hz", "frequency of the harmonic vibration, f_0", 100.0, 2e5
     )
@@ -47,14 +47,13 @@ class Parameters(ParameterGroup):
         2000.0,
         "N/m",
         "spring rate of the load spring, k_1",
-        0.0,
+        1e-3,
         1e7,
-        exclusive=True,
         changeable=True,
     )
-    free_mass: float = number(5e-3, "kg", "mass of the free mass, m_fm", 0.0, 10.0, exclusive=True)
+    free_mass: float = number(5e-3, "kg", "mass of the free mass, m_fm", 1e-12, 10.0)
     drill_tool_mass: float = number(
-        13.5e-3, "kg", "mass of the drill tool before drilling, m_dt", 0.0, 100.0, exclusive=True
+        13.5e-3, "kg", "mass of the drill tool before drilling, m_dt", 1e-12, 100.0
     )
     drill_tool_damping_ratio: float = number(
         0.5,
@@ -69,9 +68,8 @@ class Parameters(ParameterGroup):
         2000.0,
         "N/m",
         "spring rate of the restoring spring, k_2",
-        0.0,
+        1e-3,
         1e7,
-        exclusive=True,
         changeable=True,
     )
     actuator_restitution: float = number(
@@ -91,22 +89,22 @@ class Parameters(ParameterGroup):
         changeable=True,
     )
     elastic_modulus: float = number(
-        1.96e11, "Pa", "elastic modulus of the drill tool, E_dt", 0.0, 1e13, exclusive=True
+        1.96e11, "Pa", "elastic modulus of the drill tool, E_dt", 1e3, 1e13
     )
     section_1_length: float = number(
-        10e-3, "m", "length of part I of the drill tool, L_dt1", 0.0, 10.0, exclusive=True
+        10e-3, "m", "length of part I of the drill tool, L_dt1", 1e-6, 10.0
     )
     section_1_area: float = number(
-        7.8e-5, "m^2", "cross-sectional area of part I, A_dt1", 0.0, 1.0, exclusive=True
+        7.8e-5, "m^2", "cross-sectional area of part I, A_dt1", 1e-12, 1.0
     )
     section_2_length: float = number(
-        80e-3, "m", "length of part II of the drill tool, L_dt2", 0.0, 10.0, exclusive=True
+        80e-3, "m", "length of part II of the drill tool, L_dt2", 1e-6, 10.0
     )
     section_2_area: float = number(
-        2.0e-5, "m^2", "cross-sectional area of part II, A_dt2", 0.0, 1.0, exclusive=True
+        2.0e-5, "m^2", "cross-sectional area of part II, A_dt2", 1e-12, 1.0
     )
     drill_tool_density: float = number(
-        7.9e3, "kg/m^3", "density of the drill tool, rho_dt", 0.0, 1e5, exclusive=True
+        7.9e3, "kg/m^3", "density of the drill tool, rho_dt", 1e-3, 1e5
     )
     weight_on_bit: float = number(
         10.0, "N", "weight on bit, preload of the load spring, W", 0.0, 1e3
@@ -132,17 +130,15 @@ class Parameters(ParameterGroup):
         1.72e-3,
         "kg",
         "effective mass of the drill tool with contact_model = given, m_eff,dt",
-        0.0,
+        1e-12,
         100.0,
-        exclusive=True,
     )
     effective_tool_spring_rate: float = number(
         5.28e7,
         "N/m",
         "effective spring rate of the drill tool with contact_model = given, k_eff,dt",
-        0.0,
+        1e-3,
         1e12,
-        exclusive=True,
     )
     strike_pair: bool = flag(
         False,

@@ -40,9 +40,8 @@ class ActuatorParameters(ParameterGroup):
         100.0,
         "V",
         "voltage at which the vibration has its nominal amplitude",
-        0.0,
+        1e-3,
         1e3,
-        exclusive=True,
     )
     resonance_frequency: float = number(
         16000.0, "Hz", "resonance frequency of the actuator at ambient temperature", 100.0, 2e5

@@ -172,7 +172,7 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
         ),
         (
             ["--set", "free_mass=1e9"],
-            "free_mass = 1e+09 kg is outside its range (0, 10] kg",
+            "free_mass = 1e+09 kg is outside its range [1e-12, 10] kg",
         ),
         (
             ["--set", "rpud_damping_ratio=1"],

@@ -17,6 +17,7 @@ from rclpy.serialization import serialize_message
 from rpud_msgs.srv import SetSimulationState
 
 from rpud_sim.ros.drill.drill_node import DrillNode
+from rpud_sim.ros.requests import StoppedError
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import CHANGEABLE
 
@@ -86,7 +87,10 @@ class Drill:
 
     def do(self, action: Callable[[Any], Any]) -> Any:
         """Have something done, or read, in the thread of the drill."""
-        return self.node.request(action)
+        try:
+            return self.node.request(action)
+        except StoppedError:
+            raise AssertionError("the drilling has ended") from self.node.failure
 
     def now(self) -> int:
         """The stamp of the present simulation time [ns]."""

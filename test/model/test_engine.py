@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from invariants import check_trajectory
 
 from rpud_sim.model.drill import STATE, derive
-from rpud_sim.model.engine import Engine
+from rpud_sim.model.engine import Engine, EngineError
 from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.parameters import CONTACT_MODELS, preset
 from rpud_sim.model.resets import exchange_momentum
@@ -75,6 +75,14 @@ def test_extreme_drills_neither_stall_nor_overlap(changes, phase):
     for name in impacts.dtype.names:
         assert np.isfinite(impacts[name]).all()
     assert (impacts["sequence"] == np.arange(len(impacts))).all()
+
+
+def test_a_motion_that_is_no_longer_a_number_ends_the_run_in_one_line():
+    engine = Engine(preset("drilling"))
+    engine.advance(0, 0.01)
+    engine._open_segment["nodal_plane_offset"] = math.inf
+    with pytest.raises(EngineError, match="^the motion cannot be computed .* at 0.0.* s, with "):
+        engine.advance(0, 0.02)
 
 
 @settings(max_examples=25)

@@ -110,7 +110,7 @@ def test_a_flag_is_true_or_false_and_nothing_else(value):
         ({"regime": "moon"}, "regime = 'moon' is not one of free, drilling"),
         ({"regime": 3}, "regime = 3 is not one of free, drilling"),
         ({"contact_model": "x"}, "contact_model = 'x' is not one of printed, rayleigh"),
-        ({"free_mass": 0}, "free_mass = 0 kg is outside its range (0, 10] kg"),
+        ({"free_mass": 0}, "free_mass = 0 kg is outside its range [1e-12, 10] kg"),
         ({"rpud_damping_ratio": 1.0}, "rpud_damping_ratio = 1 is outside its range [0, 1)"),
         ({"gravity": 10**5000}, "gravity = a number too long to show m/s^2 is outside its range"),
         ({"quality_factor": 1}, "quality_factor = 1 is outside its range [10, 100000]"),

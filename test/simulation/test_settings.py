@@ -96,7 +96,7 @@ def test_settings_are_what_was_given_and_whole_numbers_are_integers(scenario):
         ({"sample_rate": 2e6}, "sample_rate = 2e+06 Hz is outside its range [1, 1e+06] Hz"),
         ({"block_duration": 0.0}, "block_duration = 0 s is outside its range [0.001, 1] s"),
         ({"block_duration": True}, "block_duration = True s is outside its range"),
-        ({"nominal_voltage": 0}, "nominal_voltage = 0 V is outside its range (0, 1000] V"),
+        ({"nominal_voltage": 0}, "nominal_voltage = 0 V is outside its range [0.001, 1000] V"),
         ({"nominal_voltage": "100"}, "nominal_voltage = '100' V is outside its range"),
         ({"weight_on_bit": -1}, "weight_on_bit = -1 N is outside its range [0, 1000] N"),
         ({"wieght_on_bit": 1.0}, "wieght_on_bit is not a parameter; did you mean weight_on_bit?"),

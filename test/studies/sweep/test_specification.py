@@ -120,7 +120,7 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
         ),
         (
             swept(free_mass=LINE | {"maximum": 20}),
-            "swept.free_mass.maximum: free_mass = 20 kg is outside its range (0, 10] kg",
+            "swept.free_mass.maximum: free_mass = 20 kg is outside its range [1e-12, 10] kg",
         ),
         (changed(repeat=1_000_000, swept={"free_mass": LINE | {"points": 11}}), "are more than"),
     ],
