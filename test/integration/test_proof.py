@@ -20,7 +20,7 @@ from support import Process
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.fork import write_fork
+from rpud_sim.inspection.forked_bag import write_fork
 from rpud_sim.inspection.rebuild import rebuild
 from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.inspection.verify.verification import PROVED, verify
