@@ -20,7 +20,7 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
-    from rpud_sim.inspection.fork import ForkedBag
+    from rpud_sim.inspection.forked_bag import ForkedBag
     from rpud_sim.simulation.changes import Changes
 
 HELP = "go on from any instant of a recorded run, with other commands, parameters or faults"
@@ -123,7 +123,8 @@ def _changes(arguments: argparse.Namespace) -> Changes:
 
 def _to_bag(arguments: argparse.Namespace, changes: Changes) -> int:
     from rpud_sim.bag import BagError
-    from rpud_sim.inspection.fork import ForkError, write_fork
+    from rpud_sim.inspection.forked_bag import write_fork
+    from rpud_sim.inspection.recorded_run import ForkError
     from rpud_sim.simulation import EngineError
 
     with failing(BagError, ForkError, EngineError), progress_bar(" s") as bar:
@@ -154,7 +155,8 @@ def _account(forked: ForkedBag) -> str:
 def _live(arguments: argparse.Namespace, changes: Changes) -> int:
     from rpud_sim.bag import BagError
     from rpud_sim.cli.run import drill
-    from rpud_sim.inspection.fork import ForkError, live_start, open_fork
+    from rpud_sim.inspection.fork import live_start, open_fork
+    from rpud_sim.inspection.recorded_run import ForkError
     from rpud_sim.ros.drill.session import NamesakeError, open_drill
     from rpud_sim.ros.starting import StartError
     from rpud_sim.ros.stopping import StopRequest

@@ -18,7 +18,7 @@ from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.manifest import RECORD_NAME, manifest_from_record
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.inspection.fork import write_fork
+from rpud_sim.inspection.forked_bag import write_fork
 from rpud_sim.inspection.recorded_run import ForkError
 from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.inspection.verify.verification import verify

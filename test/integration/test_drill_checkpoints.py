@@ -8,7 +8,7 @@ from std_srvs.srv import SetBool
 from support import Process
 
 import rpud_sim.bag
-from rpud_sim.inspection.fork import write_fork
+from rpud_sim.inspection.forked_bag import write_fork
 from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation.topics import TOPICS
