@@ -29,7 +29,7 @@ setup: install/.package install/.kernels ## Install ROS 2 Jazzy and the Python p
 	@echo "Ready: 'make run' drills, 'source env.bash' puts rpud into this shell, 'make help' lists the rest."
 
 .PHONY: run
-run: install/.package ## Drill in real time for DURATION seconds (10) and record to BAG (bags/<time>)
+run: install/.package install/.kernels ## Drill in real time for DURATION seconds (10) and record to BAG (bags/<time>)
 	@$(WITH_ENV) rpud run --duration $(DURATION) --record $(BAG)
 
 .PHONY: precompile
@@ -44,11 +44,11 @@ picture: install/.package ## Draw docs/images anew: record BAG for 3 s, and BAG_
 
 ##@ Develop
 .PHONY: test
-test: install/.package ## Run every test; PYTEST_ARGS passes on options
+test: install/.package install/.kernels ## Run every test; PYTEST_ARGS passes on options
 	@$(WITH_ENV) python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 .PHONY: test-busy
-test-busy: install/.package ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
+test-busy: install/.package install/.kernels ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
 	@$(WITH_ENV) python test/busy.py -- python -m pytest $(PYTEST_ARGS)
 
 .PHONY: lint
@@ -107,7 +107,7 @@ lock: ## Resolve the newest versions of toolchain/requirements/*.in into the loc
 
 .PHONY: clean
 clean: ## Remove what was built
-	rm -rf build dist install log .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf build dist install log rpud_sim/kernels/compiled .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 
 .PHONY: distclean
 distclean: clean ## Remove the virtual environment as well

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
+import rpud_sim
 from bench.row import Row, row
 
 REPEATS = 7
@@ -24,8 +27,17 @@ COMMANDS: Mapping[str, Sequence[str]] = {
 
 def start() -> Iterator[Row]:
     """Time whole commands in turns, beside the import of NumPy alone."""
-    with tempfile.TemporaryDirectory() as empty:
-        cold, _ = _run(SIMULATE, {"NUMBA_CACHE_DIR": empty})
+    with tempfile.TemporaryDirectory() as folder:
+        ours = Path(rpud_sim.__file__).parent
+        without = shutil.ignore_patterns("compiled", "__pycache__")
+        shutil.copytree(ours, Path(folder) / "rpud_sim", ignore=without)
+        cold, _ = _run(
+            SIMULATE,
+            {
+                "PYTHONPATH": f"{folder}:{os.environ.get('PYTHONPATH', '')}",
+                "XDG_CACHE_HOME": folder,
+            },
+        )
     yield row("start: rpud simulate --duration 0.1, cold cache", [cold], "s")
     _run(SIMULATE)
     walls: dict[str, list[float]] = {name: [] for name in COMMANDS}

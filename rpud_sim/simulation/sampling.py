@@ -107,6 +107,9 @@ def sample(segments: np.ndarray, times: Times) -> Samples:
     channels = np.empty((len(CHANNELS), count))
     in_contact = np.empty(count, np.bool_)
     if count:
+        # Always read-only: a kernel is compiled again for another type of array.
+        segments = segments.view()
+        segments.flags.writeable = False
         _fill(segments, times.seconds, times.fraction, channels, in_contact)
     channels.flags.writeable = False
     in_contact.flags.writeable = False

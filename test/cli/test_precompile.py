@@ -22,7 +22,7 @@ FIT = {
     "unknowns": {"weight_on_bit": [4.0, 20.0]},
     "points": 16,
     "rounds": 1,
-    "repeat": 1,
+    "repeat": 2,
     "targets": [
         {"figure": "reacting_force_mean", "window": 0.1, "value": 15.0, "tolerance": "5 %"}
     ],
