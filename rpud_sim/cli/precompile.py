@@ -44,13 +44,15 @@ def run(arguments: argparse.Namespace) -> int:
             raise CommandError(f"this processor lacks {lacking} of {BASELINE}: --into needs them")
         STORE.folders = (Path(arguments.into), *STORE.folders)
     place = STORE.place()
-    if place is None or (arguments.into and place != STORE.folders[0]):
-        folders = arguments.into or ", ".join(str(folder) for folder in STORE.folders)
-        raise CommandError(f"nothing can be written to {folders}")
+    if arguments.into and place != STORE.folders[0]:
+        raise CommandError(f"nothing can be written to {arguments.into}")
     began = time.perf_counter()
     _use_every_kernel()
+    if STORE.lost:
+        folders = ", ".join(str(folder) for folder in STORE.folders)
+        raise CommandError(f"nothing can be written to {folders}")
     if arguments.into:
-        _gather(STORE, place)
+        _gather(STORE, Path(arguments.into))
     print(_text(STORE, target.cpu, time.perf_counter() - began))
     return ExitCode.DONE
 

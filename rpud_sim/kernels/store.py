@@ -79,12 +79,14 @@ class KernelStore:
         folders: the same.
         found: files that were read.
         written: files that were written.
+        lost: names of those that could not be written anywhere.
     """
 
     def __init__(self, folders: Sequence[Path]) -> None:
         self.folders = tuple(folders)
         self.found: list[Path] = []
         self.written: list[Path] = []
+        self.lost: list[str] = []
 
     def read(self, name: str) -> object | None:
         """Return the content of a kernel's file; None if there is none that is whole."""
@@ -118,6 +120,7 @@ class KernelStore:
                 self._drop_former(folder, name)
                 self.written.append(folder / name)
                 return folder / name
+        self.lost.append(name)
         return None
 
     def place(self) -> Path | None:
