@@ -1,9 +1,13 @@
 """The pages are true: commands run, output is what they print, tables are the code's."""
 
+import contextlib
+import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -13,6 +17,8 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from rpud_sim.cli.main import COMMANDS
 from rpud_sim.model import tolerances
+from rpud_sim.ros import client
+from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import (
@@ -56,11 +62,19 @@ def shape(line):
 
 def run(command, folder):
     """Run a command and return all that it printed, with paths that any reader could have."""
-    result = subprocess.run(
-        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
-    assert result.returncode == 0, result.stdout
-    return result.stdout.replace(f"{folder}/", "")
+    with tempfile.TemporaryFile("w+") as output:
+        process = subprocess.Popen(
+            command, cwd=folder, stdout=output, stderr=subprocess.STDOUT, start_new_session=True
+        )
+        try:
+            code = process.wait()
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)  # a block that failed leaves its drill
+        output.seek(0)
+        printed = output.read()
+    assert code == 0, printed
+    return printed.replace(f"{folder}/", "")
 
 
 @pytest.mark.timeout(240)
@@ -189,6 +203,13 @@ def test_the_table_of_services_is_that_of_the_node(node):
 def test_the_table_of_commands_is_that_of_the_program():
     table = rows("reference/commands.md", "Commands")
     assert [row[0].split()[1] for row in table] == list(COMMANDS)
+
+
+def test_the_table_of_the_client_is_that_of_the_code():
+    table = rows("reference/python.md", "Client of a running drill")
+    found = {name for row in table for name in re.findall(r"\w+", re.sub(r"\([^)]*", "", row[0]))}
+    public = {name for name in dir(DrillClient) if not name.startswith("_")}
+    assert found == public | set(client.__all__) - {"DrillClient"}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)

@@ -85,7 +85,7 @@ def test_help_of_every_command_explains_every_argument(capsys, name):
     ("words", "complaint"),
     [
         ([], "rpud: the following arguments are required: COMMAND; see rpud --help"),
-        (["drill"], "rpud: argument COMMAND: invalid choice: 'drill'; known are run, record, "),
+        (["excavate"], "rpud: argument COMMAND: invalid choice: 'excavate'; known are run, record"),
         (["recrod"], "rpud: argument COMMAND: invalid choice: 'recrod'; did you mean record?"),
         (["simulate", "--bogus"], "rpud: unrecognized arguments: --bogus; see rpud --help"),
         (["simulate", "--regime", "x"], "rpud simulate: argument --regime: invalid choice: 'x'"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from rpud_msgs.msg import JournalEntry, Status
@@ -58,10 +59,11 @@ class Confirmation:
     def see_entry(self, entry: JournalEntry) -> None:
         """Look at an entry of the journal; old ones may come late, as the journal is latched."""
         if entry.kind == self._kind and stamp_of(entry) > self._stamp:
-            content = json.loads(entry.content)
-            self._in_force |= all(
-                content.get(name) == value for name, value in self._values.items()
-            )
+            with suppress(ValueError):  # a stranger may publish there too
+                content = json.loads(entry.content)
+                self._in_force |= isinstance(content, dict) and all(
+                    content.get(name) == value for name, value in self._values.items()
+                )
 
 
 def stamp_of(message: Any) -> int:

@@ -27,7 +27,12 @@ from rpud_sim.ros.client.drill_search import no_drill
 from rpud_sim.ros.client.drill_watch import DrillWatch
 from rpud_sim.ros.client.errors import NoAnswerError, NoDrillError, RefusedError
 from rpud_sim.ros.client.listening_node import ListeningNode
-from rpud_sim.ros.client.topic_lookup import listening_qos, offers_of_topic, types_of_topic
+from rpud_sim.ros.client.topic_lookup import (
+    absolute_name,
+    listening_qos,
+    offers_of_topic,
+    types_of_topic,
+)
 from rpud_sim.ros.types import message_class
 
 _COMMANDS = {"weight_on_bit": WeightOnBit, "drive": Drive}
@@ -170,7 +175,7 @@ class DrillConnection:
         Args:
             name: of the service.
             request: of its type.
-            repeat: whether to send it again each second; not if it must act only once.
+            repeat: whether to send it again and again; not if it must act only once.
 
         Raises:
             NoAnswerError: if the drill does not answer, and publishes no status either.
@@ -198,7 +203,7 @@ class DrillConnection:
     ) -> list[Any]:
         """Subscribe to a topic, and return the list that its messages are added to."""
         self.find()
-        name = self.node.resolve_topic_name(topic)
+        name = absolute_name(self.node, topic)
         if kind is None:
             types = self.until(
                 lambda: types_of_topic(self.node, name), f"nobody published {name}", patience

@@ -17,8 +17,8 @@ from rpud_sim.ros.client.errors import NoAnswerError, NoDrillError
 from rpud_sim.ros.client.listening_node import ListeningNode
 
 _STATUS = "rpud_msgs/msg/Status"
-_STATUS_PERIOD = 1.5  # in which every living drill publishes a status [s]
-_GRACE = 0.5  # in which a command may be accepted after another publisher's was refused [s]
+_STATUS_PERIOD = 2.5  # in which every living drill publishes a status, at any load [s]
+_GRACE = 2.0  # in which a command may be accepted after another publisher's was refused [s]
 _REASON = 3.0  # until the diagnostics show the reason of a refusal [s]; they come every second
 _LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DIAGNOSTICS = QoSProfile(depth=100)

@@ -21,7 +21,7 @@ from rpud_sim.ros.starting import name_error, start_ros
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
 _MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
 _POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
-_REPETITION = 1.0  # of a request that may be repeated [s]
+_REPETITION = 2.0  # of a request that may be repeated [s]
 
 Value = TypeVar("Value")
 
@@ -163,7 +163,7 @@ class ListeningNode:
             patience: time without a response and without a new sign of life [s].
             signs: returns another value after each sign of life of the server: some requests take
                 long.
-            repeat: whether to send it again each second: the server drops a response for a client
+            repeat: whether to send it again and again: the server drops a response for a client
                 that it has not discovered yet. Not for a request that must act only once.
 
         Raises:

@@ -13,7 +13,7 @@ CUT = 128
 """Elements of an array, or characters of a text, that are shown unless all are wanted."""
 
 _PART = re.compile(r"([A-Za-z]\w*)((?:\[\d+\])*)")
-_ELEMENT = re.compile(r"sequence<([^,>]+)(?:, *\d+)?>|(.+)\[\d+\]")
+_ELEMENT = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
 _MESSAGE = re.compile(r"(\w+)/(\w+)")
 
 

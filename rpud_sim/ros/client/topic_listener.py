@@ -14,7 +14,12 @@ from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.foundation.quantities import did_you_mean
 from rpud_sim.ros.client.errors import ClientError, NoAnswerError
 from rpud_sim.ros.client.listening_node import ListeningNode
-from rpud_sim.ros.client.topic_lookup import listening_qos, offers_of_topic, types_of_topic
+from rpud_sim.ros.client.topic_lookup import (
+    absolute_name,
+    listening_qos,
+    offers_of_topic,
+    types_of_topic,
+)
 from rpud_sim.ros.types import UnknownTypeError, message_class
 
 _PUBLISHER_WAIT = 1.0  # for a publisher of a topic that has a subscription [s]
@@ -36,12 +41,13 @@ class TopicListener:
     Raises:
         ClientError: if there is no such topic, or it has several types or one that is not
             installed.
+        StartError: if ROS does not allow the name.
     """
 
     def __init__(self, listening: ListeningNode, topic: str, patience: float) -> None:
         self._listening = listening
         self._node = listening.node
-        self.topic = self._node.resolve_topic_name(topic)
+        self.topic = absolute_name(self._node, topic)
         self.kind = self._find(patience)
         self._gaps = SequenceGaps(lambda: self._node.count_publishers(self.topic))
         self._messages: deque[Any] = deque()

@@ -4,12 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rclpy.exceptions import NameValidationException
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.validate_topic_name import validate_topic_name
 
 from rpud_sim.ros.qos import request_for
+from rpud_sim.ros.starting import name_error
 
 _DEPTH = 5_000  # messages that may wait for a listener; Fast DDS keeps no more
+
+
+def absolute_name(node: Node, topic: str) -> str:
+    """Return the absolute name of a topic.
+
+    Raises:
+        StartError: if ROS does not allow the name.
+    """
+    try:
+        validate_topic_name(topic)
+        return expand_topic_name(topic, node.get_name(), node.get_namespace())
+    except NameValidationException as error:
+        raise name_error(error) from error
 
 
 def types_of_topic(node: Node, topic: str) -> list[str]:

@@ -60,6 +60,15 @@ def test_a_late_entry_of_the_past_is_no_evidence(press):
     assert not press.accepted
 
 
+@pytest.mark.parametrize("content", ["", "{", "[]", "30.0"])
+def test_an_entry_that_is_none_is_passed_over(press, content):
+    damaged = entry(30.0)
+    damaged.content = content
+    press.see_entry(damaged)
+    press.see_status(status(4, 2, force=20.0))
+    assert not press.accepted
+
+
 def test_a_refusal_gives_the_count_at_which_the_reason_is_found(press):
     press.see_status(status(3, 2))
     assert not press.refused

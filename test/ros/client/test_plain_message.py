@@ -8,6 +8,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovariance
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rcl_interfaces.msg import ParameterDescriptor
 from rpud_msgs.msg import Fault, Faults, Waveform
 from sensor_msgs.msg import Image
 from std_msgs.msg import Byte, ByteMultiArray, Header, String
@@ -53,6 +54,8 @@ def test_a_path_leads_through_messages_and_arrays():
     assert FieldPath("header.stamp.sec", Faults).value(FAULTS) == 3
     assert FieldPath("faults[1].kind", Faults).value(FAULTS) == "noise"
     assert FieldPath("faults[2].kind", Faults).value(FAULTS) is None
+    bounded = FieldPath("floating_point_range[0].step", ParameterDescriptor)
+    assert bounded.value(ParameterDescriptor()) is None
     assert FieldPath("covariance[35]", PoseWithCovariance).value(PoseWithCovariance()) == 0.0
 
 
