@@ -13,6 +13,8 @@ from rpud_sim.verdicts.vocabulary import (
     Message,
     Onset,
     Signal,
+)
+from rpud_sim.verdicts.words import (
     after,
     always,
     count,

@@ -37,9 +37,8 @@ from rpud_sim.verdicts.vocabulary import (
     Signal,
     Until,
     Window,
-    signal,
-    window,
 )
+from rpud_sim.verdicts.words import signal, window
 
 Path = tuple[str | int, ...]
 

@@ -105,11 +105,12 @@ class Evaluation:
         if isinstance(formula, (Always, Eventually)):
             within = formula.window
             least = isinstance(formula, Always)
-            return over_window(self.steps(formula.formula), within.start, within.end, least)
+            inner = self.steps(formula.formula)
+            return over_window(inner, within.start, within.end, least, once)
         if isinstance(formula, Until):
             return self._until(formula)
         if isinstance(formula, After):
-            return self._after(formula)
+            return self._after(formula, once)
         if isinstance(formula, Count):
             return self._count(formula)
         assert isinstance(formula, Quantile)
@@ -122,15 +123,16 @@ class Evaluation:
             return found
         return combine([found, over_window(held, 0, None, least=True)], least=False)
 
-    def _after(self, formula: After) -> Steps:
+    def _after(self, formula: After, once: bool) -> Steps:
         trigger, then = self.steps_of_after(formula)
         implied = combine([negate(trigger), then], least=False)
-        never = trigger.on(implied.starts)
-        skipped = (never.values[MOST_TRUTH] < 0.0) | never.absent
-        absent = implied.absent | skipped
-        always = over_window(Steps(implied.starts, implied.values, absent), 0, None, least=True)
+        starts = np.union1d(implied.starts, trigger.starts)
+        implied, never = implied.on(starts), trigger.on(starts)
+        absent = implied.absent | (never.values[MOST_TRUTH] < 0.0) | never.absent
+        spread = Steps(starts, implied.values, absent)
+        always = over_window(spread, 0, None, least=True, once=once)
         # An event that may not have come at all proves nothing.
-        came = over_window(trigger, 0, None, least=False)
+        came = over_window(trigger, 0, None, least=False, once=once)
         starts = np.union1d(always.starts, came.starts)
         always, came = always.on(starts), came.on(starts)
         unsure = (came.values[LEAST_TRUTH] < 0.0) & (always.values[LEAST_TRUTH] > 0.0)
@@ -152,8 +154,9 @@ class Evaluation:
         long = np.zeros(len(happens), bool)
         long[:-1] = np.diff(steps.starts) > 1  # unknown for longer than an instant
         chosen = happens & ~long
-        possible = math.inf if (happens & long).any() else 0.0
-        return Instants(steps.starts[chosen], steps.values[:, chosen], possible)
+        open_ = np.flatnonzero(happens & long)
+        first, last = steps.starts[open_], steps.starts[open_ + 1] - 1
+        return Instants(steps.starts[chosen], steps.values[:, chosen], 0.0, first, last)
 
     def _count(self, formula: Count) -> Steps:
         begin, end = self.begin, self.end
@@ -163,11 +166,12 @@ class Evaluation:
         window = formula.window
         sure = instants.stamps[instants.values[LEAST_TRUTH] > 0.0]
         maybe = instants.stamps[instants.values[MOST_TRUTH] > 0.0]
-        times = self._times(instants.stamps, window)
+        edges = (instants.stamps, instants.first - 1, instants.first, instants.last)
+        times = self._times(np.concatenate(edges), window)
         least = _inside(sure, times, window, end)
         most = _inside(maybe, times, window, end) + instants.possible
         beyond = _beyond(times, window, end)
-        most[beyond] = math.inf
+        most[beyond | _touched(instants, times, window, end)] = math.inf
         values = compared(least, most, formula.operator, formula.number)
         return Steps(times, values, np.zeros(len(times), bool)).merged()
 
@@ -234,6 +238,13 @@ def _inside(stamps: np.ndarray, times: np.ndarray, window: Window, end: int) -> 
     return np.maximum(np.searchsorted(stamps, last, side="right") - first, 0).astype(float)
 
 
+def _touched(instants: Instants, times: np.ndarray, window: Window, end: int) -> np.ndarray:
+    """Return at which times the window holds a part of a stretch with any number of events."""
+    last = np.full(len(times), end) if window.end is None else times + window.end
+    begun = np.searchsorted(instants.first, last, side="right")
+    return begun > np.searchsorted(instants.last, times + window.start, side="left")
+
+
 def _beyond(times: np.ndarray, window: Window, end: int) -> np.ndarray:
     """Return at which times the window is not over at the end of the recording."""
     return times + (window.start if window.end is None else window.end) > end
@@ -259,7 +270,7 @@ def _window_quantiles(
     for number in np.flatnonzero(~beyond & (last > first)).tolist():
         begin, stop = int(first[number]), int(last[number])
         count = stop - begin + missing
-        place = math.ceil(share * count) - 1
+        place = -(-share.numerator * count // share.denominator) - 1  # rounded up, exactly
         if place - missing >= 0:
             low[number] = ordered[0].among(begin, stop)[place - missing]
         if place < stop - begin:

@@ -6,19 +6,15 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Iterator
-from typing import Any
 
 from rpud_sim.foundation.quantities import shown
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.verdicts.units import ExpectationError, parse_duration, parse_quantity
+from rpud_sim.verdicts.units import ExpectationError, parse_quantity
 
 OPERATORS = ("<", "<=", ">", ">=", "==", "!=")
 ALWAYS_NEEDED = ("journal", "status")
 """Topics that each expectation needs: they show where runs begin, and how far they go."""
-
-_SIGNAL = re.compile(r"([A-Za-z/][\w/]*)\.(\S.*)")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,7 +112,7 @@ class Signal:
 
     def compare(self, operator: str, value: str | float, tolerance: str | float = 0.0) -> Compare:
         """Return a comparison; texts are numbers with units, as ``45 N``."""
-        return Compare(self, operator, _quantity(value), _quantity(tolerance))
+        return Compare(self, operator, to_number(value), to_number(tolerance))
 
     def equals(self, value: str | float, tolerance: str | float = 0.0) -> Compare:
         """Return the comparison for a value that differs by ``tolerance`` at most."""
@@ -124,7 +120,8 @@ class Signal:
 
     def says(self, word: str | bool) -> Says:
         """Return the formula that a text or a truth value is ``word``."""
-        return Says(self, {"true": True, "false": False}.get(word, word))  # type: ignore[call-overload]
+        flags = {"true": True, "false": False}
+        return Says(self, flags.get(word, word) if isinstance(word, str) else word)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,7 +137,8 @@ class Number:
         return f"{text if float(text) == self.value else repr(self.value)} {self.unit}".rstrip()
 
 
-def _quantity(value: str | float) -> Number:
+def to_number(value: str | float) -> Number:
+    """Return a number from a text such as ``45 N``, or from a number without a unit."""
     if isinstance(value, str):
         return Number(*parse_quantity(value))
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -167,7 +165,7 @@ class Compare(Formula):
     signal: Signal
     operator: str
     number: Number
-    tolerance: Number = Number(0.0)  # noqa: RUF009 - it never changes
+    tolerance: Number = Number(0.0)
 
     def __post_init__(self) -> None:
         _check_operator(self.operator)
@@ -401,7 +399,12 @@ class Expectation:
     @property
     def topics(self) -> tuple[str, ...]:
         """Topics that a record needs, in the order of their names."""
-        found = {*ALWAYS_NEEDED}
+        return tuple(sorted({*ALWAYS_NEEDED, *self.used_topics}))
+
+    @property
+    def used_topics(self) -> tuple[str, ...]:
+        """Topics that the formula names, in the order of their names."""
+        found = set()
         for part in self.formula.walk():
             if isinstance(part, (Compare, Says, Quantile)):
                 found.add(part.signal.topic)
@@ -427,79 +430,3 @@ def _check_fault(fault: str) -> None:
     if not isinstance(fault, str):
         raise ExpectationError(f"fault = {shown(fault)} is not a kind of fault")
     Fault(*split_fault(fault))
-
-
-def signal(name: str, hold: str | float | None = None) -> Signal:
-    """Return a signal by topic and field, as in ``reacting_force.force``.
-
-    Args:
-        name: topic, a dot, and the field.
-        hold: longest time for which a value holds, as ``0.1 s``; None for that of the topic.
-    """
-    match = _SIGNAL.fullmatch(name) if isinstance(name, str) else None
-    if match is None:
-        raise ExpectationError(f"{shown(name)} is not a topic and a field, as reacting_force.force")
-    topic = "/diagnostics" if match[1] == "diagnostics" else match[1]
-    return Signal(topic, match[2], None if hold is None else parse_duration(hold, "hold"))
-
-
-def window(within: Any = None, between: Any = None) -> Window:
-    """Return a window from its end, or from start and end; of neither, the rest of the recording.
-
-    Args:
-        within: end, as ``0.5 s``.
-        between: start and end; an end of None is that of the recording.
-    """
-    if within is not None and between is not None:
-        raise ExpectationError("within and between exclude each other")
-    if between is None:
-        return WHOLE if within is None else Window(0, parse_duration(within, "within"))
-    if not isinstance(between, (list, tuple)) or len(between) != 2:
-        raise ExpectationError(f"between = {shown(between)} is not [start, end], as [1 s, 2 s]")
-    first, last = between
-    end = None if last is None else parse_duration(last, "between")
-    return Window(parse_duration(first, "between"), end)
-
-
-def always(formula: Formula, within: Any = None, between: Any = None) -> Always:
-    """Return the formula that ``formula`` holds at every instant of a window."""
-    return Always(formula, window(within, between))
-
-
-def eventually(formula: Formula, within: Any = None, between: Any = None) -> Eventually:
-    """Return the formula that ``formula`` holds at some instant of a window."""
-    return Eventually(formula, window(within, between))
-
-
-def until(formula: Formula, goal: Formula, within: Any = None, between: Any = None) -> Until:
-    """Return the formula that ``goal`` comes in a window and ``formula`` holds until then."""
-    return Until(formula, goal, window(within, between))
-
-
-def unless(formula: Formula, goal: Formula) -> Until:
-    """Return the formula that ``formula`` holds until ``goal`` comes, or always."""
-    return Until(formula, goal, WHOLE, True)
-
-
-def after(trigger: Formula, formula: Formula) -> After:
-    """Return the formula that ``formula`` holds at each instant of ``trigger``."""
-    return After(trigger, formula)
-
-
-def count(
-    event: Event, operator: str, number: float, within: Any = None, between: Any = None
-) -> Count:
-    """Return the comparison of the number of events in a window."""
-    return Count(event, operator, float(number), window(within, between))
-
-
-def quantile(
-    share: float,
-    of: Signal,
-    operator: str,
-    number: str | float,
-    within: Any = None,
-    between: Any = None,
-) -> Quantile:
-    """Return the comparison of a quantile of a signal's messages in a window."""
-    return Quantile(float(share), of, operator, _quantity(number), window(within, between))
