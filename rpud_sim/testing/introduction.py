@@ -9,7 +9,7 @@ from rclpy.client import Client
 from rclpy.node import Node
 
 _REPETITION = 0.05  # of a request, whose response the node may drop [s]
-_PATIENCE = 3.0  # with a node that does not answer, or has no such service [s]
+_PATIENCE = 5.0  # with a node that does not answer, or has no such service [s]
 
 
 class Introduction:
@@ -38,7 +38,8 @@ class Introduction:
         if self._has_response() or now - self._begun > _PATIENCE:
             self.close()
             return True
-        if now - self._sent > _REPETITION and self._client.service_is_ready():
+        # The middleware may not call the service ready while it remembers an ended namesake.
+        if now - self._sent > _REPETITION:
             with self._client.handle:
                 self._client.handle.send_request(GetParameters.Request())
             self._sent = now
