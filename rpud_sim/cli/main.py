@@ -31,6 +31,7 @@ COMMANDS = (
     "info",
     "recover",
     "verify",
+    "test",
     "rebuild",
     "export",
     "report",

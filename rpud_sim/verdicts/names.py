@@ -40,6 +40,15 @@ COMMANDS: Mapping[str, str] = {
 TYPES: Mapping[str, str] = {**{name: topic.type for name, topic in TOPICS.items()}, **COMMANDS}
 """Types of the topics with relative names."""
 
+# Standard types name no units.
+_STANDARD_UNITS: Mapping[str, str] = {
+    **{f"wrench.wrench.force.{axis}": "N" for axis in "xyz"},
+    **{f"wrench.wrench.torque.{axis}": "N m" for axis in "xyz"},
+    "joint_states.position": "m",
+    "joint_states.velocity": "m/s",
+    "joint_states.effort": "N",
+}
+
 # One message a sample: these define where a recording begins, and fall silent only by a fault.
 PERIODIC = frozenset(
     ("actuator_state", "drill_tool", "joint_states", "nodal_plane", "reacting_force", "wrench")
@@ -133,7 +142,8 @@ def find_field(name: str, columns: tuple[Column, ...], topic: str) -> Field:
         raise ExpectationError(f"{topic}.{base} is one value, and has no [{index}]")
     if index is not None and column.kind is Kind.ARRAY and index >= column.length:
         raise ExpectationError(f"{topic}.{base} has {column.length} values, and no [{index}]")
-    return Field(column, index)
+    unit = column.unit or _STANDARD_UNITS.get(f"{topic}.{base}", "")
+    return Field(dataclasses.replace(column, unit=unit), index)
 
 
 def field_of(signal: Signal) -> Field | None:
@@ -163,9 +173,13 @@ def check_formula(formula: Formula) -> None:
     Raises:
         ExpectationError: if a topic, field or unit is unknown or does not fit.
     """
-    if not isinstance(formula, Formula):
-        raise ExpectationError(f"{shown(formula)} is no formula")
+    _check_kind(formula)
     for part in formula.walk():
+        for field in dataclasses.fields(part):  # type: ignore[arg-type]
+            if field.name in ("formula", "goal", "condition", "trigger", "event"):
+                _check_kind(getattr(part, field.name))
+        for each in getattr(part, "formulas", ()):
+            _check_kind(each)
         if isinstance(part, (Compare, Says, Quantile)):
             check_use(part, field_of(part.signal))
         elif isinstance(part, Message):
@@ -174,6 +188,13 @@ def check_formula(formula: Formula) -> None:
             raise ExpectationError("count needs an event: onset, cleared, message or becomes")
         elif isinstance(part, Becomes) and isinstance(part.formula, Event):
             raise ExpectationError("an event is an instant, and becomes nothing")
+
+
+def _check_kind(formula: object) -> None:
+    if not isinstance(formula, Formula):
+        raise ExpectationError(
+            f"{shown(formula)} is no formula; a signal is compared by <, <=, >, >=, equals or says"
+        )
 
 
 def check_use(part: Compare | Says | Quantile, field: Field | None) -> None:
