@@ -10,6 +10,7 @@ from rpud_sim.verdicts import Expectation, Record, evaluate
 from rpud_sim.verdicts.names import TYPES
 from rpud_sim.verdicts.verdict import OUTCOMES
 
+
 @pytest.fixture(scope="module")
 def live(faulty_messages):
     """Record messages in any order, and some of them twice."""

@@ -213,7 +213,9 @@ def test_after_a_clear_the_record_is_empty():
 
 def test_an_event_that_never_comes_proves_nothing(faulty_bag):
     formula = after(Onset("hard_rock"), eventually(WEIGHT.equals(0), within="0.5 s"))
-    verdict = evaluate(Expectation("it", formula), Record.from_bag(faulty_bag, ["faults", "status"]))
+    verdict = evaluate(
+        Expectation("it", formula), Record.from_bag(faulty_bag, ["faults", "status"])
+    )
     assert verdict.outcome == "undecided"
     assert "never came" in verdict.text
 
