@@ -28,7 +28,7 @@ def run_campaign(
     workers: int,
     again: bool = False,
     report: Callable[[int], object] = lambda runs: None,
-) -> Results:
+) -> tuple[Results, int]:
     """Fly those runs of a campaign that have not ended yet, and write its results.
 
     Args:
@@ -37,6 +37,9 @@ def run_campaign(
         workers: number of runs at the same time.
         again: whether to fly all runs, also those that have ended.
         report: called with the number of runs that have ended since its last call.
+
+    Returns:
+        the results, and the number of runs that this call has flown.
 
     Raises:
         CampaignError: if the folder holds anything else.
@@ -50,8 +53,9 @@ def run_campaign(
             kept = None if again else store.outcome(run)
             if kept is not None:
                 outcomes[run.number] = kept
-        report(len(outcomes))
-        if len(outcomes) < len(campaign.runs):
+        kept_count = len(outcomes)
+        report(kept_count)
+        if kept_count < len(campaign.runs):
             jobs = list(_jobs(campaign, store, outcomes))
             done = run_on_processes(fly, iter(jobs), min(workers, len(jobs)), _GRACE)
             with contextlib.closing(done):
@@ -65,7 +69,7 @@ def run_campaign(
         ]
         results = results_of(campaign, runs)
         _write(results, out)
-    return results
+    return results, len(campaign.runs) - kept_count
 
 
 def repeated(campaign: Campaign, count: int) -> Campaign:
@@ -79,9 +83,7 @@ def repeated(campaign: Campaign, count: int) -> Campaign:
     return dataclasses.replace(campaign, runs=tuple(numbered))
 
 
-def _jobs(
-    campaign: Campaign, store: CampaignStore, ended: Mapping[int, Outcome]
-) -> Iterator[Job]:
+def _jobs(campaign: Campaign, store: CampaignStore, ended: Mapping[int, Outcome]) -> Iterator[Job]:
     for run in campaign.runs:
         if run.number not in ended:
             yield Job(

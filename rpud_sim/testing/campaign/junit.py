@@ -80,5 +80,7 @@ def _properties(values: dict[str, str]) -> ElementTree.Element:
     properties = ElementTree.Element("properties")
     for name, value in values.items():
         if value:
-            ElementTree.SubElement(properties, "property", {"name": name, "value": printable(value)})
+            ElementTree.SubElement(
+                properties, "property", {"name": name, "value": printable(value)}
+            )
     return properties

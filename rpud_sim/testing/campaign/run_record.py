@@ -111,7 +111,7 @@ def _content(name: str, kind: Any, stamp: int, payload: bytes) -> tuple[int, byt
 
 
 def _without_machine(content: str) -> str:
-    """Return a journal entry without where the drill has its scenario, which is another each time."""
+    """Return a journal entry without the path of the scenario, which differs each time."""
     entry = json.loads(content)
     if isinstance(entry.get("parameters"), dict):
         entry["parameters"].pop("scenario", None)

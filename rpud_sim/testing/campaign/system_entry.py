@@ -171,7 +171,9 @@ def _ready(content: Any) -> str:
     try:
         re.compile(text)
     except re.error as error:
-        raise CampaignError(f"ready = {shown(text)} is no regular expression: {error}", place) from None
+        raise CampaignError(
+            f"ready = {shown(text)} is no regular expression: {error}", place
+        ) from None
     return text
 
 
