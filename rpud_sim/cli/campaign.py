@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.options import Number
+from rpud_sim.cli.options import Number, pattern
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
 from rpud_sim.cli.tables import print_json, table
@@ -43,6 +43,9 @@ def add_campaign_arguments(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--again", action="store_true", help="fly runs that have ended once more")
     group.add_argument(
+        "--only", type=pattern, metavar="REGEX", help="fly only runs in whose names this is found"
+    )
+    group.add_argument(
         "--repeat",
         action=Number,
         quantity=_REPEAT,
@@ -60,14 +63,17 @@ def test_campaign(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         raise CommandError("a campaign needs --out DIR; see rpud test --help", ExitCode.USAGE)
     from rpud_sim.studies.processes import WorkerError
-    from rpud_sim.testing.campaign.campaign import JUNIT, PAGE, RESULTS, repeated, run_campaign
+    from rpud_sim.testing.campaign.campaign import JUNIT, PAGE, RESULTS, run_campaign
     from rpud_sim.testing.campaign.campaign_file import read_campaign
     from rpud_sim.testing.campaign.specification import CampaignError
 
     started = time.perf_counter()
     out = Path(arguments.out)
     with failing(CampaignError, code=ExitCode.USAGE), failing(WorkerError, OSError):
-        campaign = repeated(read_campaign(arguments.subject), arguments.repeat)
+        campaign = read_campaign(arguments.subject)
+        if arguments.only is not None:
+            campaign = campaign.only(arguments.only)
+        campaign = campaign.repeated(arguments.repeat)
         with progress_bar(" runs", len(campaign.runs)) as bar:
             results, flown = run_campaign(
                 campaign,

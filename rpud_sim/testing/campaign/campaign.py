@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -48,11 +47,11 @@ def run_campaign(
     """
     store = CampaignStore(out, campaign)
     with store.held():
-        outcomes: dict[int, Outcome] = {}
+        outcomes: dict[str, Outcome] = {}
         for run in campaign.runs:
             kept = None if again else store.outcome(run)
             if kept is not None:
-                outcomes[run.number] = kept
+                outcomes[run.folder] = kept
         kept_count = len(outcomes)
         report(kept_count)
         if kept_count < len(campaign.runs):
@@ -61,10 +60,10 @@ def run_campaign(
             with contextlib.closing(done):
                 for job, outcome in done:
                     store.add(job.run, outcome)
-                    outcomes[job.number] = outcome
+                    outcomes[job.run.folder] = outcome
                     report(1)
         runs = [
-            FlownRun(run, outcomes[run.number], store.folder(run).relative_to(out).as_posix())
+            FlownRun(run, outcomes[run.folder], store.folder(run).relative_to(out).as_posix())
             for run in campaign.runs
         ]
         results = results_of(campaign, runs)
@@ -72,20 +71,9 @@ def run_campaign(
     return results, len(campaign.runs) - kept_count
 
 
-def repeated(campaign: Campaign, count: int) -> Campaign:
-    """Return a campaign with each run several times, to compare their results."""
-    runs = [
-        dataclasses.replace(run, repetition=repetition)
-        for run in campaign.runs
-        for repetition in range(1, count + 1)
-    ]
-    numbered = (dataclasses.replace(run, number=number) for number, run in enumerate(runs, 1))
-    return dataclasses.replace(campaign, runs=tuple(numbered))
-
-
-def _jobs(campaign: Campaign, store: CampaignStore, ended: Mapping[int, Outcome]) -> Iterator[Job]:
+def _jobs(campaign: Campaign, store: CampaignStore, ended: Mapping[str, Outcome]) -> Iterator[Job]:
     for run in campaign.runs:
-        if run.number not in ended:
+        if run.folder not in ended:
             yield Job(
                 run.number,
                 run,

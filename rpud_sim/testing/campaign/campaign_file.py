@@ -137,16 +137,16 @@ def _runs(entries: Mapping[Any, Any], folder: Path) -> tuple[PlannedRun, ...]:
         own = _own(entry, drill, varied, place)
         length = number("duration", entry.get("duration", duration), DURATION, (*place, "duration"))
         scenario: Scenario | None = None
-        for values in combinations(varied):
+        for point in combinations(varied):
             for seed in seeds:
-                options = {**drill, **own, **values, "seed": seed}
+                options = {**drill, **own, **point, "seed": seed}
                 if "faults" in entry:
                     options["faults"] = _faults(entry["faults"], folder, (*place, "faults"))
                 setup = _setup(options, folder, place)
                 scenario = scenario or Scenario(
                     one_line("scenario", str(name), place), _phrases(setup), length
                 )
-                runs.append(PlannedRun(len(runs) + 1, scenario, values, setup))
+                runs.append(PlannedRun(len(runs) + 1, scenario, point, setup))
     return tuple(runs)
 
 

@@ -68,7 +68,8 @@ def fly(job: Job) -> Outcome:
     begun = time.monotonic()
     shutil.rmtree(job.folder, ignore_errors=True)
     job.folder.mkdir(parents=True)
-    reached, verdicts, digest, bag = 0.0, (), "", ""
+    reached, digest, bag = 0.0, "", ""
+    verdicts: tuple[Verdict, ...] = ()
     drill: Drill | None = None
     try:
         drill = _pool().take(job.run.setup, job.system.folder)

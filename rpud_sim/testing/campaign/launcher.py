@@ -6,19 +6,20 @@ python -m rpud_sim.testing.campaign.launcher FILE [NAME:=VALUE ...]
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 
 
 def main(words: list[str]) -> int:
     """Launch a file and return the exit code; what it started ends with it."""
-    from launch import LaunchDescription, LaunchService
-    from launch.actions import IncludeLaunchDescription
-    from launch.launch_description_sources import AnyLaunchDescriptionSource
-
-    source = AnyLaunchDescriptionSource(words[0])
-    arguments = [tuple(word.split(":=", 1)) for word in words[1:]]
-    service = LaunchService(noninteractive=True)  # it interrupts what it started
-    include = IncludeLaunchDescription(source, launch_arguments=arguments)
-    service.include_launch_description(LaunchDescription([include]))
+    launch = import_module("launch")
+    actions = import_module("launch.actions")
+    sources = import_module("launch.launch_description_sources")
+    include = actions.IncludeLaunchDescription(
+        sources.AnyLaunchDescriptionSource(words[0]),
+        launch_arguments=[tuple(word.split(":=", 1)) for word in words[1:]],
+    )
+    service = launch.LaunchService(noninteractive=True)  # it interrupts what it started
+    service.include_launch_description(launch.LaunchDescription([include]))
     return int(service.run())
 
 

@@ -9,12 +9,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ParameterError, shown
 from rpud_sim.testing.setup import DrillSetup
 from rpud_sim.verdicts import Expectation
 
 _UNSAFE = re.compile(r"[^\w.=+-]+")
 _LONGEST_SLUG = 80
+_MOST_NAMES = 5  # in an error
 
 
 class CampaignError(ParameterError):
@@ -79,7 +80,7 @@ class PlannedRun:
     """One run of a campaign.
 
     Args:
-        number: of the run, from 1 on.
+        number: of the run in its campaign, from 1 on.
         scenario: of the run.
         parameters: values of the parameters that the campaign varies.
         setup: of the drill.
@@ -106,7 +107,9 @@ class PlannedRun:
     @property
     def folder(self) -> str:
         """Name of the run's folder."""
-        return f"{self.number:04}_{_UNSAFE.sub('_', self.name)[:_LONGEST_SLUG]}"
+        slug = _UNSAFE.sub("_", self.what)[:_LONGEST_SLUG]
+        repetition = "" if self.repetition == 1 else f"_{self.repetition:04}"
+        return f"{self.number:04}_{slug}{repetition}"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,6 +134,27 @@ class Campaign:
     def scenarios(self) -> tuple[Scenario, ...]:
         """The scenarios, in the order of the file."""
         return tuple({run.scenario.name: run.scenario for run in self.runs}.values())
+
+    def only(self, pattern: re.Pattern[str]) -> Campaign:
+        """Return the campaign with those runs alone in whose names a pattern is found.
+
+        Raises:
+            CampaignError: if there is none.
+        """
+        runs = tuple(run for run in self.runs if pattern.search(run.name))
+        if not runs:
+            names = ", ".join(run.name for run in self.runs[:_MOST_NAMES])
+            raise CampaignError(f"no run matches {shown(pattern.pattern)}; the first are {names}")
+        return dataclasses.replace(self, runs=runs)
+
+    def repeated(self, count: int) -> Campaign:
+        """Return the campaign with each run several times, to compare their results."""
+        runs = (
+            dataclasses.replace(run, repetition=repetition)
+            for run in self.runs
+            for repetition in range(1, count + 1)
+        )
+        return dataclasses.replace(self, runs=tuple(runs))
 
 
 def combinations(parameters: Mapping[str, list[Any]]) -> list[dict[str, Any]]:

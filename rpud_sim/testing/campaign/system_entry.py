@@ -121,11 +121,10 @@ def _command(entries: Mapping[Any, Any], folder: Path) -> tuple[list[str], list[
 def _launch(entries: Mapping[Any, Any], folder: Path) -> tuple[list[str], list[Path]]:
     place = (*_PLACE, "launch")
     file = find_file(entries["launch"], folder, "launch", place)
-    missing = [name for name in ("launch", "launch_ros") if importlib.util.find_spec(name) is None]
-    if missing:
+    if importlib.util.find_spec("launch_ros") is None:
         raise CampaignError(
-            f"launch: the Python package {missing[0]} is missing, which comes with an installed "
-            "ROS; use command here",
+            "launch: the Python package launch_ros is missing, which comes with an installed ROS; "
+            "use command here",
             place,
         )
     inner = (*_PLACE, "arguments")
