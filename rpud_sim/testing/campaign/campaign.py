@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.studies.processes import run_on_processes
-from rpud_sim.testing.campaign.flight import Job, fly
+from rpud_sim.testing.campaign.flight import Job, fly_in_worker
 from rpud_sim.testing.campaign.junit import campaign_junit
 from rpud_sim.testing.campaign.outcome import Outcome
 from rpud_sim.testing.campaign.page import campaign_page
@@ -56,7 +56,7 @@ def run_campaign(
         report(kept_count)
         if kept_count < len(campaign.runs):
             jobs = list(_jobs(campaign, store, outcomes))
-            done = run_on_processes(fly, iter(jobs), min(workers, len(jobs)), _GRACE)
+            done = run_on_processes(fly_in_worker, iter(jobs), min(workers, len(jobs)), _GRACE)
             with contextlib.closing(done):
                 for job, outcome in done:
                     store.add(job.run, outcome)

@@ -27,6 +27,7 @@ from rpud_sim.testing.drill import Drill
 from rpud_sim.testing.errors import DrillError, LostMessagesError, SystemUnderTestError
 from rpud_sim.testing.pool import DrillPool
 from rpud_sim.verdicts import Expectation, Record, Verdict, evaluate
+from rpud_sim.verdicts.verdict import UNDECIDED
 
 BAG = "bag"
 OUTPUT = "output.log"
@@ -53,18 +54,28 @@ class Job:
     folder: Path
 
 
-@dataclasses.dataclass
-class _Worker:
-    """Drills of this process, which runs reuse."""
+def fly_in_worker(job: Job) -> Outcome:
+    """Fly a run in a worker process, which keeps its drills for its next runs; see ``fly``."""
+    if not _POOLS:
+        pool = DrillPool()
+        # A worker ignores Ctrl-C. What it starts would inherit that, but not this function.
+        signal.signal(signal.SIGINT, lambda number, frame: None)
+        # multiprocessing ends its processes without the functions of atexit.
+        util.Finalize(None, pool.close, exitpriority=10)
+        _POOLS.append(pool)
+    return fly(job, _POOLS[0])
 
-    pool: DrillPool | None = None
+
+_POOLS: list[DrillPool] = []  # of this process: one at most
 
 
-_WORKER = _Worker()
+def fly(job: Job, pool: DrillPool) -> Outcome:
+    """Fly a run, write its bag, and return its outcome; every failure is an outcome too.
 
-
-def fly(job: Job) -> Outcome:
-    """Fly a run, write its bag, and return its outcome; every failure is an outcome too."""
+    Args:
+        job: to do.
+        pool: of drills.
+    """
     begun = time.monotonic()
     shutil.rmtree(job.folder, ignore_errors=True)
     job.folder.mkdir(parents=True)
@@ -72,7 +83,7 @@ def fly(job: Job) -> Outcome:
     verdicts: tuple[Verdict, ...] = ()
     drill: Drill | None = None
     try:
-        drill = _pool().take(job.run.setup, job.system.folder)
+        drill = pool.take(job.run.setup, job.system.folder)
         ending, text = _fly(drill, job)
         reached = drill.time
         record = run_record(drill)
@@ -83,7 +94,9 @@ def fly(job: Job) -> Outcome:
         ending, text = BROKEN, str(error)
     finally:
         if drill is not None:
-            _pool().give_back(drill)
+            pool.give_back(drill)
+    if ending != COMPLETED:
+        verdicts = tuple(_cut_short(verdict, reached) for verdict in verdicts)
     return Outcome(
         job.of,
         ending,
@@ -150,11 +163,9 @@ def _keep_output(drill: Drill, folder: Path) -> None:
     (folder / OUTPUT).write_text("".join(texts))
 
 
-def _pool() -> DrillPool:
-    if _WORKER.pool is None:
-        _WORKER.pool = DrillPool()
-        # A worker ignores Ctrl-C. What it starts would inherit that, but not this function.
-        signal.signal(signal.SIGINT, lambda number, frame: None)
-        # multiprocessing ends its processes without the functions of atexit.
-        util.Finalize(None, _WORKER.pool.close, exitpriority=10)
-    return _WORKER.pool
+def _cut_short(verdict: Verdict, reached: float) -> Verdict:
+    """Return the verdict on a run that ended early: what has held until then proves nothing."""
+    if not verdict.passed:
+        return verdict
+    text = f"the run ended early, at {reached:.9g} s; until then: {verdict.text}"
+    return dataclasses.replace(verdict, outcome=UNDECIDED, margin=None, unit="", text=text)
