@@ -86,6 +86,11 @@ class Drill:
         return self.latest("status")
 
     @property
+    def pid(self) -> int:
+        """Number of the drill's process."""
+        return self._process.process.pid
+
+    @property
     def output(self) -> str:
         """All that the drill's process has printed."""
         return self._process.process.output
@@ -323,6 +328,15 @@ class Drill:
     def await_connections(self) -> None:
         """Wait until the drill reaches every subscriber that there is."""
         self._lockstep.systems.await_connections()
+
+    def await_delivery(self) -> None:
+        """Wait until all subscribers have all that the drill has published."""
+        self._lockstep.await_delivery()
+
+    @property
+    def published(self) -> dict[str, int]:
+        """Number of messages that the drill has published since its start, by relative topic."""
+        return dict(self._collector.published)
 
     def begin(self, seed: int, scenario: str = NO_FAULTS) -> None:
         """Begin a test; see ``Lockstep.begin``."""
