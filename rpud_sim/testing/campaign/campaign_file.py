@@ -11,7 +11,6 @@ import yaml
 from rpud_sim.foundation.quantities import Flag, ParameterError, did_you_mean, shown
 from rpud_sim.foundation.yaml_files import read_yaml_text, yaml_lines
 from rpud_sim.simulation.configuration import PARAMETERS
-from rpud_sim.simulation.scenario import GREATEST_SEED
 from rpud_sim.testing.campaign.entries import (
     DURATION,
     Place,
@@ -201,11 +200,10 @@ def _seeds(content: Any) -> list[int]:
     if not isinstance(content, list) or not content:
         raise CampaignError(f"seeds = {shown(content)} is no list of numbers", ("seeds",))
     for index, seed in enumerate(content):
-        if type(seed) is not int or not 0 <= seed <= GREATEST_SEED:
-            raise CampaignError(
-                f"{shown(seed)} is not a whole number in its range [0, {GREATEST_SEED}]",
-                ("seeds", index),
-            )
+        try:
+            PARAMETERS["seed"].allowed.check("seed", seed)
+        except ParameterError as error:
+            raise CampaignError(error, ("seeds", index)) from None
     if len(set(content)) < len(content):
         raise CampaignError("seeds has a number twice", ("seeds",))
     return list(content)

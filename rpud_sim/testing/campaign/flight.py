@@ -128,6 +128,8 @@ def _fly(drill: Drill, job: Job) -> tuple[str, str]:
                 )
             drill.step(min(number * system.period, duration) - drill.time)
     except SystemUnderTestError as error:
+        if not drill.alive:
+            raise DrillError(f"the drill has ended; its last lines:\n{drill.output}") from error
         return error.kind, str(error)
     except OSError as error:
         return "died", f"{system.command[0]} cannot be started: {error.strerror}"
