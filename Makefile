@@ -8,6 +8,7 @@ BAG ?= bags/$(shell date +%Y-%m-%d-%H%M%S)
 PYTEST_ARGS ?=
 BENCH_ARGS ?=
 KILLS ?= 1000
+RUNS ?= 100
 
 # An installed ROS is used in place of the wheels. ROS_PREFIX= (empty) asks for the wheels all the same.
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
@@ -60,6 +61,11 @@ docs: install/.package .venv/.docs ## Publish docs/ as pages in build/docs; a wa
 .PHONY: bench
 bench: install/.package .venv/.bench ## Run the benchmarks, or those of BENCH_ARGS; installs MuJoCo to compare with
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
+
+.PHONY: campaign
+campaign: install/.package ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
+	@$(WITH_ENV) python test/busy.py -- rpud test config/campaign.yaml --only '^jammed actuator_restitution=1.0 seed=1' \
+	  --repeat $(RUNS) --again --out build/campaign
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each
