@@ -9,6 +9,7 @@ PYTEST_ARGS ?=
 BENCH_ARGS ?=
 KILLS ?= 1000
 PYTHONS ?=
+RUNS ?= 100
 
 # An installed ROS is used in place of the wheels. ROS_PREFIX= (empty) asks for the wheels all the same.
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
@@ -77,6 +78,11 @@ bench: install/.package .venv/.bench ## Run the benchmarks, or those of BENCH_AR
 .PHONY: measure-setup
 measure-setup: ## Clone into a new folder and print the time of each stage from there to the first impact
 	@toolchain/measure_setup.sh
+
+.PHONY: campaign
+campaign: install/.package ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
+	@$(WITH_ENV) python test/busy.py -- rpud test config/campaign.yaml --only '^jammed actuator_restitution=1.0 seed=1' \
+	  --repeat $(RUNS) --again --out build/campaign
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each

@@ -1,4 +1,4 @@
-"""``rpud test``: verdicts on the expectations of a file, over a bag."""
+"""``rpud test``: verdicts on the expectations of a file, over a bag or in a campaign."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rpud_sim.cli.campaign import SUFFIXES, add_campaign_arguments, test_campaign
 from rpud_sim.cli.options import add_json_argument
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
@@ -15,27 +16,36 @@ from rpud_sim.foundation.terminal import complain, printable
 if TYPE_CHECKING:
     from rpud_sim.verdicts import Record, Verdict
 
-HELP = "judge a bag by the expectations of a file"
+HELP = "judge a bag by the expectations of a file, or fly a campaign of tests"
 DETAILS = (
-    "Each expectation is passed, failed or undecided. The last run in the bag is judged. "
-    "Exit codes: 0 all passed, 1 one failed or is undecided, 2 wrong call."
+    "Each expectation is passed, failed or undecided. The last run in a bag is judged. "
+    "A campaign flies scenarios, parameters and seeds against a system under test. "
+    "Exit codes: 0 all passed, 1 one failed or is undecided, 2 wrong call. A requirement of a "
+    "campaign is undecided if no run decides it."
 )
 EXAMPLE = "rpud test bags/first --expect config/expectations.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of ``rpud test``."""
-    parser.add_argument("subject", metavar="BAG", help="a bag's folder or one file of it")
+    parser.add_argument(
+        "subject",
+        metavar="BAG|CAMPAIGN",
+        help="a bag's folder or one file of it, or a campaign file that ends in .yaml",
+    )
     parser.add_argument("--expect", metavar="FILE", help="expectations, as in docs/reference")
     parser.add_argument(
         "--namespace", metavar="NAME", help="of the drill, where the bag holds several"
     )
     parser.add_argument("--junit", metavar="FILE", help="write a JUnit XML file as well")
+    add_campaign_arguments(parser)
     add_json_argument(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Judge and print the verdicts; return the exit code."""
+    if Path(arguments.subject).suffix in SUFFIXES and not Path(arguments.subject).is_dir():
+        return test_campaign(arguments)
     if arguments.expect is None:
         raise CommandError("a bag needs --expect FILE; see rpud test --help", ExitCode.USAGE)
     return _test_bag(arguments)

@@ -51,7 +51,10 @@ def check_versions(expected: Mapping[str, str]) -> None:
 
 
 def run_on_processes(
-    simulate: Callable[[_Chunk], _Outcome], chunks: Iterable[_Chunk], workers: int
+    simulate: Callable[[_Chunk], _Outcome],
+    chunks: Iterable[_Chunk],
+    workers: int,
+    grace: float = 0.0,
 ) -> Generator[tuple[_Chunk, _Outcome], None, None]:
     """Yield each chunk with its outcome, as they finish.
 
@@ -62,6 +65,7 @@ def run_on_processes(
         simulate: returns the outcome of a chunk; a function of a module, not None.
         chunks: to run; an iterator is advanced only as workers need chunks.
         workers: number of processes.
+        grace: longest time for a process to end what it has started itself [s].
 
     Raises:
         WorkerError: if a chunk ends its process three times.
@@ -81,7 +85,7 @@ def run_on_processes(
         for _ in range(workers):
             if (job := next_job()) is None:
                 break
-            _send(_Worker(simulate), job, busy)
+            _send(_Worker(simulate, grace), job, busy)
         while busy:
             ready = wait(busy)
             for connection in [item for item in busy if item in ready]:
@@ -94,7 +98,7 @@ def run_on_processes(
                             f"chunk {chunk.number} ended its worker {ATTEMPTS} times ({worker.end})"
                         )
                     retries.append((chunk, attempt + 1))
-                    worker = _Worker(simulate)
+                    worker = _Worker(simulate, grace)
                 elif isinstance(outcome, Exception):
                     worker.stop()
                     raise outcome
@@ -107,13 +111,21 @@ def run_on_processes(
                     yield chunk, outcome
     finally:
         for worker, _, _ in busy.values():
+            worker.ask_to_stop()
+        for worker, _, _ in busy.values():
             worker.stop()
 
 
 class _Worker:
-    """Process that answers each chunk with its outcome, until its pipe closes."""
+    """Process that answers each chunk with its outcome, until its pipe closes.
 
-    def __init__(self, simulate: Callable[[Any], Any]) -> None:
+    Args:
+        simulate: returns the outcome of a chunk.
+        grace: longest time for the process to end what it has started itself [s].
+    """
+
+    def __init__(self, simulate: Callable[[Any], Any], grace: float) -> None:
+        self._grace = grace
         self.connection, theirs = _SERVER.Pipe()
         self._process: BaseProcess = _SERVER.Process(
             target=_work, args=(theirs, simulate), daemon=True
@@ -139,11 +151,25 @@ class _Worker:
         except (EOFError, OSError):
             return None
 
+    def ask_to_stop(self) -> None:
+        """Ask the process to end, if it gets time for that."""
+        self.connection.close()
+        if self._grace:
+            self._process.terminate()
+
     def stop(self) -> None:
         """End the process; its current chunk is lost."""
-        self.connection.close()
+        self.ask_to_stop()
+        if self._grace:
+            self._process.join(self._grace)
         self._process.kill()
         self._process.join()
+
+
+def _end(number: int, frame: object) -> None:
+    """End the process by its own cleanup, at the first SIGTERM."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise SystemExit(0)
 
 
 def _start_server(module: str) -> None:
@@ -167,6 +193,7 @@ def _send(worker: _Worker, job: tuple[Any, int], busy: dict[Connection, Any]) ->
 
 def _work(connection: Connection, simulate: Callable[[Any], Any]) -> None:
     """Run chunks until the pipe closes."""
+    signal.signal(signal.SIGTERM, _end)
     with contextlib.suppress(EOFError, OSError):
         while True:
             chunk = connection.recv()
@@ -175,3 +202,4 @@ def _work(connection: Connection, simulate: Callable[[Any], Any]) -> None:
             except Exception as error:  # the calling process raises it
                 outcome = error
             connection.send(outcome)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends by itself

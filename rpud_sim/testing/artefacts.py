@@ -10,6 +10,7 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, Protocol
 
 from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
@@ -73,7 +74,19 @@ def leave_artefacts(
     return Artefacts("\n".join(lines), tuple(properties))
 
 
-def write_bag(path: Path, drill: Drill) -> None:
+class Published(Protocol):
+    """Everything that was published in a run: a drill, or the record of one."""
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of the drill."""
+
+    @property
+    def heard(self) -> Mapping[str, Any]:
+        """Topics by absolute name, with the attributes of ``HeardTopic``."""
+
+
+def write_bag(path: Path, drill: Published) -> None:
     """Write a bag of all that was published since the test began; its clock is simulation time.
 
     Args:

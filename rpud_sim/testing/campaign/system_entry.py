@@ -1,0 +1,190 @@
+"""The entry ``system`` of a campaign file: the command that is tested, and how it answers."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import re
+import shlex
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rpud_sim.foundation.quantities import Quantity, did_you_mean, shown, suggestion
+from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.testing.campaign.entries import (
+    Place,
+    check_keys,
+    find_file,
+    mapping,
+    number,
+    one_line,
+    texts,
+)
+from rpud_sim.testing.campaign.specification import CampaignError, System
+from rpud_sim.verdicts.names import COMMANDS
+
+_KEYS = (
+    "command",
+    "launch",
+    "arguments",
+    "folder",
+    "files",
+    "answers",
+    "hears",
+    "ready",
+    "period",
+    "answer_timeout",
+    "start_timeout",
+    "run_timeout",
+)
+_PLACE: Place = ("system",)
+_PERIOD = Quantity("s", "simulation time between two answers", 1e-3, 1e3)
+_LIMIT = Quantity("s", "a real time", 0.0, 1e5, exclusive=True)
+_DEFAULTS: Mapping[str, tuple[Quantity, float]] = {
+    "period": (_PERIOD, 0.1),
+    "answer_timeout": (_LIMIT, 10.0),
+    "start_timeout": (_LIMIT, 30.0),
+    "run_timeout": (_LIMIT, 600.0),
+}
+_INTERPRETERS = ("python", "python3")
+_LAUNCHER = "rpud_sim.testing.campaign.launcher"
+
+
+def to_system(content: Any, folder: Path) -> System:
+    """Return the system under test.
+
+    Args:
+        content: of the entry.
+        folder: of the campaign file.
+
+    Raises:
+        CampaignError: if the entry cannot be used.
+    """
+    entries = mapping("system", content, _PLACE)
+    check_keys(entries, _KEYS, _PLACE, ("answers",))
+    place = folder
+    if "folder" in entries:
+        place = (folder / one_line("folder", entries["folder"], (*_PLACE, "folder"))).resolve()
+        if not place.is_dir():
+            raise CampaignError(f"folder = {place} is no folder", (*_PLACE, "folder"))
+    words, named = _command(entries, place)
+    for index, name in enumerate(texts("files", entries.get("files", []), (*_PLACE, "files"))):
+        named.append(find_file(name, place, "files", (*_PLACE, "files", index)))
+    numbers = {
+        name: number(name, entries.get(name, default), quantity, (*_PLACE, name))
+        for name, (quantity, default) in _DEFAULTS.items()
+    }
+    return System(
+        tuple(words),
+        place,
+        _answers(entries["answers"]),
+        _hears(entries.get("hears", [])),
+        _ready(entries.get("ready", "")),
+        **numbers,
+        files={_name(file, place): _digest(file) for file in sorted(set(named))},
+    )
+
+
+def _command(entries: Mapping[Any, Any], folder: Path) -> tuple[list[str], list[Path]]:
+    """Return the words of the command, and the files that it names."""
+    if ("command" in entries) == ("launch" in entries):
+        raise CampaignError("system needs either command or launch", _PLACE)
+    if "launch" in entries:
+        return _launch(entries, folder)
+    if "arguments" in entries:
+        raise CampaignError(
+            "arguments are those of a launch file: write them into command", (*_PLACE, "arguments")
+        )
+    place = (*_PLACE, "command")
+    text = one_line("command", entries["command"], place)
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise CampaignError(f"command = {shown(text)}: {error}", place) from None
+    if not words:
+        raise CampaignError("command is empty", place)
+    if words[0] in _INTERPRETERS:
+        words[0] = sys.executable
+    elif "/" in words[0]:
+        find_file(words[0], folder, "command", place)
+    elif shutil.which(words[0]) is None:
+        raise CampaignError(f"command: no program {shown(words[0])} on the PATH", place)
+    if words[0] == sys.executable and len(words) > 1 and words[1].endswith(".py"):
+        find_file(words[1], folder, "command", place)
+    own = words[1:] if words[0] == sys.executable else words
+    return words, [folder / word for word in own if (folder / word).is_file()]
+
+
+def _launch(entries: Mapping[Any, Any], folder: Path) -> tuple[list[str], list[Path]]:
+    place = (*_PLACE, "launch")
+    file = find_file(entries["launch"], folder, "launch", place)
+    if importlib.util.find_spec("launch_ros") is None:
+        raise CampaignError(
+            "launch: the Python package launch_ros is missing, which comes with an installed ROS; "
+            "use command here",
+            place,
+        )
+    inner = (*_PLACE, "arguments")
+    arguments = mapping("arguments", entries.get("arguments", {}), inner)
+    words = [f"{name}:={value}" for name, value in arguments.items()]
+    return [sys.executable, "-m", _LAUNCHER, str(file), *words], [file]
+
+
+def _answers(content: Any) -> tuple[str, ...]:
+    place = (*_PLACE, "answers")
+    found = texts("answers", content, place)
+    if not found:
+        raise CampaignError("answers names no topic: a step would not wait for the system", place)
+    for index, name in enumerate(found):
+        hint = suggestion(name, COMMANDS)
+        if name in TOPICS:
+            raise CampaignError(f"answers: {name} is a topic of the drill itself", (*place, index))
+        if name not in COMMANDS and (hint or name.startswith("command/")):
+            raise CampaignError(
+                f"answers: the drill has no topic {shown(name)}; {did_you_mean(name, COMMANDS)}",
+                (*place, index),
+            )
+    return found
+
+
+def _hears(content: Any) -> tuple[str, ...]:
+    place = (*_PLACE, "hears")
+    found = texts("hears", content, place)
+    for index, name in enumerate(found):
+        if name not in TOPICS:
+            raise CampaignError(
+                f"hears: the drill publishes no topic {shown(name)}; {did_you_mean(name, TOPICS)}",
+                (*place, index),
+            )
+    return found
+
+
+def _ready(content: Any) -> str:
+    place = (*_PLACE, "ready")
+    if content == "":
+        return ""
+    text = one_line("ready", content, place)
+    try:
+        re.compile(text)
+    except re.error as error:
+        raise CampaignError(
+            f"ready = {shown(text)} is no regular expression: {error}", place
+        ) from None
+    return text
+
+
+def _name(file: Path, folder: Path) -> str:
+    return str(file.relative_to(folder)) if file.is_relative_to(folder) else str(file)
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def program_words(words: Sequence[str]) -> str:
+    """Return a command for people."""
+    shown_words = ["python" if word == sys.executable else word for word in words]
+    return shlex.join(shown_words)

@@ -1,0 +1,173 @@
+"""Campaign files: the plan of all runs, and every error with its line and a hint."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.testing.campaign.campaign_file import read_campaign
+from rpud_sim.testing.campaign.specification import CampaignError
+
+ROOT = Path(__file__).resolve().parents[3]
+CAMPAIGN = """\
+requirements:
+  SAFE-1: The arm feels no more than 100 N.
+system:
+  command: python supervisor.py --ros-args -r __ns:=/rpud
+  answers: [command/weight_on_bit]
+  hears: [reacting_force]
+drill: {regime: drilling, drive_enabled: true}
+duration: 2.0
+seeds: [1, 2]
+scenarios:
+  nominal: {}
+  noisy:
+    faults: faults.yaml
+  jammed:
+    duration: 3.0
+    faults:
+      - {kind: free_mass_jammed, onset: 1.0}
+      - {kind: off, channel: wrench, onset: 2.0}
+parameters:
+  free_mass: [0.004, 0.005, 0.006]
+expectations:
+  - name: force
+    requirement: SAFE-1
+    expect: {always: reacting_force.force < 100 N}
+"""
+FAULTS = "faults: [{kind: noise, channel: wrench, magnitude: 0.5, onset: 1.0}]\n"
+
+
+def read(folder, text=CAMPAIGN):
+    (folder / "supervisor.py").write_text("")
+    (folder / "faults.yaml").write_text(FAULTS)
+    (folder / "campaign.yaml").write_text(text)
+    return read_campaign(folder / "campaign.yaml")
+
+
+def test_the_plan_has_every_combination_once(tmp_path):
+    campaign = read(tmp_path)
+    assert len(campaign.runs) == 3 * 3 * 2
+    assert campaign.runs[0].name == "nominal free_mass=0.004 seed=1"
+    assert len({run.name for run in campaign.runs}) == len({run.folder for run in campaign.runs})
+    assert [run.number for run in campaign.runs] == list(range(1, 19))
+    assert [(each.name, each.faults, each.duration) for each in campaign.scenarios] == [
+        ("nominal", (), 2.0),
+        ("noisy", ("noise on wrench",), 2.0),
+        ("jammed", ("free_mass_jammed", "off on wrench"), 3.0),
+    ]
+    assert campaign.runs[0].setup.parameters == {
+        "regime": "drilling",
+        "drive_enabled": True,
+        "free_mass": 0.004,
+    }
+    assert campaign.name == "campaign"
+    assert campaign.system.command[0] == sys.executable
+    assert list(campaign.system.files) == ["supervisor.py"]
+
+
+def test_a_selection_keeps_the_numbers_and_a_repetition_has_a_folder_of_its_own(tmp_path):
+    campaign = read(tmp_path).only(re.compile("jammed.*seed=2"))
+    assert [run.number for run in campaign.runs] == [14, 16, 18]
+    assert len({run.folder for run in campaign.repeated(3).runs}) == 9
+    with pytest.raises(CampaignError, match="no run matches 'jamed'; the first are jammed"):
+        campaign.only(re.compile("jamed"))
+
+
+@settings(max_examples=15)
+@given(
+    scenarios=st.integers(1, 4),
+    seeds=st.lists(st.integers(0, 2**32 - 1), min_size=1, max_size=4, unique=True),
+    values=st.lists(st.floats(1e-3, 9.0), min_size=1, max_size=3, unique=True),
+)
+def test_the_plan_has_as_many_runs_as_its_parts_say(tmp_path_factory, scenarios, seeds, values):
+    content = yaml.safe_load(CAMPAIGN)
+    content["drill"] = {}
+    content["scenarios"] = {f"scenario {number}": {} for number in range(scenarios)}
+    content["seeds"] = seeds
+    content["parameters"] = {"gravity": values}
+    campaign = read(tmp_path_factory.mktemp("plan"), yaml.safe_dump(content, sort_keys=False))
+    assert len(campaign.runs) == len({run.name for run in campaign.runs})
+    assert len(campaign.runs) == scenarios * len(seeds) * len(values)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "words"),
+    [
+        ("seeds:", "seads:", 9, "'seads': did you mean seeds?"),
+        ("  answers:", "  anwers:", 5, "'anwers': did you mean answers?"),
+        ("duration: 2.0", "duration: 0", 8, "duration = 0 s is outside its range (0, 100000] s"),
+        ("seeds: [1, 2]", "seeds: [1, -2]", 9, "seed = -2 is outside its range [0, "),
+        ("seeds: [1, 2]", "seeds: [1, 1]", 9, "seeds has a number twice"),
+        ("supervisor.py", "supervisr.py", 4, "is no file in .* (did you mean supervisor.py?)"),
+        ("python supervisor.py", "pyhton supervisor.py", 4, "no program 'pyhton' on the PATH"),
+        ("weight_on_bit]", "weight_on_bitt]", 5, "did you mean command/weight_on_bit?"),
+        ("[command/weight_on_bit]", "[status]", 5, "status is a topic of the drill itself"),
+        ("[command/weight_on_bit]", "[]", 5, "answers names no topic"),
+        ("[reacting_force]", "[reacting_forze]", 6, "did you mean reacting_force?"),
+        ("regime: drilling", "regime: boring", 7, "regime = 'boring' is not one of free"),
+        ("drive_enabled: true", "drive_enable: true", 7, "did you mean drive_enabled?"),
+        ("drive_enabled: true", "start_paused: true", 7, "runs in lockstep"),
+        ("drive_enabled: true", "seed: 3", 7, "seed cannot be set here: give seeds"),
+        ("faults.yaml", "fault.yaml", 13, "did you mean faults.yaml?"),
+        ("kind: free_mass_jammed", "kind: free_mass_jamed", 17, "did you mean free_mass_jammed?"),
+        ("channel: wrench", "channel: wrensh", 18, "did you mean wrench?"),
+        ("free_mass: [", "free_mas: [", 20, "did you mean free_mass?"),
+        ("0.005", "50.0", 20, "free_mass = 50 kg is outside its range"),
+        ("[0.004, 0.005, 0.006]", "0.004", 20, "free_mass = 0.004 is no list of values"),
+        ("requirement: SAFE-1", "requirement: SAVE-1", 23, "did you mean SAFE-1?"),
+        ("force.force <", "force.forze <", 24, "did you mean force?"),
+        ("reacting_force.force", "reacting.force", 24, "did you mean reacting_force?"),
+        ("100 N}", "100 kg}", 24, "N"),
+        ("command: python", "launch: x.py\n  command: python", 3, "either command or launch"),
+        ("duration: 2.0\n", "", 1, "duration is missing"),
+        ("duration: 3.0", "length: 3.0", 15, "'length': known are faults, duration, parameters"),
+    ],
+)
+def test_a_mistake_is_one_line_with_its_place_and_a_hint(tmp_path, old, new, line, words):
+    assert old in CAMPAIGN
+    with pytest.raises(CampaignError) as caught:
+        read(tmp_path, CAMPAIGN.replace(old, new, 1))
+    text = str(caught.value)
+    assert text.startswith(f"{tmp_path / 'campaign.yaml'}:{line}: "), text
+    assert re.search(re.escape(words).replace(r"\.\*", ".*"), text), text
+    assert "\n" not in text
+
+
+def test_a_launch_file_needs_launch_ros(tmp_path):
+    (tmp_path / "supervisor.launch.py").write_text("")
+    text = CAMPAIGN.replace(
+        "command: python supervisor.py --ros-args -r __ns:=/rpud",
+        "launch: supervisor.launch.py\n  arguments: {target: 30.0}",
+    )
+    try:
+        import launch_ros  # noqa: F401
+    except ModuleNotFoundError:
+        with pytest.raises(
+            CampaignError, match=r":4: launch: .*launch_ros is missing, .* ROS; use"
+        ):
+            read(tmp_path, text)
+    else:
+        assert read(tmp_path, text).system.command[-2:] == (
+            str(tmp_path / "supervisor.launch.py"),
+            "target:=30.0",
+        )
+
+
+def test_a_file_of_expectations_is_read_with_its_own_lines(tmp_path):
+    campaign, keyword, entries = CAMPAIGN.partition("expectations:")
+    text = f"{campaign}expectations: expect.yaml\n"
+    (tmp_path / "expect.yaml").write_text(keyword + entries)
+    assert len(read(tmp_path, text).expectations) == 1
+    (tmp_path / "expect.yaml").write_text(keyword + entries.replace("force.force", "force.forze"))
+    with pytest.raises(CampaignError, match=r"expect\.yaml:4: .*did you mean force\?"):
+        read(tmp_path, text)
+
+
+def test_the_example_can_be_used():
+    campaign = read_campaign(ROOT / "config" / "campaign.yaml")
+    assert {each.requirement for each in campaign.expectations} == set(campaign.requirements)

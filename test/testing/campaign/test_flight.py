@@ -1,0 +1,118 @@
+"""One run: a system under test that dies, hangs or answers late gives a verdict, and no hang."""
+
+from pathlib import Path
+
+import pytest
+from support import until
+
+from rpud_sim.testing.campaign.campaign_file import read_campaign
+from rpud_sim.testing.campaign.flight import Job, fly
+from rpud_sim.testing.pool import DrillPool
+from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
+
+SUPERVISORS = Path(__file__).resolve().parents[1]  # with the plugin's node under test
+CAMPAIGN = """\
+system:
+  command: {command}
+  folder: {folder}
+  answers: [supervisor/heartbeat]
+  hears: [reacting_force]
+  answer_timeout: {patience}
+  run_timeout: {limit}
+duration: 1.0
+scenarios:
+  jammed: {{faults: [{{kind: free_mass_jammed, onset: 0.5}}]}}
+expectations:
+  - name: force
+    requirement: SAFE-1
+    expect: {{always: reacting_force.force < 500 N}}
+  - name: heartbeat
+    requirement: LIVE-1
+    expect: {{count: {{message: /rpud/supervisor/heartbeat}}, is: '>= 10'}}
+"""
+
+
+@pytest.fixture(scope="module")
+def pool():
+    pool = DrillPool()
+    yield pool
+    pool.close()
+
+
+@pytest.fixture
+def flight(pool, tmp_path):
+    def start(how, patience=60.0, limit=600.0, name="run"):
+        file = tmp_path / "campaign.yaml"
+        command = f"python supervisor.py {how} --ros-args -r __ns:=/rpud"
+        file.write_text(
+            CAMPAIGN.format(command=command, folder=SUPERVISORS, patience=patience, limit=limit)
+        )
+        campaign = read_campaign(file)
+        job = Job(1, campaign.runs[0], "", campaign.system, campaign.expectations, tmp_path / name)
+        return fly(job, pool)
+
+    return start
+
+
+def outcomes(outcome):
+    return {verdict.name: verdict.outcome for verdict in outcome.verdicts}
+
+
+def test_a_run_ends_with_a_bag_and_its_verdicts_and_again_with_the_same_digest(flight, tmp_path):
+    first, second = flight("works"), flight("works", name="again")
+    assert set(outcomes(first).values()) == {PASSED}
+    assert (first.ending, first.reached, first.text) == ("completed", 1.0, "")
+    assert (tmp_path / "run" / first.bag / "metadata.yaml").exists()
+    assert first.digest == second.digest
+
+
+def test_a_system_that_dies_is_a_verdict_with_its_last_lines(flight):
+    outcome = flight("dies")
+    assert outcome.ending == "died"
+    assert "exit code 3" in outcome.text
+    assert "the supervisor dies" in outcome.text
+    assert outcome.reached == 0.4
+    # What held until then proves nothing.
+    assert outcomes(outcome) == {
+        "system under test": FAILED,
+        "force": UNDECIDED,
+        "heartbeat": outcomes(outcome)["heartbeat"],
+    }
+    assert outcomes(outcome)["heartbeat"] != PASSED
+
+
+@pytest.mark.parametrize(("how", "ending"), [("hangs", "silent"), ("lags", "late")])
+def test_a_system_that_does_not_answer_in_time_is_a_verdict(flight, how, ending):
+    outcome = flight(how, patience=2.0)
+    assert outcome.ending == ending
+    assert "no answer for 0.400 s of simulation time within 2 s" in outcome.text
+    assert outcomes(outcome)["system under test"] == FAILED
+
+
+def test_a_run_that_takes_too_long_ends_as_late(flight):
+    outcome = flight("works", limit=1e-3)
+    assert outcome.ending == "late"
+    assert "after 0.001 s" in outcome.text
+
+
+def test_a_system_that_cannot_start_is_a_verdict(flight):
+    outcome = flight("works --ros-args --log-level nonsense")
+    assert outcome.ending == "died"
+    assert "nonsense" in outcome.text
+
+
+def test_a_drill_that_fails_says_nothing_about_the_system(flight, pool):
+    flight("works")
+    (drill,) = [drill for _, drill in pool._idle]
+    step = drill.step
+
+    def fail(seconds):
+        drill._process.process.kill()
+        return step(seconds)
+
+    drill.step = fail
+    outcome = flight("works")
+    assert outcome.ending == "broken"
+    assert outcomes(outcome) == {"system under test": UNDECIDED}
+    until(lambda: not drill.alive)
+    assert flight("works").ending == "completed"  # with a new drill
