@@ -59,5 +59,7 @@ setup(
             "recorder = rpud_sim.cli.executables:recorder",
             "replayer = rpud_sim.cli.executables:replayer",
         ],
+        # Fixtures for tests with a drill, in every run of pytest where this package is installed.
+        "pytest11": ["rpud_sim = rpud_sim.testing.plugin"],
     },
 )

@@ -18,11 +18,17 @@ class StartError(RuntimeError):
     """Start of ROS that is not possible as requested; the message is one line."""
 
 
-def start_ros(arguments: Sequence[str] = ()) -> None:
+def start_ros(
+    arguments: Sequence[str] = (),
+    context: rclpy.Context | None = None,
+    domain_id: int | None = None,
+) -> None:
     """Initialize rclpy without signal handlers of its own: `StopRequest` has them.
 
     Args:
         arguments: command line with ROS arguments.
+        context: to initialize; None for the default one.
+        domain_id: ROS domain; None for that of the environment.
 
     Raises:
         StartError: if rcl cannot start with the arguments, or if DDS-Security is requested and
@@ -40,7 +46,12 @@ def start_ros(arguments: Sequence[str] = ()) -> None:
         reason = str(error).partition(", at ")[0]
         raise StartError(f"ROS arguments that cannot be used: {reason}") from error
     try:
-        rclpy.init(args=list(arguments), signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(
+            args=list(arguments),
+            context=context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
     except RuntimeError as error:  # RCLError
         raise StartError(f"ROS cannot start: {' '.join(str(error).split())}") from error
 

@@ -127,6 +127,7 @@ class Account:
             lag=timing.lag,
         )
         status = run.status(state, bookkeeping)
+        self._publishers.publish([status])
         self._last = Report(
             time=run.time,
             status=status[2],
@@ -137,8 +138,9 @@ class Account:
             scheduling=self.scheduling,
             timing=timing,
             figures=figures,
+            published=self._publishers.published,
+            subscribers=self._publishers.subscribers(),
         )
-        self._publishers.publish([status])
         self._publishers.publish_diagnostics(
             report_to_diagnostics(
                 self._last,

@@ -7,6 +7,7 @@ from concurrent.futures import Future
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacer import Pacer, schedule_thread
@@ -129,11 +130,20 @@ class PacedRun:
         self._publishers.send(each for each in messages if each[0] in _STREAMS)
         for refusal in self._run.simulation.drain_refusals():
             self._logger.warning(refusal)
+        due = self._report_due(until)
         step = self.time_control.complete_step(until)
-        if changed or step is not None or self._account.due():
+        if changed or step is not None or due:
             self.report()
         if step is not None:
             step.set_result(until)
+
+    def _report_due(self, time: int) -> bool:
+        """Return whether a report is due by itself at the end of a block.
+
+        In a step it is at every second of simulation time: what is published must not depend on
+        the speed of the machine.
+        """
+        return time % SECOND == 0 if self.time_control.stepping else self._account.due()
 
     def _apply_commands(self) -> bool:
         """Let waiting commands act; return whether anything changed that the status shows."""
@@ -148,5 +158,7 @@ class PacedRun:
             self.report()
         now = time.monotonic()
         if now >= self._clock_due:
+            if self._publishers.subscribers_changed():  # a test waits for the node that it tests
+                self.report()
             self._publishers.publish_clock(self._run.origin + self._run.time)
             self._clock_due = now + _STANDSTILL_PERIOD

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -47,6 +47,8 @@ class DrillPublishers:
         self._node = node
         self._dropped = 0
         self._unacknowledged = Counter[str]()
+        self._published = Counter[str]()
+        self._known_subscribers: Mapping[str, int] = {}
         self.sent = sent
         self.patient = False
         topics = {**TOPICS, **({"/clock": CLOCK} if publish_clock else {})}
@@ -67,6 +69,23 @@ class DrillPublishers:
     def unheard(self) -> list[str]:
         """Topics of the node's namespace that have no subscriber."""
         return [name for name in TOPICS if not self._is_heard(name)]
+
+    @property
+    def published(self) -> Mapping[str, int]:
+        """Messages of each topic of the node's namespace since its publisher exists.
+
+        The middleware numbers messages alike: a subscriber can tell what it still lacks.
+        """
+        return {name: self._published[name] for name in TOPICS}
+
+    def subscribers(self) -> dict[str, int]:
+        """Return the number of subscriptions that each topic of the node's namespace reaches."""
+        return {name: self._publishers[name].get_subscription_count() for name in TOPICS}
+
+    def subscribers_changed(self) -> bool:
+        """Return whether their numbers differ from those at the last call."""
+        before, self._known_subscribers = self._known_subscribers, self.subscribers()
+        return self._known_subscribers != before
 
     def wanted(self, topic: str) -> bool:
         """Return whether to publish a topic: it has a subscriber, or messages are counted."""
@@ -121,6 +140,7 @@ class DrillPublishers:
             if self.sent is not None:
                 self.sent[name] += 1
             self._unacknowledged[name] += 1
+            self._published[name] += 1
             if self.patient and name in TOPICS and TOPICS[name].complete:
                 self._await(name)
         except RuntimeError:  # RCLError: the middleware did not accept it

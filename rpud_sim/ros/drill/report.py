@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -29,6 +30,8 @@ class Report:
         scheduling: how the system schedules the pacing thread.
         timing: punctuality of the blocks.
         figures: of the interval since the report before.
+        published: messages by topic, the status of this report among them.
+        subscribers: by topic.
     """
 
     time: int
@@ -40,6 +43,8 @@ class Report:
     scheduling: str
     timing: Timing
     figures: Figures
+    published: Mapping[str, int]
+    subscribers: Mapping[str, int]
 
 
 def report_to_diagnostics(
@@ -106,6 +111,14 @@ def report_to_diagnostics(
                     "namesakes": report.namesakes,
                 },
             ),
+            _diagnostic(
+                f"{node_name}: messages",
+                *_message_health(counts),
+                {
+                    "published": _numbers(report.published),
+                    "subscribers": _numbers(report.subscribers),
+                },
+            ),
         ],
     )
 
@@ -124,6 +137,16 @@ def _drill_health(report: Report) -> tuple[bytes, str]:
     if faults := report.status["active_faults"]:
         return DiagnosticStatus.WARN, f"{faults} faults injected"
     return DiagnosticStatus.OK, report.status["state"]
+
+
+def _message_health(counts: Bookkeeping) -> tuple[bytes, str]:
+    if counts.messages_dropped:
+        return DiagnosticStatus.WARN, f"{counts.messages_dropped} dropped"
+    return DiagnosticStatus.OK, "none dropped"
+
+
+def _numbers(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
 def _diagnostic(name: str, level: bytes, text: str, values: dict[str, object]) -> DiagnosticStatus:

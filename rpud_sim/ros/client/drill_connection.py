@@ -1,0 +1,217 @@
+"""Connection of a client to one drill: how to find it, call it, and wait for its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+from rpud_msgs.msg import Drive, Status, WeightOnBit
+from rpud_msgs.srv import (
+    ClearFault,
+    GetSimulationState,
+    InjectFault,
+    ListFaults,
+    ResetSimulation,
+    RunToTime,
+    SetSimulationState,
+    StepSimulation,
+)
+from std_srvs.srv import SetBool
+
+from rpud_sim.ros.client.arguments import SECONDS
+from rpud_sim.ros.client.confirmation import Confirmation
+from rpud_sim.ros.client.drill_search import no_drill
+from rpud_sim.ros.client.drill_watch import DrillWatch
+from rpud_sim.ros.client.errors import NoAnswerError, NoDrillError, RefusedError
+from rpud_sim.ros.client.listening_node import ListeningNode
+from rpud_sim.ros.client.topic_lookup import listening_qos, types_of_topic
+from rpud_sim.ros.types import message_class
+
+_COMMANDS = {"weight_on_bit": WeightOnBit, "drive": Drive}
+_COMMAND_DEPTH = 100
+_SERVICES = {
+    "inject_fault": InjectFault,
+    "clear_fault": ClearFault,
+    "list_faults": ListFaults,
+    "engage": SetBool,
+    "simulation/set_state": SetSimulationState,
+    "simulation/step": StepSimulation,
+    "simulation/run_to": RunToTime,
+    "simulation/reset": ResetSimulation,
+}
+
+Value = TypeVar("Value")
+
+
+class DrillConnection:
+    """Publishers, clients and subscriptions of one drill.
+
+    Attributes:
+        listening: node of the client.
+        watch: what the drill says.
+
+    Args:
+        namespace: of the drill.
+        domain_id: ROS domain; None for that of the environment.
+        node_name: name of the client's node.
+        patience: time limit for each answer [s].
+
+    Raises:
+        StartError: if ROS or the node cannot start.
+        ParameterError: if the patience is not a duration.
+    """
+
+    def __init__(
+        self, namespace: str, domain_id: int | None, node_name: str, patience: float
+    ) -> None:
+        self._patience = float(SECONDS.check("patience", patience))
+        self.listening = ListeningNode(node_name, namespace, domain_id)
+        self.watch = DrillWatch(self.listening)
+        self._found = False
+        self._publishers: dict[str, Publisher] = {
+            name: self.node.create_publisher(kind, f"command/{name}", _COMMAND_DEPTH)
+            for name, kind in _COMMANDS.items()
+        }
+        self._clients = {
+            name: self.node.create_client(kind, name) for name, kind in _SERVICES.items()
+        }
+
+    @property
+    def node(self) -> Node:
+        """Node of the client."""
+        return self.listening.node
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of the drill."""
+        return str(self.node.get_namespace())
+
+    @property
+    def status(self) -> Status:
+        """Latest status of the drill."""
+        self.find()
+        assert self.watch.status is not None  # a drill that is found has one
+        return self.watch.status
+
+    def find(self, patience: float | None = None) -> None:
+        """Wait until the drill is found, has published its status and hears commands.
+
+        Args:
+            patience: time limit [s]; None for that of the connection.
+
+        Raises:
+            NoDrillError: if there is no such drill, or more than one.
+            NoAnswerError: if it does not answer.
+        """
+        if self._found:
+            return
+        patience = self._patience if patience is None else float(patience)
+        services = [self._clients[name] for name in _SERVICES]
+        try:
+            self.listening.until(
+                lambda: all(client.service_is_ready() for client in services), patience, ""
+            )
+        except NoAnswerError:
+            domain = self.listening.domain_id
+            raise NoDrillError(no_drill(self.node, self.namespace, domain, patience)) from None
+        self._introduce(patience)
+        publishers = self._publishers.values()
+        try:
+            self.listening.until(
+                lambda: self.watch.status and all(p.get_subscription_count() for p in publishers),
+                patience,
+                "",
+            )
+        except NoAnswerError:
+            raise NoDrillError(
+                f"the drill in {self.namespace} published no status within {patience:g} s: it is "
+                "still starting, or waits for the transition configure"
+            ) from None
+        self.watch.check_alone()
+        self._found = True
+
+    def until(
+        self, condition: Callable[[], Value], what: str, patience: float | None = None
+    ) -> Value:
+        """Take messages until a condition holds, and return its value.
+
+        Raises:
+            NoAnswerError: if it does not hold within the patience [s].
+        """
+        limit = self._patience if patience is None else float(patience)
+        return self.listening.until(condition, limit, what)
+
+    def command(
+        self, name: str, message: Any, values: Mapping[str, Any], shown: Mapping[str, Any]
+    ) -> None:
+        """Publish a command, and wait until the drill has accepted it.
+
+        Args:
+            name: ``weight_on_bit`` or ``drive``.
+            message: the command.
+            values: fields of it that the journal will show.
+            shown: the same values by the fields of the status.
+
+        Raises:
+            RefusedError: if the drill refuses it.
+        """
+        confirmation = Confirmation(name, values, shown, self.status)
+        self._publishers[name].publish(message)
+        reason = self.watch.confirm(confirmation, self._patience)
+        if reason is not None:
+            raise RefusedError(reason)
+
+    def call(self, name: str, request: Any, repeat: bool = False) -> Any:
+        """Call a service of the drill and return its response.
+
+        Args:
+            name: of the service.
+            request: of its type.
+            repeat: whether to send it again each second; not if it must act only once.
+
+        Raises:
+            NoAnswerError: if the drill does not answer, and publishes no status either.
+        """
+        self.find()
+        return self.listening.call(
+            self._clients[name], request, self._patience, lambda: self.watch.statuses, repeat
+        )
+
+    def call_node(self, name: str, kind: Any, request: Any) -> Any:
+        """Call a service that every node has, such as ``list_parameters``, repeatedly if needed."""
+        self.find()
+        full_name = f"{self.watch.publishers[0]}/{name}"
+        if full_name not in self._clients:
+            self._clients[full_name] = self.node.create_client(kind, full_name)
+            self._introduce(self._patience)
+        return self.call(full_name, request, repeat=True)
+
+    def listen(self, topic: str, kind: Any, qos: QoSProfile | None) -> list[Any]:
+        """Subscribe to a topic, and return the list that its messages are added to."""
+        self.find()
+        name = self.node.resolve_topic_name(topic)
+        if kind is None:
+            types = self.until(lambda: types_of_topic(self.node, name), f"nobody published {name}")
+            kind = message_class(types[0])
+        if qos is None:
+            offers = [each.qos_profile for each in self.node.get_publishers_info_by_topic(name)]
+            qos = listening_qos(offers)
+        heard: list[Any] = []
+        self.listening.subscribe(kind, name, heard.append, qos)
+        self._introduce(self._patience)
+        return heard
+
+    def _introduce(self, patience: float) -> None:
+        """Wait until the drill has discovered all subscriptions and clients of this node.
+
+        Discovery tells of them in the order in which they were made: an answer to the last one
+        shows that the drill knows all. Otherwise it could drop a response or the first messages.
+        """
+        last = self.node.create_client(GetSimulationState, "simulation/get_state")
+        try:
+            self.listening.call(last, GetSimulationState.Request(), patience, repeat=True)
+        finally:
+            self.node.destroy_client(last)

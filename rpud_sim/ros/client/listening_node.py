@@ -1,0 +1,177 @@
+"""Node of a client, with a context and an executor of its own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, TypeVar
+
+import rclpy
+from rclpy.client import Client
+from rclpy.exceptions import NameValidationException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
+
+from rpud_sim.ros.client.errors import NoAnswerError
+from rpud_sim.ros.serving import raised
+from rpud_sim.ros.starting import name_error, start_ros
+
+_WITH_INFO = Subscription.CallbackType.WithMessageInfo
+_POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
+_REPETITION = 1.0  # of a request that may be repeated [s]
+
+Value = TypeVar("Value")
+
+
+class ListeningNode:
+    """Node that hears messages while its owner waits for something.
+
+    Messages and responses are taken only inside `until`, `call` and `settle`, by the thread that
+    calls them. Other contexts of the process are not touched.
+
+    Args:
+        name: of the node.
+        namespace: of the node.
+        domain_id: ROS domain; None for that of the environment.
+
+    Raises:
+        StartError: if ROS or the node cannot start.
+    """
+
+    def __init__(self, name: str, namespace: str, domain_id: int | None = None) -> None:
+        self._subscriptions: list[Subscription] = []
+        self._context = rclpy.Context()
+        start_ros(context=self._context, domain_id=domain_id)
+        try:
+            self.node = rclpy.create_node(
+                name,
+                namespace=namespace,
+                context=self._context,
+                use_global_arguments=False,
+                enable_rosout=False,
+                start_parameter_services=False,
+            )
+        except NameValidationException as error:
+            rclpy.shutdown(context=self._context)
+            raise name_error(error) from error
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+
+    def __enter__(self) -> ListeningNode:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def domain_id(self) -> int:
+        """The ROS domain."""
+        return int(self._context.get_domain_id())
+
+    def close(self) -> None:
+        """Leave the graph."""
+        if self._context.ok():
+            self._executor.shutdown()
+            self.node.destroy_node()
+            rclpy.shutdown(context=self._context)
+
+    def subscribe(
+        self,
+        kind: Any,
+        topic: str,
+        heard: Callable[..., None],
+        qos: QoSProfile,
+        **options: Any,
+    ) -> Subscription:
+        """Call ``heard`` with each message of a topic, and with its info if it takes two."""
+        subscription = self.node.create_subscription(kind, topic, heard, qos, **options)
+        self._subscriptions.append(subscription)
+        return subscription
+
+    def spin(self, seconds: float) -> None:
+        """Take the next message, or return after some seconds without any."""
+        try:
+            self._executor.spin_once(timeout_sec=seconds)
+        except RuntimeError as error:  # rclpy raises it at a malformed message of a stranger
+            self.node.get_logger().warning(raised(error))
+
+    def settle(self) -> None:
+        """Take all messages that have arrived."""
+        # An executor returns also where others than messages woke it.
+        for subscription in self._subscriptions:
+            try:
+                with subscription.handle:
+                    take = subscription.handle.take_message
+                    while taken := take(subscription.msg_type, subscription.raw):
+                        with_info = subscription._callback_type is _WITH_INFO
+                        subscription.callback(*(taken if with_info else taken[:1]))
+            except RuntimeError as error:
+                self.node.get_logger().warning(raised(error))
+
+    def until(self, condition: Callable[[], Value], patience: float, what: str) -> Value:
+        """Take messages until a condition holds, and return its value.
+
+        Args:
+            condition: looked at after each message, and 50 times a second.
+            patience: time limit [s].
+            what: sentence for the error.
+
+        Raises:
+            NoAnswerError: if it does not hold within the time limit.
+        """
+        deadline = time.monotonic() + patience
+        while not (value := condition()):
+            if time.monotonic() >= deadline:
+                raise NoAnswerError(f"{what} within {patience:g} s")
+            self.spin(_POLL_PERIOD)
+        return value
+
+    def call(
+        self,
+        client: Client,
+        request: Any,
+        patience: float,
+        signs: Callable[[], object] = lambda: None,
+        repeat: bool = False,
+    ) -> Any:
+        """Call a service and return its response.
+
+        Args:
+            client: of the service.
+            request: of its type.
+            patience: time without a response and without a new sign of life [s].
+            signs: returns another value after each sign of life of the server: some requests take
+                long.
+            repeat: whether to send it again each second: the server drops a response for a client
+                that it has not discovered yet. Not for a request that must act only once.
+
+        Raises:
+            NoAnswerError: if there is no response.
+        """
+        service = client.srv_name
+        self.until(client.service_is_ready, patience, f"service {service} did not appear")
+        futures = [client.call_async(request)]
+        quiet_since = sent = time.monotonic()
+        seen = signs()
+        try:
+            while not any(future.done() for future in futures):
+                self.spin(_POLL_PERIOD)
+                now = time.monotonic()
+                if (sign := signs()) != seen:
+                    seen, quiet_since = sign, now
+                if now - quiet_since >= patience:
+                    raise NoAnswerError(f"service {service} did not answer within {patience:g} s")
+                if repeat and now - sent >= _REPETITION:
+                    futures.append(client.call_async(request))
+                    sent = now
+            return next(future.result() for future in futures if future.done())
+        finally:
+            for future in futures:
+                client.remove_pending_request(future)

@@ -1,0 +1,129 @@
+"""Answers that the nodes under test have declared: one step is over when all have come."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.testing.collector import Collector
+from rpud_sim.testing.heard_topic import HeardTopic
+from rpud_sim.testing.introduction import Introduction
+
+
+@dataclasses.dataclass
+class _Answer:
+    name: str
+    kind: str
+    count: int
+    topic: HeardTopic | None = None
+    begun: int = 0  # messages before the step
+
+
+class Answers:
+    """Declared answers of the nodes under test.
+
+    An answer to a step has the stamp that the step has reached, or a later one. A message without
+    a stamp answers if it comes after the step has begun.
+
+    Args:
+        collector: of the messages.
+    """
+
+    def __init__(self, collector: Collector) -> None:
+        self._collector = collector
+        self._answers: list[_Answer] = []
+        self._introductions: dict[str, Introduction] = {}
+        self._dead: set[bytes] = set()  # publishers of ended processes that are still remembered
+        self.period = 0
+        """Simulation time between two answers [ns]; 0 without answers."""
+        self.timeout = 0.0
+        """Longest real time for the answers to one step [s]."""
+
+    @property
+    def declared(self) -> bool:
+        """Whether any answer is declared."""
+        return bool(self._answers)
+
+    @property
+    def names(self) -> list[str]:
+        """Absolute names of the topics."""
+        return [answer.name for answer in self._answers]
+
+    def declare(self, names: tuple[str, ...], kind: str, count: int) -> None:
+        """Declare topics with answers, in place of those before."""
+        resolve = self._collector.resolve
+        self._answers = [_Answer(resolve(name), kind, count) for name in names]
+
+    def connect(self) -> bool:
+        """Subscribe as far as publishers are there; return whether all of them know it."""
+        for answer in self._answers:
+            if answer.topic is None:
+                answer.topic = self._collector.subscribe(answer.name, answer.kind)
+        living = [self._publishers(answer) for answer in self._answers]
+        if not all(living):
+            return False
+        for name in {name for names in living for name in names.values()}:
+            if name not in self._introductions:
+                self._introductions[name] = Introduction(self._collector.node, name)
+        waiting = [each for each in self._introductions.values() if not each.done()]
+        return not waiting
+
+    def part(self) -> None:
+        """Forget the nodes that have answered until now: others take their places.
+
+        The middleware remembers a killed process for up to 20 s.
+        """
+        for answer in self._answers:
+            self._dead.update(self._publishers(answer))
+        for introduction in self._introductions.values():
+            introduction.close()
+        self._introductions.clear()
+
+    def begin(self) -> None:
+        """Begin a step: what has come until now is no answer to it."""
+        for answer in self._answers:
+            answer.begun = len(answer.topic) if answer.topic else 0
+
+    def missing(self, stamp: int) -> list[str]:
+        """Return a phrase for each topic that has not answered for a stamp [ns]."""
+        return [
+            self._lack(answer, stamp) for answer in self._answers if not _answered(answer, stamp)
+        ]
+
+    def late(self, stamp: int) -> bool:
+        """Return whether what is missing has come at all since the step began."""
+        return any(
+            answer.topic is not None and len(answer.topic) > answer.begun
+            for answer in self._answers
+            if not _answered(answer, stamp)
+        )
+
+    def _publishers(self, answer: _Answer) -> dict[bytes, str]:
+        """Return the living publishers, by their identifiers, with the names of their nodes."""
+        if answer.topic is None or not answer.topic.subscription.get_publisher_count():
+            return {}
+        found = {
+            bytes(each.endpoint_gid): f"{each.node_namespace.rstrip('/')}/{each.node_name}"
+            for each in self._collector.node.get_publishers_info_by_topic(answer.name)
+        }
+        return {gid: name for gid, name in found.items() if gid not in self._dead}
+
+    def _lack(self, answer: _Answer, stamp: int) -> str:
+        topic = answer.topic
+        if topic is None:
+            return f"{answer.name}, which nobody publishes"
+        if not len(topic):
+            return f"{answer.name}, which has published nothing"
+        if not topic.stamped:
+            return f"{answer.name}: {len(topic) - answer.begun} of {answer.count} messages"
+        return f"{answer.name}, whose last answer is for {topic.stamps[-1] / SECOND:.3f} s"
+
+
+def _answered(answer: _Answer, stamp: int) -> bool:
+    topic = answer.topic
+    if topic is None:
+        return False
+    since = topic.stamps[answer.begun :]
+    if topic.stamped:
+        since = [each for each in since if each >= stamp]
+    return len(since) >= answer.count

@@ -1,0 +1,214 @@
+"""Collector of what the drill and the nodes under test publish, without an executor."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.client.topic_lookup import LISTENING_DEPTH, listening_qos, types_of_topic
+from rpud_sim.ros.types import message_class
+from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.testing.heard_topic import HeardTopic
+
+STREAMS = ("waveform", "trajectory")
+"""Topics that are heard on request alone: they are large."""
+
+COMMANDS: Mapping[str, str] = {
+    "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
+    "command/drive": "rpud_msgs/msg/Drive",
+}
+_LONGEST_WAIT = 0.05  # between looks at processes, whose end wakes nobody [s]
+_DIAGNOSTICS = QoSProfile(depth=100)
+
+
+class Collector:
+    """Node that keeps every message of the topics it has subscribed to.
+
+    Taking messages by hand costs a tenth of what an executor costs, which would be most of a step.
+
+    Attributes:
+        time: of the drill, for messages without a stamp [ns].
+        published: by topic, number of the drill's latest message, as the drill says.
+        subscribers: by topic, number of subscriptions that the drill reaches, as it says.
+
+    Args:
+        context: of ROS.
+        namespace: of the drill.
+        drill_name: full name of the drill's node.
+    """
+
+    def __init__(self, context: rclpy.Context, namespace: str, drill_name: str) -> None:
+        self.time = 0
+        self.published: Mapping[str, int] = {}
+        self.subscribers: Mapping[str, int] = {}
+        self._context = context
+        self._source = f"{drill_name}: messages"
+        self.node = rclpy.create_node(
+            "drill_test",
+            namespace=namespace,
+            context=context,
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._topics: dict[str, HeardTopic] = {}
+        self._wait_set: Any = None
+        self._diagnostics = HeardTopic(self.node, "/diagnostics", DiagnosticArray, _DIAGNOSTICS)
+        for name in TOPICS:
+            if name not in STREAMS:
+                self.subscribe(name, TOPICS[name].type)
+        for name, kind in COMMANDS.items():
+            self.subscribe(name, kind)
+        self._always = set(self._topics)
+
+    @property
+    def topics(self) -> Mapping[str, HeardTopic]:
+        """Topics by absolute name."""
+        return self._topics
+
+    def resolve(self, name: str) -> str:
+        """Return the absolute name of a topic; a relative one is of the drill's namespace."""
+        return str(self.node.resolve_topic_name(name))
+
+    def own(self, name: str) -> HeardTopic:
+        """Return a topic of the drill by its relative name."""
+        return self._topics[self.resolve(name)]
+
+    def subscribe(self, name: str, kind: str = "") -> HeardTopic | None:
+        """Subscribe to a topic, and return it; None if nobody publishes it and it has no type.
+
+        Args:
+            name: relative or absolute.
+            kind: name of its type; that of its publisher if empty.
+        """
+        absolute = self.resolve(name)
+        if absolute in self._topics:
+            return self._topics[absolute]
+        offers = [each.qos_profile for each in self.node.get_publishers_info_by_topic(absolute)]
+        own = TOPICS.get(name)
+        if not kind:
+            types = types_of_topic(self.node, absolute)
+            if not types:
+                return None
+            kind = types[0]
+        qos = listening_qos(offers) if own is None else _qos_of(own.latched)
+        topic = HeardTopic(
+            self.node,
+            absolute,
+            message_class(kind),
+            qos,
+            numbered=own is not None,
+            changes=name == "status",
+        )
+        self._topics[absolute] = topic
+        self._wait_set = None
+        return topic
+
+    def take(self) -> bool:
+        """Take what has arrived, and return whether it was anything."""
+        taken = False
+        for topic in self._topics.values():
+            taken |= topic.take(self.time)
+        if self._diagnostics.take(self.time):
+            self._read_diagnostics()
+            taken = True
+        return taken
+
+    def until(
+        self,
+        condition: Callable[[], object],
+        seconds: float,
+        check: Callable[[], object],
+        period: float = _LONGEST_WAIT,
+    ) -> bool:
+        """Take messages until a condition holds; return whether it does within real time.
+
+        Args:
+            condition: looked at after each message and each period.
+            seconds: longest real time.
+            check: called as often; may raise an error.
+            period: longest time between two looks [s].
+        """
+        deadline = time.monotonic() + seconds
+        self.take()
+        while not condition():
+            check()
+            remaining = deadline - time.monotonic()
+            if remaining <= 0.0:
+                return False
+            self.wait(min(remaining, period))
+            self.take()
+        return True
+
+    def wait(self, seconds: float) -> None:
+        """Wait until a message is there, at most for some seconds."""
+        handles = [topic.subscription.handle for topic in self._all()]
+        if self._wait_set is None:
+            self._wait_set = rclpy_implementation.WaitSet(
+                len(handles), 0, 0, 0, 0, 0, self._context.handle
+            )
+        self._wait_set.clear_entities()
+        for handle in handles:
+            self._wait_set.add_subscription(handle)
+        self._wait_set.wait(round(seconds * SECOND))
+
+    def missing(self) -> dict[str, int]:
+        """Return how many messages of each topic the drill has published and are not here yet."""
+        missing = {}
+        for name, number in self.published.items():
+            topic = self._topics.get(self.resolve(name))
+            if topic is not None and (topic.number or 0) < number:
+                missing[name] = number - (topic.number or 0)
+        return missing
+
+    def forget(self) -> None:
+        """Forget everything before the reset that the drill has just done.
+
+        Of latched topics the last message stays, and of the journal what follows the beginning.
+        """
+        for name in set(self._topics) - self._always:
+            self._topics.pop(name).close()
+            self._wait_set = None
+        journal = self.resolve("journal")
+        for name, topic in self._topics.items():
+            if name == journal:
+                kinds = [entry.kind for entry in topic.messages()]
+                begun = [index for index, kind in enumerate(kinds) if kind == "begin"]
+                topic.forget(begun[-1] if begun else len(topic))
+            else:
+                topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._wait_set = None
+        self.node.destroy_node()
+
+    def _all(self) -> list[HeardTopic]:
+        return [*self._topics.values(), self._diagnostics]
+
+    def _read_diagnostics(self) -> None:
+        for payload in self._diagnostics.payloads:
+            for status in deserialize_message(payload, DiagnosticArray).status:
+                if status.name == self._source:
+                    values = {each.key: each.value for each in status.values}
+                    self.published = _numbers(values["published"])
+                    self.subscribers = _numbers(values["subscribers"])
+        self._diagnostics.forget(len(self._diagnostics))
+
+
+def _numbers(text: str) -> dict[str, int]:
+    pairs = (pair.split() for pair in text.split(", "))
+    return {name: int(number) for name, number in pairs}
+
+
+def _qos_of(latched: bool) -> QoSProfile:
+    durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+    return QoSProfile(depth=LISTENING_DEPTH, durability=durability)

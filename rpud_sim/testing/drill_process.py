@@ -1,0 +1,78 @@
+"""Process of a drill in lockstep, in a ROS domain of its own."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rpud_sim.testing.domains import DomainClaim, loopback_environment
+from rpud_sim.testing.processes import ChildProcess
+
+LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
+"""Parameters of every drill of a test: time stands still between steps, and begins at zero."""
+
+NO_FAULTS = "faults: []\n"
+_PROGRAM = "from rpud_sim.cli.executables import drill_node; drill_node()"
+
+
+class DrillProcess:
+    """Drill node that has just been started, in a domain that it has claimed.
+
+    It reads its scenario anew at each reset: a file that the owner may write before.
+
+    Args:
+        parameters: of the drill, checked.
+        namespace: of its node.
+    """
+
+    def __init__(self, parameters: Mapping[str, Any], namespace: str) -> None:
+        self.namespace = namespace
+        self.folder = Path(tempfile.mkdtemp(prefix="rpud_drill_"))
+        self._claim = DomainClaim()
+        self.scenario = self.folder / "scenario.yaml"
+        self.scenario.write_text(NO_FAULTS)
+        values = {**parameters, **LOCKSTEP, "scenario": str(self.scenario)}
+        file = self.folder / "parameters.yaml"
+        file.write_text(yaml.safe_dump({"/**": {"ros__parameters": _to_ros(values)}}))
+        self.environment = {
+            **loopback_environment(self._claim.domain),
+            "ROS_LOG_DIR": str(self.folder / "log"),
+            "PYTHONUNBUFFERED": "1",
+        }
+        self.process = ChildProcess(
+            "drill",
+            (
+                *(sys.executable, "-c", _PROGRAM, "--ros-args"),
+                *("-r", f"__ns:={namespace}", "--params-file", str(file)),
+            ),
+            self.environment,
+            self.folder / "drill.log",
+            self.folder,
+        )
+
+    @property
+    def domain(self) -> int:
+        """The ROS domain."""
+        return self._claim.domain
+
+    def stop(self) -> None:
+        """End it, and leave the domain to others."""
+        self.process.send(2)
+        self.process.wait(3.0)
+        self.process.kill()
+        self._claim.release()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _to_ros(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters as the node declares them: every number is a floating-point number."""
+    return {
+        name: float(value) if isinstance(value, int) and not isinstance(value, bool) else value
+        for name, value in values.items()
+    }

@@ -1,0 +1,26 @@
+"""Errors of a test with a drill. No ROS, so that the plugin can name them."""
+
+from __future__ import annotations
+
+
+class DrillError(RuntimeError):
+    """A drill that does not start, or has ended; the text has its last lines."""
+
+
+class LostMessagesError(AssertionError):
+    """Messages that the drill has published and the test has not got."""
+
+
+class SystemUnderTestError(AssertionError):
+    """A process under test that died, hangs, or answers late.
+
+    Args:
+        name: of the process, or of the topic on which an answer is missing.
+        kind: ``died``, ``silent`` or ``late``.
+        text: the whole verdict, with the last lines of output.
+    """
+
+    def __init__(self, name: str, kind: str, text: str) -> None:
+        super().__init__(text)
+        self.name = name
+        self.kind = kind

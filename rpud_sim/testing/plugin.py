@@ -1,0 +1,156 @@
+"""Plugin of pytest: drills in lockstep as fixtures, and what a failing test leaves behind.
+
+Fixtures: ``drill``, ``drill_factory``, ``recording``. Mark: ``rpud``. Options:
+``--rpud-artefacts DIR``, ``--rpud-keep``. pytest loads this module in every run, so it imports
+nothing heavy before a fixture or the mark is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from rpud_sim.testing.drill import Drill
+    from rpud_sim.testing.pool import DrillPool
+    from rpud_sim.testing.recording import Recording
+
+_MARK = (
+    "rpud(config=FILE, faults=FILE_OR_LIST, seed=N, namespace=NAME, **parameters): drill of the "
+    "test: a ROS parameter file, faults that begin by themselves, a seed, and parameters by name."
+)
+
+
+class _Stash:
+    """Keys of what the plugin keeps at pytest's objects."""
+
+    drills = pytest.StashKey[list[Any]]()
+    error = pytest.StashKey[str]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Declare the options."""
+    group = parser.getgroup("rpud_sim", "tests with a drill in lockstep")
+    group.addoption(
+        "--rpud-artefacts",
+        metavar="DIR",
+        default="rpud-artefacts",
+        help="folder for the bag, the report, commands, output and versions of each failing test "
+        "with a drill (default: %(default)s)",
+    )
+    group.addoption(
+        "--rpud-keep",
+        action="store_true",
+        help="leave the same of each passing test with a drill",
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Declare the mark."""
+    config.addinivalue_line("markers", _MARK)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Check the marks of all selected tests before anything starts."""
+    errors = []
+    for item in session.items:
+        if item.get_closest_marker("rpud") is None:
+            continue
+        from rpud_sim.foundation.quantities import ParameterError
+
+        try:
+            _setup_of(item)
+        except ParameterError as error:
+            item.stash[_Stash.error] = f"mark rpud: {error}"
+            errors.append(f"{item.nodeid}: mark rpud: {error}")
+    # A worker of xdist could not say it: there the test itself fails, before its drill starts.
+    if errors and not hasattr(session.config, "workerinput"):
+        raise pytest.UsageError(*errors)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
+    """Leave the artefacts of a test whose drill still is as it was when the test failed."""
+    outcome = yield  # type: ignore[misc]
+    report = outcome.get_result()  # type: ignore[attr-defined]
+    drills = item.stash.get(_Stash.drills, [])
+    keep = item.config.getoption("rpud_keep") and report.when == "call"
+    if not drills or not (report.failed or keep):
+        return
+    from rpud_sim.testing.artefacts import leave_artefacts
+
+    folder = Path(item.config.rootpath, item.config.getoption("rpud_artefacts"))
+    artefacts = leave_artefacts(folder, item.nodeid, drills, report.longreprtext)
+    item.user_properties.extend(artefacts.properties)
+    report.user_properties.extend(artefacts.properties)
+    if hasattr(report.longrepr, "addsection"):
+        report.longrepr.addsection("rpud_sim", artefacts.text)
+    else:
+        report.sections.append(("rpud_sim", artefacts.text))
+
+
+@pytest.fixture(scope="session")
+def _rpud_pool() -> Iterator[DrillPool]:
+    from rpud_sim.testing.pool import DrillPool
+
+    pool = DrillPool()
+    yield pool
+    pool.close()
+
+
+@pytest.fixture
+def drill_factory(
+    request: pytest.FixtureRequest, _rpud_pool: DrillPool
+) -> Iterator[Callable[..., Drill]]:
+    """Start further drills: ``drill_factory(weight_on_bit=20.0)``, with the options of the mark.
+
+    Each has a ROS domain of its own. The options of the test's own mark hold where they are not
+    given.
+    """
+    item = request.node
+    if _Stash.error in item.stash:
+        pytest.fail(item.stash[_Stash.error], pytrace=False)
+    drills: list[Drill] = item.stash.setdefault(_Stash.drills, [])
+
+    def make(**options: Any) -> Drill:
+        drill = _rpud_pool.take(_setup_of(item, options), item.path.parent)
+        drills.append(drill)
+        return drill
+
+    yield make
+    while drills:
+        _rpud_pool.give_back(drills.pop())
+
+
+@pytest.fixture
+def drill(drill_factory: Callable[..., Drill]) -> Drill:
+    """Drill in lockstep, at time zero, as the mark ``rpud`` describes it; see ``Drill``."""
+    return drill_factory()
+
+
+@pytest.fixture
+def recording(drill: Drill, tmp_path: Path) -> Iterator[Recording]:
+    """Record the test with the recorder; ``recording.stop()`` returns the path of the bag."""
+    from rpud_sim.testing.recording import Recording
+
+    record = Recording(drill, tmp_path / "recording")
+    yield record
+    record.stop()
+
+
+def _setup_of(item: pytest.Item, further: dict[str, Any] | None = None) -> Any:
+    """Return the drill that the marks of a test and further options describe."""
+    from rpud_sim.foundation.quantities import ParameterError
+    from rpud_sim.testing.setup import drill_setup
+
+    options: dict[str, Any] = {}
+    for mark in reversed(list(item.iter_markers("rpud"))):  # the closest one holds
+        if mark.args:
+            raise ParameterError(
+                f"{mark.args[0]!r} has no name: write rpud(config=..., faults=..., seed=...)"
+            )
+        options.update(mark.kwargs)
+    return drill_setup({**options, **(further or {})}, (item.path.parent, item.config.rootpath))

@@ -1,0 +1,122 @@
+"""Drill that a test asks for: parameters, faults and seed, checked before anything starts."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
+from rpud_sim.foundation.yaml_files import read_yaml
+from rpud_sim.simulation.conditions import check_honoured
+from rpud_sim.simulation.configuration import PARAMETERS, Configuration, to_settings
+from rpud_sim.simulation.faults import KINDS, FaultError
+from rpud_sim.simulation.parameter_files import read_parameter_file
+from rpud_sim.simulation.scenario import parse_scenario
+from rpud_sim.testing.drill_process import LOCKSTEP, NO_FAULTS
+
+NAMESPACE = "/rpud"
+_OWN = ("config", "faults", "seed", "namespace")
+_RESERVED: Mapping[str, str] = {
+    **dict.fromkeys((*LOCKSTEP, "autostart"), "a drill of a test runs in lockstep"),
+    "scenario": "give faults=...",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class DrillSetup:
+    """Drill of a test.
+
+    Args:
+        parameters: of the drill by name, without those of the lockstep, the scenario and the seed.
+        seed: of the run.
+        scenario: content of a scenario file.
+        namespace: of the node.
+    """
+
+    parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    seed: int = 0
+    scenario: str = NO_FAULTS
+    namespace: str = NAMESPACE
+
+
+def drill_setup(options: Mapping[str, Any], folders: Sequence[Path] = ()) -> DrillSetup:
+    """Return the drill that options describe.
+
+    Args:
+        options: ``config``, a ROS parameter file; ``faults``, a scenario file, or a list of kinds
+            and of entries as a scenario file has them; ``seed``; ``namespace``; and parameters of
+            the drill by name, which go before those of the file.
+        folders: in which relative paths are looked for, before the working directory.
+
+    Raises:
+        ParameterError: if an option is unknown or cannot be used; one line.
+    """
+    known = [*_OWN, *(name for name in PARAMETERS if name not in _RESERVED)]
+    for name in options:
+        if name in _RESERVED:
+            raise ParameterError(f"{name} cannot be set: {_RESERVED[name]}")
+        if name not in known:
+            raise ParameterError(
+                f"{shown_name(name)} is neither a parameter of the drill nor one of "
+                f"{', '.join(_OWN)}; {did_you_mean(name, known)}"
+            )
+    values: dict[str, Any] = {}
+    faults = options.get("faults")
+    if options.get("config") is not None:
+        file = _find(options["config"], "config", folders)
+        values = read_parameter_file(file)
+        if values.get("scenario") and faults is None:
+            faults = _find(values["scenario"], "scenario", (file.parent, *folders))
+    values.update((name, options[name]) for name in options if name not in _OWN)
+    if options.get("seed") is not None:
+        values["seed"] = options["seed"]
+    for name in _RESERVED:
+        values.pop(name, None)
+    settings = to_settings(values)
+    values.pop("seed", None)
+    scenario = NO_FAULTS if faults is None else _scenario(faults, folders, settings.configuration)
+    namespace = options.get("namespace", NAMESPACE)
+    if not (isinstance(namespace, str) and namespace.startswith("/") and namespace.strip("/")):
+        raise ParameterError(f"namespace = {shown(namespace)} is not of the form /name")
+    return DrillSetup(values, settings.seed, scenario, namespace)
+
+
+def _find(given: Any, name: str, folders: Sequence[Path]) -> Path:
+    if not isinstance(given, str | Path):
+        raise ParameterError(f"{name} = {shown(given)} is not a path")
+    places = [folder / given for folder in (*folders, Path())]
+    found = next((place for place in places if place.is_file()), None)
+    if found is None:
+        looked = ", ".join(dict.fromkeys(str(place) for place in places))
+        raise ParameterError(f"{name} = {shown(str(given))} is no file: looked for {looked}")
+    return found.resolve()
+
+
+def _scenario(faults: Any, folders: Sequence[Path], configuration: Configuration) -> str:
+    """Return the content of a scenario file, checked for a drill."""
+    if isinstance(faults, str) and faults not in KINDS and not Path(faults).suffix:
+        raise ParameterError(
+            f"faults = {shown(faults)} is neither a file nor a kind of fault; "
+            f"{did_you_mean(faults, KINDS)}"
+        )
+    if isinstance(faults, Path) or (isinstance(faults, str) and faults not in KINDS):
+        file = _find(faults, "faults", folders)
+        content = read_yaml(file, truth_values=False)
+        name = str(file)
+    else:
+        entries = [faults] if isinstance(faults, str | Mapping) else faults
+        if not isinstance(entries, list | tuple):
+            raise ParameterError(f"faults = {shown(faults)} is neither a file nor a list of faults")
+        found = [{"kind": e, "onset": 0.0} if isinstance(e, str) else e for e in entries]
+        name = "faults"
+        content = {"faults": [dict(e) if isinstance(e, Mapping) else e for e in found]}
+    for planned in parse_scenario(content, name).faults:
+        try:
+            check_honoured(planned.fault, configuration)
+        except FaultError as error:
+            raise FaultError(f"{planned.place}{error}") from None
+    return yaml.safe_dump(content)

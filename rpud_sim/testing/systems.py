@@ -1,0 +1,273 @@
+"""Processes under test: their start, their answers, and the verdict where they fail."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.testing.answers import Answers
+from rpud_sim.testing.collector import COMMANDS, Collector
+from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError
+from rpud_sim.testing.processes import ChildProcess, stop_all
+
+_START = 30.0  # that nodes may take to start which the test does not start itself [s]
+_CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
+_ACCEPTANCE = 10.0  # that a command may take to reach the drill [s]
+_POLL_PERIOD = 0.01  # between looks at the graph, whose changes wake nobody [s]
+_CALM = 0.25  # without a change of the graph, after which a node counts as complete [s]
+
+
+class SystemUnderTest(ChildProcess):
+    """Process that a test has started.
+
+    Attributes:
+        expected: whether it may end: the test has ended it.
+    """
+
+    expected = False
+
+    def stop(self) -> None:
+        """End it; that it is gone is no failure."""
+        self.expected = True
+        super().stop()
+
+    def kill(self) -> None:
+        """End it at once; that it is gone is no failure."""
+        self.expected = True
+        super().kill()
+
+
+class Systems:
+    """All processes under test of one drill.
+
+    Args:
+        collector: of the messages.
+        answers: that are declared.
+        environment: of the processes.
+    """
+
+    def __init__(
+        self, collector: Collector, answers: Answers, environment: Mapping[str, str]
+    ) -> None:
+        self._collector = collector
+        self._answers = answers
+        self._environment = environment
+        self._folder = Path(environment["ROS_LOG_DIR"]).parent
+        self._processes: list[SystemUnderTest] = []
+        self._count = 0
+
+    @property
+    def processes(self) -> tuple[SystemUnderTest, ...]:
+        """The processes, in the order of their starts."""
+        return tuple(self._processes)
+
+    def start(
+        self,
+        command: Sequence[str],
+        folder: Path | None,
+        name: str,
+        hears: Sequence[str],
+        ready: str | Callable[[], object] | None,
+        timeout: float,
+    ) -> SystemUnderTest:
+        """Start a process, and wait until it is connected; see ``Drill.start``."""
+        words = _words(command)
+        if self._ended:
+            self._answers.part()
+        before = {topic: self._subscribers(topic) for topic in hears}
+        graph = self._graph()
+        self._count += 1
+        system = SystemUnderTest(
+            name or _name_of(words),
+            words,
+            self._environment,
+            self._folder / f"system_{self._count}.log",
+            folder,
+        )
+        self._processes.append(system)
+        calm = _Calm(self._graph, graph)
+
+        def connected() -> bool:
+            if not (self._answers.connect() and self.connected()):
+                return False
+            if hears:
+                heard = all(self._subscribers(topic) - before[topic] for topic in hears)
+            else:
+                heard = calm()
+            return heard and _is_ready(system, ready)
+
+        if not self._collector.until(connected, timeout, self.check, _POLL_PERIOD):
+            raise self._failure(
+                system, "silent", f"is not connected to the drill within {timeout:g} s"
+            )
+        return system
+
+    def connected(self) -> bool:
+        """Return whether the drill reaches every subscriber that there is, and hears everybody."""
+        node, collector = self._collector.node, self._collector
+        if not collector.subscribers:
+            return False
+        commanders = max(node.count_publishers(collector.resolve(name)) for name in COMMANDS)
+        status = collector.own("status").latest()
+        return (
+            all(
+                collector.subscribers[name] >= node.count_subscribers(collector.resolve(name))
+                for name in TOPICS
+            )
+            and status is not None
+            and status.commanders >= commanders
+        )
+
+    def await_connections(self) -> None:
+        """Wait until the drill reaches every subscriber that there is."""
+        if not self._collector.until(self.connected, _CONNECTION, self.check, _POLL_PERIOD):
+            raise LostMessagesError(
+                f"the drill does not reach every subscriber within {_CONNECTION:g} s"
+            )
+
+    def await_answerers(self) -> None:
+        """Wait until the nodes that shall answer are there, and know that the test hears them.
+
+        Raises:
+            SystemUnderTestError: if one is missing after the time limit.
+        """
+        answers = self._answers
+        if self._ended or not answers.declared:
+            return
+        if not self._collector.until(answers.connect, _START, self.check, _POLL_PERIOD):
+            text = f"nobody publishes on all of {', '.join(answers.names)} within {_START:g} s"
+            raise SystemUnderTestError(", ".join(answers.names), "silent", self._with_output(text))
+
+    def await_answers(self, stamp: int) -> None:
+        """Wait until all declared answers for a stamp [ns] are here.
+
+        Raises:
+            SystemUnderTestError: if one is missing after the time limit.
+        """
+        answers = self._answers
+        if self._ended:
+            return
+        if self._collector.until(lambda: not answers.missing(stamp), answers.timeout, self.check):
+            return
+        kind = "late" if answers.late(stamp) else "silent"
+        text = (
+            f"no answer for {stamp / SECOND:.3f} s of simulation time within "
+            f"{answers.timeout:g} s on {'; '.join(answers.missing(stamp))}"
+        )
+        raise SystemUnderTestError(", ".join(answers.names), kind, self._with_output(text))
+
+    def await_commands(self) -> bool:
+        """Wait until the drill has counted every command there was; return whether there was one.
+
+        Raises:
+            LostMessagesError: if a command does not reach the drill.
+        """
+        collector = self._collector
+        status = collector.own("status")
+
+        def given() -> int:
+            return sum(collector.own(name).arrived for name in COMMANDS)
+
+        def counted() -> bool:
+            latest = status.latest()
+            return latest.commands_accepted + latest.commands_rejected >= given()
+
+        if not given():
+            return False
+        if not collector.until(counted, _ACCEPTANCE, lambda: None):
+            raise LostMessagesError(
+                f"{given()} commands were given, and the drill has not got all of them"
+            )
+        return True
+
+    def check(self) -> None:
+        """Check that all processes run which the test has not ended.
+
+        Raises:
+            SystemUnderTestError: if one has ended by itself.
+        """
+        for system in self._processes:
+            if not (system.running or system.expected):
+                system.expected = True  # once is enough
+                raise self._failure(system, "died", system.ending)
+
+    def stop(self) -> None:
+        """Stop all processes."""
+        self._answers.part()
+        stop_all(self._processes)
+        self._processes.clear()
+
+    @property
+    def _ended(self) -> bool:
+        """Whether the test has ended everything that it has started."""
+        return bool(self._processes) and all(system.expected for system in self._processes)
+
+    def _with_output(self, text: str) -> str:
+        return "\n".join([text, *map(_last_lines, self._processes)])
+
+    def _failure(self, system: SystemUnderTest, kind: str, what: str) -> SystemUnderTestError:
+        when = f"at {self._collector.time / SECOND:.3f} s of simulation time"
+        return SystemUnderTestError(
+            system.name, kind, f"{system.name} {what}, {when}\n{_last_lines(system)}"
+        )
+
+    def _subscribers(self, topic: str) -> set[bytes]:
+        name = self._collector.resolve(topic)
+        infos = self._collector.node.get_subscriptions_info_by_topic(name)
+        return {bytes(each.endpoint_gid) for each in infos}
+
+    def _graph(self) -> tuple[object, ...]:
+        """Return what changes when somebody subscribes to the drill, or is about to answer."""
+        node, collector = self._collector.node, self._collector
+        subscribed = [node.count_subscribers(collector.resolve(name)) for name in TOPICS]
+        clock = node.count_subscribers("/clock")
+        published = [node.count_publishers(collector.resolve(name)) for name in COMMANDS]
+        return (*subscribed, clock, *published)
+
+
+class _Calm:
+    """Whether a graph has changed since the beginning, and not for a while."""
+
+    def __init__(
+        self, graph: Callable[[], tuple[object, ...]], beginning: tuple[object, ...]
+    ) -> None:
+        self._graph = graph
+        self._beginning = self._latest = beginning
+        self._since = time.monotonic()
+
+    def __call__(self) -> bool:
+        now, graph = time.monotonic(), self._graph()
+        if graph != self._latest:
+            self._latest, self._since = graph, now
+        return self._latest != self._beginning and now - self._since >= _CALM
+
+
+def _words(command: Sequence[str]) -> list[str]:
+    words = shlex.split(command[0]) if len(command) == 1 else list(command)
+    if words and words[0] in ("python", "python3"):
+        words[0] = sys.executable
+    return words
+
+
+def _name_of(words: Sequence[str]) -> str:
+    names = [Path(word).name for word in words if not word.startswith("-")]
+    interpreted = len(names) > 1 and words[0] == sys.executable
+    return names[1] if interpreted else names[0]
+
+
+def _is_ready(system: SystemUnderTest, ready: str | Callable[[], object] | None) -> bool:
+    if ready is None:
+        return True
+    if callable(ready):
+        return bool(ready())
+    return re.search(ready, system.output, re.MULTILINE) is not None
+
+
+def _last_lines(system: ChildProcess) -> str:
+    return f"last lines of {system.name}, which {system.ending}:\n{system.tail}"
