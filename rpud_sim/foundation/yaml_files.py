@@ -73,6 +73,32 @@ def parse_yaml(text: str, truth_values: bool = True) -> Any:
         raise ParameterError(f"is not YAML: {' '.join(str(error).split())}") from None
 
 
+def yaml_lines(text: str) -> dict[tuple[str | int, ...], int]:
+    """Return the line of each key and each entry of a text in YAML, from 1 on.
+
+    Args:
+        text: that ``parse_yaml`` understands.
+
+    Returns:
+        lines by the keys and numbers that lead to the place.
+    """
+    found: dict[tuple[str | int, ...], int] = {}
+
+    def visit(node: Any, path: tuple[str | int, ...]) -> None:
+        found.setdefault(path, node.start_mark.line + 1)
+        if isinstance(node, yaml.MappingNode):
+            for key, value in node.value:
+                inner = (*path, str(key.value))
+                found[inner] = key.start_mark.line + 1
+                visit(value, inner)
+        elif isinstance(node, yaml.SequenceNode):
+            for number, value in enumerate(node.value):
+                visit(value, (*path, number))
+
+    visit(yaml.compose(text, _Loader), ())
+    return found
+
+
 def read_yaml(path: str | Path, truth_values: bool = True) -> Any:
     """Return the value of a file in YAML.
 
@@ -83,6 +109,19 @@ def read_yaml(path: str | Path, truth_values: bool = True) -> Any:
     Raises:
         ParameterError: if it cannot be read, is too long or is not YAML; begins with its name.
     """
+    return read_yaml_text(path, truth_values)[0]
+
+
+def read_yaml_text(path: str | Path, truth_values: bool = True) -> tuple[Any, str]:
+    """Return the value of a file in YAML, and its text.
+
+    Args:
+        path: of the file.
+        truth_values: as for ``parse_yaml``.
+
+    Raises:
+        ParameterError: as ``read_yaml`` does.
+    """
     try:
         with open(path, "rb") as file:
             content = file.read(MOST_BYTES + 1)
@@ -92,7 +131,8 @@ def read_yaml(path: str | Path, truth_values: bool = True) -> Any:
     if len(content) > MOST_BYTES:
         raise ParameterError(f"{path} is longer than the {MOST_BYTES} bytes that it may have")
     try:
-        return parse_yaml(content.decode("utf-8"), truth_values)
+        text = content.decode("utf-8")
+        return parse_yaml(text, truth_values), text
     except UnicodeDecodeError as error:
         raise ParameterError(f"{path} is not YAML: {error}") from None
     except ParameterError as error:

@@ -1,0 +1,192 @@
+"""Step functions over integer nanoseconds whose values are known or lie between bounds.
+
+A step function has a value at every nanosecond from the beginning to the end of a recording, and
+one more step after the end, of which nothing is known. A value is four numbers: least and greatest
+possible margin, and least and greatest possible truth (1 true, -1 false). Both obey the same
+minimum and maximum, so every operation treats all four alike.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+LEAST_MARGIN, MOST_MARGIN, LEAST_TRUTH, MOST_TRUTH = range(4)
+
+UNKNOWN = np.array([-np.inf, np.inf, -1.0, 1.0])
+TRUE = np.array([np.inf, np.inf, 1.0, 1.0])
+FALSE = np.array([-np.inf, -np.inf, -1.0, -1.0])
+_SWAPPED = [MOST_MARGIN, LEAST_MARGIN, MOST_TRUTH, LEAST_TRUTH]
+
+
+@dataclasses.dataclass(frozen=True)
+class Steps:
+    """Step function from the beginning of a recording on.
+
+    Args:
+        starts: first nanosecond of each step, increasing; the last is that after the recording.
+        values: bounds of each step, one column a step; those of the last are unknown.
+        absent: whether a signal has no value yet, so that the formula means nothing there.
+    """
+
+    starts: np.ndarray
+    values: np.ndarray
+    absent: np.ndarray
+
+    def __post_init__(self) -> None:
+        self.values[:, -1] = UNKNOWN
+        self.absent[-1] = False
+
+    @property
+    def end(self) -> int:
+        """Last nanosecond of the recording."""
+        return int(self.starts[-1]) - 1
+
+    @property
+    def begin(self) -> int:
+        """First nanosecond of the recording."""
+        return int(self.starts[0])
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """Return the numbers of the steps that hold certain instants, none before the first."""
+        return np.searchsorted(self.starts, times, side="right") - 1
+
+    def on(self, starts: np.ndarray) -> Steps:
+        """Return the same function with more steps."""
+        steps = self.at(starts)
+        return Steps(starts, self.values[:, steps], self.absent[steps])
+
+    def merged(self) -> Steps:
+        """Return the same function with as few steps as possible."""
+        same = (self.values[:, 1:] == self.values[:, :-1]).all(axis=0)
+        same &= self.absent[1:] == self.absent[:-1]
+        keep = np.concatenate([[True], ~same])
+        keep[-1] = True
+        return Steps(self.starts[keep], self.values[:, keep], self.absent[keep])
+
+
+def negate(steps: Steps) -> Steps:
+    """Return not."""
+    return Steps(steps.starts, -steps.values[_SWAPPED], steps.absent.copy())
+
+
+def combine(parts: list[Steps], least: bool) -> Steps:
+    """Return and (the least of all) or or (the greatest of all).
+
+    Where a part is absent, it is unknown; the result is absent there if the others do not decide.
+    """
+    starts = parts[0].starts
+    for part in parts[1:]:
+        if len(part.starts) != len(starts) or (part.starts != starts).any():
+            starts = np.union1d(starts, part.starts)
+    spread = [part.on(starts) for part in parts]
+    choose = np.minimum if least else np.maximum
+    values = _known(spread[0])
+    absent = spread[0].absent.copy()
+    for part in spread[1:]:
+        values = choose(values, _known(part))
+        absent |= part.absent
+    absent &= values[LEAST_TRUTH] < values[MOST_TRUTH]
+    return Steps(starts, values, absent).merged()
+
+
+def _known(steps: Steps) -> np.ndarray:
+    values = steps.values.copy()
+    values[:, steps.absent] = UNKNOWN[:, None]
+    return values
+
+
+def over_window(steps: Steps, start: int, end: int | None, least: bool) -> Steps:
+    """Return always (the least value in a window) or eventually (the greatest).
+
+    Absent instants do not count; without any other the result is absent.
+
+    Args:
+        steps: of the formula.
+        start: of the window, from each instant on [ns].
+        end: of the window [ns]; None for the end of the recording.
+        least: whether for always.
+    """
+    last = len(steps.starts) - 1
+    cuts = [steps.starts, steps.starts - start]
+    if end is not None:
+        cuts.append(steps.starts - end)
+    times = np.unique(np.concatenate(cuts))
+    times = times[(times >= steps.begin) & (times <= steps.end + 1)]
+    first = np.minimum(steps.at(times + start), last)
+    if end is None:
+        final = np.full(len(times), last - 1)
+        beyond = first > final  # the window begins after the recording
+        final[beyond] = last
+    else:
+        final = steps.at(times + end)
+    neutral = np.inf if least else -np.inf
+    rows = steps.values.copy()
+    rows[:, steps.absent] = neutral
+    table = np.vstack([rows, np.where(steps.absent, 1.0, 0.0)[None]])
+    if not least:
+        table[:4] = -table[:4]
+    found = _least_in_ranges(table, first, final)
+    absent = found[4] > 0.5
+    values = found[:4] if least else -found[:4]
+    values[:, absent] = UNKNOWN[:, None]
+    return Steps(times, values, absent).merged()
+
+
+def _least_in_ranges(table: np.ndarray, first: np.ndarray, final: np.ndarray) -> np.ndarray:
+    """Return the least of each row in ranges of columns, by blocks of doubling length."""
+    result = np.empty((len(table), len(first)))
+    levels = np.floor(np.log2(final - first + 1)).astype(np.int64)
+    level, length = 0, 1
+    while True:
+        chosen = levels == level
+        if chosen.any():
+            result[:, chosen] = np.minimum(
+                table[:, first[chosen]], table[:, final[chosen] - length + 1]
+            )
+        if level >= levels.max():
+            return result
+        table = np.minimum(table[:, :-length], table[:, length:])
+        level, length = level + 1, 2 * length
+
+
+def until(left: Steps, right: Steps, start: int, end: int | None) -> Steps:
+    """Return ``left`` until ``right``: left holds from each instant to just before right.
+
+    Args:
+        left: that holds.
+        right: that comes.
+        start: of the window in which it comes, from each instant on [ns].
+        end: of that window [ns]; None for the end of the recording.
+    """
+    # Without a bound on its end the goal must come in the recording; otherwise it may come later.
+    plain = _until_at_once(left, right, None if end is None else UNKNOWN)
+    if start == 0 and end is None:
+        return plain
+    parts = [plain]
+    if start:
+        held = over_window(left, 0, start - 1, least=True)
+        parts = [held, over_window(plain, start, start, least=True)]
+    if end is not None:
+        parts.append(over_window(right, start, end, least=False))
+    return combine(parts, least=True)
+
+
+def _until_at_once(left: Steps, right: Steps, beyond: np.ndarray | None) -> Steps:
+    starts = np.union1d(left.starts, right.starts)
+    left, right = left.on(starts), right.on(starts)
+    # At each step u = max(right, min(left, u of the next step)): a number clamped to bounds.
+    # Clamps put one after the other are a clamp, so that doubling strides reach every step's end.
+    low = _known(right)
+    high = np.maximum(low, _known(left))
+    low[:, -1] = high[:, -1] = FALSE if beyond is None else beyond
+    stride = 1
+    while stride < len(starts):
+        behind_low, behind_high = low[:, stride:].copy(), high[:, stride:].copy()
+        front_low, front_high = low[:, :-stride].copy(), high[:, :-stride].copy()
+        low[:, :-stride] = np.clip(behind_low, front_low, front_high)
+        high[:, :-stride] = np.clip(behind_high, front_low, front_high)
+        stride *= 2
+    absent = (left.absent | right.absent) & (low[LEAST_TRUTH] < low[MOST_TRUTH])
+    return Steps(starts, low, absent).merged()

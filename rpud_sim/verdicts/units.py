@@ -1,0 +1,135 @@
+"""Numbers with units: reading them, and converting them to the SI unit of a field."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.time import SECOND
+
+LONGEST = 1e9
+"""Greatest duration in an expectation [s]."""
+
+_PREFIXES: Mapping[str, float] = {
+    "": 1.0,
+    "n": 1e-9,
+    "u": 1e-6,
+    "µ": 1e-6,
+    "m": 1e-3,
+    "k": 1e3,
+    "M": 1e6,
+}
+_PREFIXED = ("m", "s", "g", "N", "Hz", "V", "A", "W", "J", "K", "Pa", "ohm", "rad", "N s", "m/s")
+
+# Factor to the SI unit, and that unit.
+_UNITS: dict[str, tuple[float, str]] = {
+    prefix + unit: (factor, unit) for unit in _PREFIXED for prefix, factor in _PREFIXES.items()
+}
+_UNITS |= {prefix + "g": (factor / 1e3, "kg") for prefix, factor in _PREFIXES.items()}
+_UNITS |= {
+    "min": (60.0, "s"),
+    "h": (3600.0, "s"),
+    "deg": (math.pi / 180.0, "rad"),
+    "%": (0.01, ""),
+    "mm/min": (1e-3 / 60.0, "m/s"),
+    "": (1.0, ""),
+    "1": (1.0, ""),
+}
+UNITS = tuple(name for name in _UNITS if name)
+"""All known units, by their names."""
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*")
+
+
+class ExpectationError(ParameterError):
+    """Unusable expectation; the text says why, in one line.
+
+    Args:
+        reason: one line.
+        path: keys and numbers that lead to the place in the file's content.
+    """
+
+    def __init__(self, reason: object, path: tuple[str | int, ...] = ()) -> None:
+        super().__init__(str(reason))
+        self.path = path
+
+
+def parse_quantity(text: str) -> tuple[float, str]:
+    """Return number and unit of a text such as ``45 N``.
+
+    Raises:
+        ExpectationError: if it is no finite number with a known unit.
+    """
+    match = _QUANTITY.fullmatch(text)
+    number = float(match[1]) if match else math.nan
+    if match is None or not math.isfinite(number):
+        raise ExpectationError(f"{shown(text)} is not a number with a unit, such as 45 N")
+    unit_factor(match[2])
+    return number, match[2]
+
+
+def unit_factor(unit: str) -> tuple[float, str]:
+    """Return the factor of a unit to SI, and the SI unit.
+
+    Raises:
+        ExpectationError: if the unit is unknown.
+    """
+    if unit not in _UNITS:
+        raise ExpectationError(f"unit {shown(unit)} is unknown; {_near(unit)}")
+    return _UNITS[unit]
+
+
+def _near(unit: str) -> str:
+    """Return a hint; one letter resembles no other, and all names would be a long line."""
+    alike = [name for name in UNITS if name.lower() == unit.lower()]
+    return f"did you mean {alike[0]}?" if alike else did_you_mean(unit, _PREFIXED)
+
+
+def to_si(value: float, unit: str, wanted: str, name: str) -> float:
+    """Return a value in the SI unit of a field.
+
+    Args:
+        value: in ``unit``.
+        unit: as it was written; may only be empty for zero or for a field without a unit.
+        wanted: unit of the field; empty for a pure number.
+        name: of the field, for the error.
+
+    Raises:
+        ExpectationError: if the unit does not fit.
+    """
+    factor, base = unit_factor(unit)
+    if base != wanted and not (value == 0.0 and unit == ""):
+        given = f"{value:g} {unit}".rstrip()
+        needs = f"is in {wanted}" if wanted else "is a number without a unit"
+        raise ExpectationError(f"{name} {needs}, given {given}")
+    return value * factor
+
+
+def parse_duration(value: str | float, name: str) -> int:
+    """Return a duration in nanoseconds from a text such as ``500 ms``, or from seconds.
+
+    Raises:
+        ExpectationError: if it is no duration in [0, 1e9] s.
+    """
+    if isinstance(value, str):
+        number, unit = parse_quantity(value)
+        seconds = to_si(number, unit, "s", name)
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        seconds = float(value) if abs(value) <= LONGEST else math.inf
+    else:
+        raise ExpectationError(f"{name} = {shown(value)} is not a duration, such as 0.5 s")
+    if not 0.0 <= seconds <= LONGEST:
+        raise ExpectationError(f"{name} = {seconds:g} s is outside its range [0, {LONGEST:g}] s")
+    return round(seconds * SECOND)
+
+
+def duration_text(nanoseconds: int) -> str:
+    """Return a duration as text that ``parse_duration`` reads back exactly."""
+    seconds = nanoseconds / SECOND
+    text = f"{seconds:.9g}"
+    if round(float(text) * SECOND) != nanoseconds:
+        text = f"{nanoseconds // SECOND}.{nanoseconds % SECOND:09d}"
+    return f"{text} s"
