@@ -11,15 +11,28 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rpud_sim.testing.drill import Drill
-    from rpud_sim.testing.errors import DrillError, LostMessagesError, SystemUnderTestError
+    from rpud_sim.testing.errors import (
+        DrillError,
+        ExpectationFailedError,
+        LostMessagesError,
+        SystemUnderTestError,
+    )
     from rpud_sim.testing.pool import open_drill
 
-__all__ = ["Drill", "DrillError", "LostMessagesError", "SystemUnderTestError", "open_drill"]
+__all__ = [
+    "Drill",
+    "DrillError",
+    "ExpectationFailedError",
+    "LostMessagesError",
+    "SystemUnderTestError",
+    "open_drill",
+]
 
 # Loaded at first use: pytest imports this package in every run, also where no test has a drill.
 _MODULES = {
     "Drill": "drill",
     "DrillError": "errors",
+    "ExpectationFailedError": "errors",
     "LostMessagesError": "errors",
     "SystemUnderTestError": "errors",
     "open_drill": "pool",

@@ -32,6 +32,7 @@ class Answers:
     def __init__(self, collector: Collector) -> None:
         self._collector = collector
         self._answers: list[_Answer] = []
+        self._introduced = False
         self._introductions: dict[str, Introduction] = {}
         self._dead: set[bytes] = set()  # publishers of ended processes that are still remembered
         self.period = 0
@@ -45,12 +46,21 @@ class Answers:
         return bool(self._answers)
 
     @property
+    def introduced(self) -> bool:
+        """Whether the nodes that answer are known to be connected."""
+        return self._introduced
+
+    @property
     def names(self) -> list[str]:
         """Absolute names of the topics."""
         return [answer.name for answer in self._answers]
 
-    def declare(self, names: tuple[str, ...], kind: str, count: int) -> None:
+    def declare(
+        self, names: tuple[str, ...], kind: str = "", count: int = 1, period: int = 0
+    ) -> None:
         """Declare topics with answers, in place of those before."""
+        self.period = period if names else 0
+        self._introduced = False
         resolve = self._collector.resolve
         self._answers = [_Answer(resolve(name), kind, count) for name in names]
 
@@ -66,7 +76,8 @@ class Answers:
             if name not in self._introductions:
                 self._introductions[name] = Introduction(self._collector.node, name)
         waiting = [each for each in self._introductions.values() if not each.done()]
-        return not waiting
+        self._introduced = not waiting
+        return self._introduced
 
     def part(self) -> None:
         """Forget the nodes that have answered until now: others take their places.
@@ -78,6 +89,7 @@ class Answers:
         for introduction in self._introductions.values():
             introduction.close()
         self._introductions.clear()
+        self._introduced = False
 
     def begin(self) -> None:
         """Begin a step: what has come until now is no answer to it."""

@@ -7,7 +7,6 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,9 +15,9 @@ from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.manifest import RECORD_NAME, Manifest, installed_versions, machine_name
 from rpud_sim.testing.drill import Drill
+from rpud_sim.testing.report_pages import ReportPages
 
 _MARKER = "artefacts.json"  # only a folder with it is overwritten
-_REPORT_TIME = 60.0  # that the report page may take [s]
 _LAST = 5  # commands in the failure's text
 _NAME = re.compile(r"[^\w.=+-]+")
 _LONGEST_NAME = 150
@@ -38,7 +37,7 @@ class Artefacts:
 
 
 def leave_artefacts(
-    folder: Path, test: str, drills: Sequence[Drill], failure: str = ""
+    folder: Path, test: str, drills: Sequence[Drill], reports: ReportPages, failure: str = ""
 ) -> Artefacts:
     """Write the artefacts of a test, and return where they are.
 
@@ -46,6 +45,7 @@ def leave_artefacts(
         folder: of all tests.
         test: its name.
         drills: of the test.
+        reports: that are written meanwhile.
         failure: its text.
     """
     place = _empty_folder(folder, test)
@@ -63,9 +63,9 @@ def leave_artefacts(
         for index, system in enumerate(drill.systems, 1):
             file = own / f"{index}_{_NAME.sub('_', system.name)}.log"
             file.write_text(f"$ {' '.join(system.command)}\n{system.output}")
-        lines += _bag_and_report(own, drill, properties)
-        lines += [f"commands: {own / 'commands.txt'}; the last ones:"]
-        lines += [f"    {command}" for command in commands[-_LAST:]]
+        lines += _bag_and_report(own, drill, properties, reports)
+        lines.append(f"commands: {own / 'commands.txt'}; the last ones:")
+        lines += [f"    {command}" for command in commands[-_LAST:] or ["(none)"]]
     (place / _MARKER).write_text(json.dumps({"test": test, **dict(properties)}, indent=2) + "\n")
     return Artefacts("\n".join(lines), tuple(properties))
 
@@ -106,29 +106,17 @@ def write_bag(path: Path, drill: Drill) -> None:
             bag.write(name, payload, max(stamp, 0), max(stamp, 0))
 
 
-def _bag_and_report(folder: Path, drill: Drill, properties: list[tuple[str, str]]) -> list[str]:
+def _bag_and_report(
+    folder: Path, drill: Drill, properties: list[tuple[str, str]], reports: ReportPages
+) -> list[str]:
     bag, page = folder / "bag", folder / "report.html"
     try:
         write_bag(bag, drill)
     except BagError as error:
         return [f"bag: not written: {error}"]
-    properties.append(("rpud_bag", str(bag)))
-    lines = [f"bag: {bag}"]
-    command = (sys.executable, "-m", "rpud_sim.cli.main", "report", str(bag), "--out", str(page))
-    try:
-        subprocess.run(
-            command,
-            env={**os.environ, "MPLBACKEND": "Agg"},
-            check=True,
-            capture_output=True,
-            timeout=_REPORT_TIME,
-        )
-    except (OSError, subprocess.SubprocessError) as error:
-        errors = getattr(error, "stderr", None) or b""
-        reason = errors.decode(errors="replace").strip().splitlines()[-1:] or [str(error)]
-        return [*lines, f"report: not written: {reason[0]}"]
-    properties.append(("rpud_report", str(page)))
-    return [*lines, f"report: {page}"]
+    reports.begin(bag, page)
+    properties += [("rpud_bag", str(bag)), ("rpud_report", str(page))]
+    return [f"bag: {bag}", f"report: {page}"]
 
 
 def _empty_folder(folder: Path, test: str) -> Path:

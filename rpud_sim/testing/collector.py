@@ -13,9 +13,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.client.topic_lookup import LISTENING_DEPTH, listening_qos, types_of_topic
+from rpud_sim.ros.client.topic_lookup import listening_qos, types_of_topic
 from rpud_sim.ros.types import message_class
 from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.testing.errors import is_verdict
 from rpud_sim.testing.heard_topic import HeardTopic
 
 STREAMS = ("waveform", "trajectory")
@@ -25,7 +26,9 @@ COMMANDS: Mapping[str, str] = {
     "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
     "command/drive": "rpud_msgs/msg/Drive",
 }
+_DEPTH = 5_000  # messages that may wait to be taken; Fast DDS keeps no more
 _LONGEST_WAIT = 0.05  # between looks at processes, whose end wakes nobody [s]
+__tracebackhide__ = is_verdict
 _DIAGNOSTICS = QoSProfile(depth=100)
 
 
@@ -211,4 +214,4 @@ def _numbers(text: str) -> dict[str, int]:
 
 def _qos_of(latched: bool) -> QoSProfile:
     durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-    return QoSProfile(depth=LISTENING_DEPTH, durability=durability)
+    return QoSProfile(depth=_DEPTH, durability=durability)

@@ -1,37 +1,32 @@
-"""Drill of a test: steps in lockstep with the nodes under test, and what was published."""
+"""Drill of a test: what the test can do with it, and what was published."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from rpud_msgs.msg import Status
-
 from rpud_sim.foundation.quantities import ParameterError, Quantity, did_you_mean, shown_name
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError
+from rpud_sim.ros.client import DrillClient
 from rpud_sim.simulation.topics import TOPICS
-from rpud_sim.testing.answers import Answers
-from rpud_sim.testing.collector import Collector
-from rpud_sim.testing.domains import applied
 from rpud_sim.testing.drill_process import NO_FAULTS, DrillProcess
-from rpud_sim.testing.errors import DrillError, LostMessagesError
+from rpud_sim.testing.errors import LostMessagesError, is_verdict
+from rpud_sim.testing.expectations import Expectable, LiveVerdicts, verdict_line
 from rpud_sim.testing.heard_topic import HeardTopic
-from rpud_sim.testing.systems import Systems, SystemUnderTest
+from rpud_sim.testing.lockstep import Lockstep, described
+from rpud_sim.testing.systems import SystemUnderTest
+from rpud_sim.verdicts import Formula, Verdict
 
 PERIOD = 0.1
 """Simulation time of one step, and between two answers, unless another one is given [s]."""
 
-_START = 180.0  # that a drill may take to start, which compiles where nothing is compiled yet [s]
-_PATIENCE = 60.0  # that the drill may take to answer or to publish [s]
-_LONGEST_ADVANCE = SECOND  # in one go: the middleware keeps some thousand messages [ns]
 _SECONDS = Quantity("s", "a simulation time", 1e-9, 1e6)
 _REAL_SECONDS = Quantity("s", "a time limit", 0.0, 1e6, exclusive=True)
 _COUNT = Quantity("", "a number of messages", 1, 1e6, whole=True)
 
 Value = TypeVar("Value")
+__tracebackhide__ = is_verdict
 
 
 class Drill:
@@ -40,9 +35,13 @@ class Drill:
     A step is over when all that the drill has published up to its stamp is here, and every declared
     answer of the nodes under test. So a test gives the same result on every machine, at any load.
 
+    Attributes:
+        log: commands of the test: simulation time [s] and text.
+        folder: of the test; its commands start there, and relative paths begin there.
+
     Args:
         process: of the drill, just started.
-        folder: in which commands and relative paths of the test are.
+        folder: as the attribute; None for the working directory.
 
     Raises:
         DrillError: if the drill does not start.
@@ -50,24 +49,11 @@ class Drill:
 
     def __init__(self, process: DrillProcess, folder: Path | None = None) -> None:
         self._process = process
-        with applied(process.environment):
-            self._client = DrillClient(
-                process.namespace, process.domain, node_name="drill_test_client", patience=_PATIENCE
-            )
-            self._collector = Collector(
-                self._client.node.context, process.namespace, f"{process.namespace}/drill_node"
-            )
-        self._answers = Answers(self._collector)
-        self._systems = Systems(self._collector, self._answers, process.environment)
+        self._lockstep = Lockstep(process)
+        self._collector = self._lockstep.collector
+        self._verdicts = LiveVerdicts(self._collector)
         self.folder = folder
-        self._introduced = False  # whether the nodes that answer are known to be connected
         self.log: list[tuple[float, str]] = []
-        """Commands of the test: simulation time [s] and text."""
-        try:
-            self._await_start()
-        except BaseException:
-            self.close()
-            raise
 
     @property
     def environment(self) -> dict[str, str]:
@@ -87,7 +73,7 @@ class Drill:
     @property
     def client(self) -> DrillClient:
         """Client of the drill, for what this class has no method for."""
-        return self._client
+        return self._lockstep.client
 
     @property
     def time(self) -> float:
@@ -107,43 +93,52 @@ class Drill:
     @property
     def systems(self) -> tuple[SystemUnderTest, ...]:
         """Processes under test that this test has started."""
-        return self._systems.processes
+        return self._lockstep.systems.processes
 
     @property
     def heard(self) -> dict[str, HeardTopic]:
         """Everything that was published since the test began, by absolute topic."""
         return dict(self._collector.topics)
 
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Verdicts of this test, in the order of their expectations."""
+        return tuple(self._verdicts.verdicts)
+
+    @property
+    def verdict_lines(self) -> list[str]:
+        """The same, as one line each."""
+        return [verdict_line(verdict) for verdict in self._verdicts.verdicts]
+
     # Time.
 
     def step(self, seconds: float | None = None) -> float:
         """Advance, and return the simulation time that is reached [s].
 
-        With declared answers, a longer step is divided at each of their times.
+        Declared answers divide a longer step at each of their times.
 
         Args:
-            seconds: of simulation time; None for the time between two answers.
+            seconds: of simulation time; None for the time until the next answers.
 
         Raises:
             SystemUnderTestError: if a node under test has died, or does not answer.
             LostMessagesError: if messages of the drill are lost.
         """
-        length = _SECONDS.check("step", PERIOD if seconds is None else seconds)
-        if seconds is None and self._answers.period:
-            end = self._next_answer()
+        if seconds is None:
+            self._lockstep.advance(self._next_stop())
         else:
-            end = self._collector.time + round(length * SECOND)
-        while self._collector.time < end:
-            self._advance(min(end, self._next_answer() if self._answers.period else end))
+            length = round(_SECONDS.check("step", seconds) * SECOND)
+            self._lockstep.advance(self._collector.time + length)
         return self.time
 
     def step_until(
-        self, condition: Callable[[], object], timeout: float, period: float | None = None
+        self, condition: Callable[[], object] | Formula, timeout: float, period: float | None = None
     ) -> float:
         """Step until a condition holds, and return the simulation time [s].
 
         Args:
-            condition: looked at before the first step and after each.
+            condition: looked at before the first step and after each; a formula of
+                ``rpud_sim.verdicts`` has to hold at some instant from now on.
             timeout: longest simulation time [s].
             period: of the steps [s]; None for the time between two answers.
 
@@ -151,26 +146,30 @@ class Drill:
             AssertionError: if it does not hold within the time.
         """
         limit = _SECONDS.check("timeout", timeout)
-        end = self._collector.time + round(limit * SECOND)
-        while not condition():
-            left = end - self._collector.time
-            if left <= 0:
+        length = None if period is None else round(_SECONDS.check("period", period) * SECOND)
+        begun = self._collector.time
+        end = begun + round(limit * SECOND)
+        holds, text = (
+            (self._verdicts.eventually(condition, begun), str(condition))
+            if isinstance(condition, Formula)
+            else (condition, described(condition))
+        )
+        while not holds():
+            now = self._collector.time
+            if now >= end:
                 raise AssertionError(
-                    f"not within {limit:g} s of simulation time, at {self.time:.3f} s: "
-                    f"{_described(condition)}; {self._summary()}"
+                    f"not within {limit:g} s of simulation time, at {self.time:.3f} s: {text}; "
+                    f"{self._summary()}"
                 )
-            planned = self._next_answer() if self._answers.period else self._collector.time
-            ahead = planned - self._collector.time or round(PERIOD * SECOND)
-            if period is not None:
-                ahead = round(_SECONDS.check("period", period) * SECOND)
-            self.step(min(ahead, left) / SECOND)
+            stop = self._next_stop() if length is None else now + length
+            self._lockstep.advance(min(stop, end))
         return self.time
 
     # Commands.
 
     def press(self, force: float) -> None:
         """Command a weight on bit [N]; see ``DrillClient.press``."""
-        self._act(f"press {force:g} N", lambda: self._client.press(force))
+        self._act(f"press {force!r} N", lambda: self.client.press(force))
 
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
@@ -178,12 +177,12 @@ class Drill:
         """Command the drive; see ``DrillClient.drive``."""
         self._act(
             f"drive {enabled} voltage={voltage} frequency={frequency}",
-            lambda: self._client.drive(enabled, voltage, frequency),
+            lambda: self.client.drive(enabled, voltage, frequency),
         )
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""
-        self._act(f"engage {on}", lambda: self._client.engage(on))
+        self._act(f"engage {on}", lambda: self.client.engage(on))
 
     def inject(
         self,
@@ -195,17 +194,17 @@ class Drill:
         """Inject a fault and return its number; see ``DrillClient.inject``."""
         return self._act(
             f"inject {kind} channel={channel!r} magnitude={magnitude} duration={duration}",
-            lambda: self._client.inject(kind, channel, magnitude, duration),
+            lambda: self.client.inject(kind, channel, magnitude, duration),
         )
 
     def clear(self, which: int | str = "all") -> list[int]:
         """End active faults and return their numbers; see ``DrillClient.clear``."""
-        return self._act(f"clear {which}", lambda: self._client.clear(which))
+        return self._act(f"clear {which}", lambda: self.client.clear(which))
 
     def set_parameters(self, **values: Any) -> None:
         """Set parameters of the drill; the next test has those of its start again."""
         text = " ".join(f"{name}={value}" for name, value in values.items())
-        self._act(f"set {text}", lambda: self._client.set_parameters(**values))
+        self._act(f"set {text}", lambda: self.client.set_parameters(**values))
 
     # What was published.
 
@@ -217,6 +216,9 @@ class Drill:
         Args:
             topic: of any node; a relative name is one of the drill's namespace.
             kind: type such as ``std_msgs/msg/String``; may be empty if somebody publishes it.
+
+        Raises:
+            ParameterError: if nobody publishes the topic, and no type is given.
         """
         heard = self._collector.subscribe(topic, kind)
         if heard is None:
@@ -224,7 +226,7 @@ class Drill:
                 f"nobody publishes {self._collector.resolve(topic)}; give its type"
             )
         if topic in TOPICS:
-            self._systems.await_connections()
+            self.await_connections()
             if heard.number is None:
                 heard.number = self._collector.published[topic]
 
@@ -243,6 +245,26 @@ class Drill:
     def latest(self, topic: str) -> Any:
         """Return the latest message of a topic, None without one."""
         return self._heard(topic).latest()
+
+    def expect(
+        self, *expectations: Expectable, name: str = "", requirement: str = ""
+    ) -> tuple[Verdict, ...]:
+        """Evaluate expectations on what was published since the test began.
+
+        Args:
+            expectations: of ``rpud_sim.verdicts``, formulas, or files of expectations.
+            name: of a formula.
+            requirement: identifier of a formula.
+
+        Raises:
+            ExpectationFailedError: if one has failed or is undecided.
+            ExpectationError: if one cannot be evaluated on this drill.
+        """
+        given = self._verdicts.expectations(expectations, self.folder, name, requirement)
+        for expectation in given:
+            for topic in expectation.topics:
+                self._heard(topic)
+        return self._verdicts.expect(given, self.time)
 
     # Nodes under test.
 
@@ -264,11 +286,10 @@ class Drill:
             period: simulation time between two answers: they are due at its multiples [s].
             timeout: longest real time for the answers to one step [s].
         """
-        answers = self._answers
-        answers.period = round(_SECONDS.check("period", period) * SECOND) if topics else 0
+        answers = self._lockstep.answers
         answers.timeout = _REAL_SECONDS.check("timeout", timeout)
-        answers.declare(topics, kind, int(_COUNT.check("count", count)))
-        self._introduced = False
+        length = round(_SECONDS.check("period", period) * SECOND)
+        answers.declare(topics, kind, int(_COUNT.check("count", count)), length)
         self._note(f"with_answers {' '.join(topics)} period={period:g} s")
         return self
 
@@ -294,144 +315,47 @@ class Drill:
             SystemUnderTestError: if it ends, or is not connected within the time.
         """
         self._note(f"start {' '.join(command)}")
-        return self._systems.start(command, self.folder, name, hears, ready, timeout)
+        limit = _REAL_SECONDS.check("timeout", timeout)
+        return self._lockstep.systems.start(command, self.folder, name, hears, ready, limit)
 
     # For the owner of the drill.
 
     def await_connections(self) -> None:
         """Wait until the drill reaches every subscriber that there is."""
-        self._systems.await_connections()
+        self._lockstep.systems.await_connections()
 
     def begin(self, seed: int, scenario: str = NO_FAULTS) -> None:
-        """Begin a test: at time zero, paused, as the drill was started; nothing stays of before.
-
-        Args:
-            seed: of the run.
-            scenario: content of a scenario file.
-
-        Raises:
-            DrillError: if that is not possible.
-        """
-        self.end()
-        self._answers.declare((), "", 1)
-        self._answers.period = 0
-        try:
-            self._client.pause()
-            self._client.set_parameters(real_time_factor=1.0)  # the one that no reset restores
-            self._process.scenario.write_text(scenario)
-            self._client.reset(seed=seed)
-            self._collector.time = 0
-            self._settle(0)
-            self._collector.forget()
-        except (ClientError, LostMessagesError) as error:
-            raise DrillError(f"the drill cannot be reset: {error}") from error
+        """Begin a test; see ``Lockstep.begin``."""
+        self._lockstep.begin(seed, scenario)
+        self._verdicts.begin()
         self.log = []
 
     def end(self) -> None:
         """End the processes under test."""
-        self._systems.stop()
+        self._lockstep.systems.stop()
 
     def close(self) -> None:
         """End everything."""
-        with contextlib.suppress(Exception):
-            self.end()
-        self._collector.close()
-        self._client.close()
-        self._process.stop()
+        self._lockstep.close()
 
     @property
     def alive(self) -> bool:
         """Whether the drill's process runs."""
-        return self._process.process.running
+        return self._lockstep.alive
 
-    def _await_start(self) -> None:
-        own = self._collector.own("status")
-
-        def check() -> None:
-            if not self.alive:
-                process = self._process.process
-                raise DrillError(f"the drill {process.ending}; its last lines:\n{process.tail}")
-
-        def paused() -> bool:
-            latest = own.latest()
-            return latest is not None and latest.state == Status.STATE_PAUSED
-
-        if not self._collector.until(paused, _START, check):
-            raise DrillError(
-                f"the drill has not started within {_START:g} s; its last lines:\n"
-                f"{self._process.process.tail}"
-            )
-        self._systems.await_connections()
-
-    def _next_answer(self) -> int:
-        period = self._answers.period
-        return (self._collector.time // period + 1) * period
-
-    def _advance(self, until: int) -> None:
-        """Advance to a simulation time [ns], and wait for everything that belongs to it."""
-        self._systems.check()
-        if self._answers.period and not self._introduced:
-            self._systems.await_answerers()
-            self._introduced = True
-        self._answers.begin()
-        while self._collector.time < until:
-            length = min(until - self._collector.time, _LONGEST_ADVANCE)
-            with self._guarded():
-                reached = self._client.step(length / SECOND)
-            self._collector.time = round(reached * SECOND)
-            self._settle(self._collector.time)
-        if self._answers.period and until % self._answers.period == 0:
-            self._systems.await_answers(until)
-        if self._systems.await_commands():
-            self._settle(until)
+    def _next_stop(self) -> int:
+        if self._lockstep.answers.period:
+            return self._lockstep.next_answer()
+        return self._collector.time + round(PERIOD * SECOND)
 
     def _act(self, text: str, action: Callable[[], Value]) -> Value:
         self._note(text)
-        with self._guarded():
-            result = action()
-        self._settle(self._collector.time)
-        return result
-
-    @contextlib.contextmanager
-    def _guarded(self) -> Iterator[None]:
-        """Say that the drill has died, if that is why it does not answer."""
-        try:
-            yield
-        except NoAnswerError as error:
-            process = self._process.process
-            what = f"the drill {process.ending}" if not self.alive else f"the drill hangs: {error}"
-            raise DrillError(f"{what}; its last lines:\n{process.tail}") from error
-
-    def _settle(self, stamp: int) -> None:
-        """Wait until all that the drill has published up to a stamp [ns] is here."""
-        collector, status = self._collector, self._collector.own("status")
-
-        def complete() -> bool:
-            return (
-                bool(status.stamps)
-                and status.stamps[-1] >= stamp
-                and collector.published.get("status", 0) == status.number
-                and not collector.missing()
-                and (status.number or 0) >= self._client.status_number
-            )
-
-        if not collector.until(complete, _PATIENCE, self._check_drill):
-            lacking = ", ".join(f"{count} of {name}" for name, count in collector.missing().items())
-            raise LostMessagesError(
-                f"messages of the drill have not arrived: {lacking or 'status'}"
-            )
-
-    def _check_drill(self) -> None:
-        if not self.alive:
-            process = self._process.process
-            raise DrillError(f"the drill {process.ending}; its last lines:\n{process.tail}")
+        return self._lockstep.act(action)
 
     def _heard(self, topic: str) -> HeardTopic:
-        absolute = self._collector.resolve(topic)
-        heard = self._collector.topics.get(absolute)
+        heard = self._collector.topics.get(self._collector.resolve(topic))
         if heard is None:
-            names = [*TOPICS, *self._collector.topics]
-            hint = "" if topic in TOPICS else f"; {did_you_mean(topic, names)}"
+            hint = "" if topic in TOPICS else f"; {did_you_mean(topic, [*TOPICS, *self.heard])}"
             raise ParameterError(
                 f"topic {shown_name(topic)} is not listened to: call listen({topic!r}) first{hint}"
             )
@@ -447,12 +371,3 @@ class Drill:
             f"{status.weight_on_bit:g} N, drive {'on' if status.drive_enabled else 'off'}, "
             f"{status.active_faults} faults"
         )
-
-
-def _described(condition: Callable[[], object]) -> str:
-    name = getattr(condition, "__name__", "")
-    if name and name != "<lambda>":
-        return name
-    code = getattr(condition, "__code__", None)
-    where = f"{Path(code.co_filename).name}:{code.co_firstlineno}" if code else repr(condition)
-    return f"the condition of {where}"

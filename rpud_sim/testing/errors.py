@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rpud_sim.verdicts import Verdict
+
 
 class DrillError(RuntimeError):
     """A drill that does not start, or has ended; the text has its last lines."""
@@ -24,3 +29,21 @@ class SystemUnderTestError(AssertionError):
         super().__init__(text)
         self.name = name
         self.kind = kind
+
+
+class ExpectationFailedError(AssertionError):
+    """Expectations that failed, or that what was published does not decide.
+
+    Args:
+        text: a line for each.
+        verdicts: on all that were evaluated.
+    """
+
+    def __init__(self, text: str, verdicts: tuple[Verdict, ...]) -> None:
+        super().__init__(text)
+        self.verdicts = verdicts
+
+
+def is_verdict(error: Any) -> bool:
+    """Whether a failure needs no traceback into this package; pytest asks it for each frame."""
+    return error is not None and bool(error.errisinstance((AssertionError, DrillError)))

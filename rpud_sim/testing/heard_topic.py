@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 
 from rpud_sim.foundation.time import SECOND
@@ -41,7 +41,7 @@ class HeardTopic:
     ) -> None:
         self.name = name
         self.kind = kind
-        self.latched = "TRANSIENT_LOCAL" in str(qos.durability)
+        self.latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self.number: int | None = None  # of the latest message, by its publisher
         self.lost = 0
         self.arrived = 0  # messages since the test began, also those that are left out
@@ -82,7 +82,7 @@ class HeardTopic:
                 self._count(info["publication_sequence_number"])
                 if not self._repeats(payload):
                     self._payloads.append(payload)
-                    self._stamps.append(self._stamp(payload) if self.stamped else time)
+                    self._stamps.append((self.stamped and self._stamp(payload)) or time)
         return self.arrived > before
 
     def messages(self) -> list[Any]:

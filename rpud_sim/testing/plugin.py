@@ -7,7 +7,7 @@ nothing heavy before a fixture or the mark is used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ class _Stash:
 
     drills = pytest.StashKey[list[Any]]()
     error = pytest.StashKey[str]()
+    reports = pytest.StashKey[Any]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -39,7 +40,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="DIR",
         default="rpud-artefacts",
         help="folder for the bag, the report, commands, output and versions of each failing test "
-        "with a drill (default: %(default)s)",
+        "with a drill; empty for none (default: %(default)s)",
     )
     group.addoption(
         "--rpud-keep",
@@ -72,24 +73,41 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 @pytest.hookimpl(hookwrapper=True)
-def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[None]:
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, Any, None]:
     """Leave the artefacts of a test whose drill still is as it was when the test failed."""
-    outcome = yield  # type: ignore[misc]
-    report = outcome.get_result()  # type: ignore[attr-defined]
+    outcome = yield
+    report = outcome.get_result()
     drills = item.stash.get(_Stash.drills, [])
+    if not drills:
+        return
+    properties = []
+    if report.when == "call":
+        properties += [("rpud_verdict", text) for drill in drills for text in drill.verdict_lines]
     keep = item.config.getoption("rpud_keep") and report.when == "call"
-    if not drills or not (report.failed or keep):
+    name = item.config.getoption("rpud_artefacts")
+    if not name or not (report.failed or keep):
+        item.user_properties += properties
         return
     from rpud_sim.testing.artefacts import leave_artefacts
+    from rpud_sim.testing.report_pages import ReportPages
 
-    folder = Path(item.config.rootpath, item.config.getoption("rpud_artefacts"))
-    artefacts = leave_artefacts(folder, item.nodeid, drills, report.longreprtext)
-    item.user_properties.extend(artefacts.properties)
-    report.user_properties.extend(artefacts.properties)
+    reports = item.config.stash.setdefault(_Stash.reports, ReportPages())
+    folder = Path(item.config.rootpath, name)
+    artefacts = leave_artefacts(folder, item.nodeid, drills, reports, report.longreprtext)
+    item.user_properties += [*properties, *artefacts.properties]
     if hasattr(report.longrepr, "addsection"):
         report.longrepr.addsection("rpud_sim", artefacts.text)
     else:
         report.sections.append(("rpud_sim", artefacts.text))
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Wait for the report pages."""
+    reports = session.config.stash.get(_Stash.reports, None)
+    if reports is not None:
+        reports.finish()
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.answers import Answers
 from rpud_sim.testing.collector import COMMANDS, Collector
-from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError
+from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
 from rpud_sim.testing.processes import ChildProcess, stop_all
 
 _START = 30.0  # that nodes may take to start which the test does not start itself [s]
@@ -21,6 +21,8 @@ _CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
 _ACCEPTANCE = 10.0  # that a command may take to reach the drill [s]
 _POLL_PERIOD = 0.01  # between looks at the graph, whose changes wake nobody [s]
 _CALM = 0.25  # without a change of the graph, after which a node counts as complete [s]
+
+__tracebackhide__ = is_verdict
 
 
 class SystemUnderTest(ChildProcess):
@@ -138,7 +140,7 @@ class Systems:
             SystemUnderTestError: if one is missing after the time limit.
         """
         answers = self._answers
-        if self._ended or not answers.declared:
+        if self._ended or not answers.declared or answers.introduced:
             return
         if not self._collector.until(answers.connect, _START, self.check, _POLL_PERIOD):
             text = f"nobody publishes on all of {', '.join(answers.names)} within {_START:g} s"

@@ -35,6 +35,10 @@ from rpud_sim.verdicts.vocabulary import (
 )
 
 
+def _none() -> np.ndarray:
+    return np.empty(0, np.int64)
+
+
 @dataclasses.dataclass(frozen=True)
 class Instants:
     """Instants of an event, one for each time that it happens.
@@ -43,11 +47,15 @@ class Instants:
         stamps: of the instants, increasing; several may be equal [ns].
         values: bounds of the truth at each, one column an instant.
         possible: greatest number of further events, at instants that are not known.
+        first: of each stretch of time in which any number of events may be [ns].
+        last: of each such stretch [ns].
     """
 
     stamps: np.ndarray
     values: np.ndarray
     possible: float
+    first: np.ndarray = dataclasses.field(default_factory=_none)
+    last: np.ndarray = dataclasses.field(default_factory=_none)
 
 
 def constant(begin: int, end: int, value: np.ndarray, absent: bool = False) -> Steps:
@@ -64,6 +72,7 @@ def compared(
 ) -> np.ndarray:
     """Return the bounds of comparisons of values that lie between bounds."""
     values = np.empty((4, len(low)))
+    ends: Any  # what is compared for the least and for the greatest truth
     if operator in ("<", "<="):
         values[LEAST_MARGIN], values[MOST_MARGIN] = number - high, number - low
         strict, ends = operator == "<", ((high, number), (low, number))

@@ -159,8 +159,8 @@ class TopicMessages:
         """Return the values of a field.
 
         Args:
-            field: of the topic's type, or a name: of one of the diagnostics, or of any field where the
-            type is not known.
+            field: of the topic's type, or a name: of one of the diagnostics, or of any field where
+                the type is not known.
         """
         if not isinstance(field, str):
             values = self._values(field)

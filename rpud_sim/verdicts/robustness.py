@@ -152,8 +152,9 @@ class Evaluation:
         long = np.zeros(len(happens), bool)
         long[:-1] = np.diff(steps.starts) > 1  # unknown for longer than an instant
         chosen = happens & ~long
-        possible = math.inf if (happens & long).any() else 0.0
-        return Instants(steps.starts[chosen], steps.values[:, chosen], possible)
+        open_ = np.flatnonzero(happens & long)
+        first, last = steps.starts[open_], steps.starts[open_ + 1] - 1
+        return Instants(steps.starts[chosen], steps.values[:, chosen], 0.0, first, last)
 
     def _count(self, formula: Count) -> Steps:
         begin, end = self.begin, self.end
@@ -163,11 +164,12 @@ class Evaluation:
         window = formula.window
         sure = instants.stamps[instants.values[LEAST_TRUTH] > 0.0]
         maybe = instants.stamps[instants.values[MOST_TRUTH] > 0.0]
-        times = self._times(instants.stamps, window)
+        edges = (instants.stamps, instants.first - 1, instants.first, instants.last)
+        times = self._times(np.concatenate(edges), window)
         least = _inside(sure, times, window, end)
         most = _inside(maybe, times, window, end) + instants.possible
         beyond = _beyond(times, window, end)
-        most[beyond] = math.inf
+        most[beyond | _touched(instants, times, window, end)] = math.inf
         values = compared(least, most, formula.operator, formula.number)
         return Steps(times, values, np.zeros(len(times), bool)).merged()
 
@@ -232,6 +234,13 @@ def _inside(stamps: np.ndarray, times: np.ndarray, window: Window, end: int) -> 
     last = np.full(len(times), end) if window.end is None else times + window.end
     first = np.searchsorted(stamps, times + window.start, side="left")
     return np.maximum(np.searchsorted(stamps, last, side="right") - first, 0).astype(float)
+
+
+def _touched(instants: Instants, times: np.ndarray, window: Window, end: int) -> np.ndarray:
+    """Return at which times the window holds a part of a stretch with any number of events."""
+    last = np.full(len(times), end) if window.end is None else times + window.end
+    begun = np.searchsorted(instants.first, last, side="right")
+    return begun > np.searchsorted(instants.last, times + window.start, side="left")
 
 
 def _beyond(times: np.ndarray, window: Window, end: int) -> np.ndarray:

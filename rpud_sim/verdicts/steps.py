@@ -161,26 +161,30 @@ def until(left: Steps, right: Steps, start: int, end: int | None) -> Steps:
         end: of that window [ns]; None for the end of the recording.
     """
     # Without a bound on its end the goal must come in the recording; otherwise it may come later.
-    plain = _until_at_once(left, right, None if end is None else UNKNOWN)
-    if start == 0 and end is None:
-        return plain
+    plain = _until_at_once(left, right, FALSE if end is None else UNKNOWN)
     parts = [plain]
     if start:
         held = over_window(left, 0, start - 1, least=True)
         parts = [held, over_window(plain, start, start, least=True)]
     if end is not None:
         parts.append(over_window(right, start, end, least=False))
-    return combine(parts, least=True)
+    found = combine(parts, least=True)
+    starts = np.unique(np.concatenate([found.starts, left.starts, right.starts]))
+    found = found.on(starts)
+    absent = left.on(starts).absent | right.on(starts).absent
+    absent &= found.values[LEAST_TRUTH] < found.values[MOST_TRUTH]
+    return Steps(starts, found.values, absent).merged()
 
 
-def _until_at_once(left: Steps, right: Steps, beyond: np.ndarray | None) -> Steps:
+def _until_at_once(left: Steps, right: Steps, beyond: np.ndarray) -> Steps:
+    """Return ``left`` until ``right`` at any time; beyond the recording it has a given value."""
     starts = np.union1d(left.starts, right.starts)
     left, right = left.on(starts), right.on(starts)
     # At each step u = max(right, min(left, u of the next step)): a number clamped to bounds.
     # Clamps put one after the other are a clamp, so that doubling strides reach every step's end.
     low = _known(right)
     high = np.maximum(low, _known(left))
-    low[:, -1] = high[:, -1] = FALSE if beyond is None else beyond
+    low[:, -1] = high[:, -1] = beyond
     stride = 1
     while stride < len(starts):
         behind_low, behind_high = low[:, stride:].copy(), high[:, stride:].copy()
@@ -188,5 +192,4 @@ def _until_at_once(left: Steps, right: Steps, beyond: np.ndarray | None) -> Step
         low[:, :-stride] = np.clip(behind_low, front_low, front_high)
         high[:, :-stride] = np.clip(behind_high, front_low, front_high)
         stride *= 2
-    absent = (left.absent | right.absent) & (low[LEAST_TRUTH] < low[MOST_TRUTH])
-    return Steps(starts, low, absent).merged()
+    return Steps(starts, low, np.zeros(len(starts), bool))

@@ -124,7 +124,8 @@ class Signal:
 
     def says(self, word: str | bool) -> Says:
         """Return the formula that a text or a truth value is ``word``."""
-        return Says(self, {"true": True, "false": False}.get(word, word))  # type: ignore[call-overload]
+        flags = {"true": True, "false": False}
+        return Says(self, flags.get(word, word) if isinstance(word, str) else word)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -167,7 +168,7 @@ class Compare(Formula):
     signal: Signal
     operator: str
     number: Number
-    tolerance: Number = Number(0.0)  # noqa: RUF009 - it never changes
+    tolerance: Number = Number(0.0)
 
     def __post_init__(self) -> None:
         _check_operator(self.operator)

@@ -343,19 +343,26 @@ class DrillClient:
         if not result.successful:
             raise RefusedError(self._unknown_parameter(values) or result.reason)
 
-    def listen(self, topic: str, kind: Any = None, qos: QoSProfile | None = None) -> list[Any]:
+    def listen(
+        self,
+        topic: str,
+        kind: Any = None,
+        qos: QoSProfile | None = None,
+        patience: float | None = None,
+    ) -> list[Any]:
         """Subscribe to a topic, and return the list that its messages are added to.
 
         Args:
             topic: of any node; a relative name is one of the drill's namespace.
             kind: class of its messages; None for that with which it is published.
             qos: of the subscription; None for what its publishers offer.
+            patience: time limit for the topic [s]; None for that of the client.
 
         Raises:
             NoAnswerError: if nobody publishes the topic, and no type is given.
             UnknownTypeError: if the type is not installed.
         """
-        return self._drill.listen(topic, kind, qos)
+        return self._drill.listen(topic, kind, qos, patience)
 
     def until(
         self,
@@ -383,8 +390,9 @@ class DrillClient:
         active = self.list_faults().faults
         numbers = [int(each.number) for each in active if which in ("all", each.kind)]
         if not numbers and which != "all":
-            kinds = sorted({each.kind for each in active})
-            hint = did_you_mean(which, kinds) if kinds else "no fault is active"
+            if not active:
+                raise RefusedError("no fault is active")
+            hint = did_you_mean(which, sorted({each.kind for each in active}))
             raise RefusedError(f"no fault {shown(which)} is active; {hint}")
         return numbers
 

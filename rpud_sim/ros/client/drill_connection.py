@@ -27,7 +27,7 @@ from rpud_sim.ros.client.drill_search import no_drill
 from rpud_sim.ros.client.drill_watch import DrillWatch
 from rpud_sim.ros.client.errors import NoAnswerError, NoDrillError, RefusedError
 from rpud_sim.ros.client.listening_node import ListeningNode
-from rpud_sim.ros.client.topic_lookup import listening_qos, types_of_topic
+from rpud_sim.ros.client.topic_lookup import listening_qos, offers_of_topic, types_of_topic
 from rpud_sim.ros.types import message_class
 
 _COMMANDS = {"weight_on_bit": WeightOnBit, "drive": Drive}
@@ -183,22 +183,29 @@ class DrillConnection:
     def call_node(self, name: str, kind: Any, request: Any) -> Any:
         """Call a service that every node has, such as ``list_parameters``, repeatedly if needed."""
         self.find()
-        full_name = f"{self.watch.publishers[0]}/{name}"
+        nodes = self.until(
+            lambda: [node for node in self.watch.publishers if node],
+            "the name of the drill's node was not discovered",
+        )
+        full_name = f"{nodes[0]}/{name}"
         if full_name not in self._clients:
             self._clients[full_name] = self.node.create_client(kind, full_name)
             self._introduce(self._patience)
         return self.call(full_name, request, repeat=True)
 
-    def listen(self, topic: str, kind: Any, qos: QoSProfile | None) -> list[Any]:
+    def listen(
+        self, topic: str, kind: Any, qos: QoSProfile | None, patience: float | None
+    ) -> list[Any]:
         """Subscribe to a topic, and return the list that its messages are added to."""
         self.find()
         name = self.node.resolve_topic_name(topic)
         if kind is None:
-            types = self.until(lambda: types_of_topic(self.node, name), f"nobody published {name}")
+            types = self.until(
+                lambda: types_of_topic(self.node, name), f"nobody published {name}", patience
+            )
             kind = message_class(types[0])
         if qos is None:
-            offers = [each.qos_profile for each in self.node.get_publishers_info_by_topic(name)]
-            qos = listening_qos(offers)
+            qos = listening_qos(offers_of_topic(self.node, name))
         heard: list[Any] = []
         self.listening.subscribe(kind, name, heard.append, qos)
         self._introduce(self._patience)

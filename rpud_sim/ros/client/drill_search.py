@@ -7,6 +7,7 @@ from rclpy.node import Node
 from rpud_sim.foundation.quantities import suggestion
 
 _STEP = "/simulation/step"
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls it
 _STEP_TYPE = "rpud_msgs/srv/StepSimulation"
 
 
@@ -30,9 +31,14 @@ def no_drill(node: Node, namespace: str, domain_id: int, patience: float) -> str
 
 
 def publisher_names(node: Node, topic: str, kind: str) -> list[str]:
-    """Return the full names of the nodes that publish a topic, one for each publisher."""
+    """Return the full names of the nodes that publish a topic, one for each publisher.
+
+    A node whose name has not been discovered yet has an empty one.
+    """
     return [
-        f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
+        ""
+        if endpoint.node_name == _UNKNOWN
+        else f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
         for endpoint in node.get_publishers_info_by_topic(topic)
         if endpoint.topic_type == kind
     ]

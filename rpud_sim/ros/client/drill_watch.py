@@ -74,9 +74,10 @@ class DrillWatch:
         while time.monotonic() < deadline and len(names := self.publishers) > 1:
             if any(after <= before for before, after in pairwise(self._sequence)):
                 topic = self._listening.node.resolve_topic_name("status")
+                known = ", ".join(filter(None, names))
                 raise NoDrillError(
-                    f"{len(names)} nodes publish {topic} ({', '.join(names)}): all of them would "
-                    "answer; start each drill in a namespace of its own"
+                    f"{len(names)} nodes publish {topic} ({known}): all of them would answer; "
+                    "start each drill in a namespace of its own"
                 )
             self._listening.spin(0.02)
 

@@ -19,6 +19,7 @@ from rpud_sim.ros.serving import raised
 from rpud_sim.ros.starting import name_error, start_ros
 
 _WITH_INFO = Subscription.CallbackType.WithMessageInfo
+_MOST_AT_ONCE = 10_000  # messages of a topic; more would keep its owner from looking
 _POLL_PERIOD = 0.02  # between looks at the graph, which wakes no executor [s]
 _REPETITION = 1.0  # of a request that may be repeated [s]
 
@@ -95,12 +96,19 @@ class ListeningNode:
         self._subscriptions.append(subscription)
         return subscription
 
+    def unsubscribe(self, subscription: Subscription) -> None:
+        """End a subscription."""
+        self._subscriptions.remove(subscription)
+        self.node.destroy_subscription(subscription)
+
     def spin(self, seconds: float) -> None:
-        """Take the next message, or return after some seconds without any."""
+        """Take the messages that have arrived, or wait some seconds for the next one."""
         try:
             self._executor.spin_once(timeout_sec=seconds)
         except RuntimeError as error:  # rclpy raises it at a malformed message of a stranger
             self.node.get_logger().warning(raised(error))
+        # The executor takes one message, which costs it more than all others do this way.
+        self.settle()
 
     def settle(self) -> None:
         """Take all messages that have arrived."""
@@ -109,7 +117,10 @@ class ListeningNode:
             try:
                 with subscription.handle:
                     take = subscription.handle.take_message
-                    while taken := take(subscription.msg_type, subscription.raw):
+                    for _ in range(_MOST_AT_ONCE):
+                        taken = take(subscription.msg_type, subscription.raw)
+                        if taken is None:
+                            break
                         with_info = subscription._callback_type is _WITH_INFO
                         subscription.callback(*(taken if with_info else taken[:1]))
             except RuntimeError as error:
@@ -155,7 +166,7 @@ class ListeningNode:
         Raises:
             NoAnswerError: if there is no response.
         """
-        service = client.srv_name
+        service = self.node.resolve_service_name(client.srv_name)
         self.until(client.service_is_ready, patience, f"service {service} did not appear")
         futures = [client.call_async(request)]
         quiet_since = sent = time.monotonic()

@@ -1,0 +1,115 @@
+"""Expectations on what a drill has published so far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from rpud_sim.testing.collector import Collector
+from rpud_sim.testing.errors import ExpectationFailedError, is_verdict
+from rpud_sim.verdicts import (
+    Expectation,
+    ExpectationError,
+    Formula,
+    Record,
+    Verdict,
+    evaluate,
+    read_expectations,
+)
+from rpud_sim.verdicts.vocabulary import Eventually, Window
+
+Expectable = Expectation | Formula | str | Path
+__tracebackhide__ = is_verdict
+
+
+class LiveVerdicts:
+    """Verdicts on a drill that goes on.
+
+    Attributes:
+        verdicts: all since the test began.
+
+    Args:
+        collector: of the messages.
+    """
+
+    def __init__(self, collector: Collector) -> None:
+        self._collector = collector
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget everything: a test begins."""
+        self.verdicts: list[Verdict] = []
+        self._record = Record(self._collector.node.get_namespace())
+        self._added: dict[str, int] = {}
+
+    def expectations(
+        self, given: Sequence[Expectable], folder: Path | None, name: str, requirement: str
+    ) -> list[Expectation]:
+        """Return expectations: formulas get a name, files are read.
+
+        Raises:
+            ExpectationError: if a file cannot be used.
+        """
+        found: list[Expectation] = []
+        for each in given:
+            if isinstance(each, Expectation):
+                found.append(each)
+            elif isinstance(each, Formula):
+                found.append(Expectation(name or str(each), each, requirement))
+            elif isinstance(each, str | Path):
+                found += read_expectations((folder or Path()) / each)
+            else:
+                raise ExpectationError(f"{each!r} is neither an expectation, nor a file of some")
+        return found
+
+    def expect(self, expectations: Sequence[Expectation], time: float) -> tuple[Verdict, ...]:
+        """Evaluate expectations, at a simulation time [s], and return the verdicts.
+
+        Raises:
+            ExpectationFailedError: if one has not passed.
+        """
+        record = self._filled(expectations)
+        verdicts = tuple(evaluate(expectation, record) for expectation in expectations)
+        self.verdicts += verdicts
+        failed = [verdict for verdict in verdicts if not verdict.passed]
+        if failed:
+            lines = [verdict_line(verdict) for verdict in failed]
+            raise ExpectationFailedError(
+                "\n".join([f"{lines[0]} (evaluated at {time:.3f} s)", *lines[1:]]), verdicts
+            )
+        return verdicts
+
+    def eventually(self, formula: Formula, begun: int) -> Callable[[], bool]:
+        """Return whether a formula has held at some instant since a simulation time [ns]."""
+        expectation = Expectation(str(formula), Eventually(formula, Window(begun)))
+
+        def holds() -> bool:
+            return evaluate(expectation, self._filled([expectation])).passed
+
+        return holds
+
+    def _filled(self, expectations: Sequence[Expectation]) -> Record:
+        """Return the record with all messages of the topics of some expectations."""
+        wanted = {topic for expectation in expectations for topic in expectation.topics}
+        # The journal first: it shows where the run begins.
+        for topic in sorted(wanted, key=lambda name: (name != "journal", name)):
+            heard = self._collector.topics[self._collector.resolve(topic)]
+            begin = self._added.get(topic, 0)
+            messages = heard.messages()
+            for stamp, message in zip(heard.stamps[begin:], messages[begin:], strict=True):
+                self._record.add(topic, stamp, message)
+            self._added[topic] = len(messages)
+            if heard.lost:
+                self._record.add_losses(topic, heard.lost)
+                heard.lost = 0
+        return self._record
+
+
+def verdict_line(verdict: Verdict) -> str:
+    """Return a verdict as one line."""
+    requirement = f"[{verdict.requirement}] " if verdict.requirement else ""
+    margin = f", margin {verdict.margin:.6g} {verdict.unit}".rstrip()
+    return (
+        f"{requirement}{verdict.name}: {verdict.outcome}"
+        f"{'' if verdict.margin is None else margin}: {verdict.text}"
+    )

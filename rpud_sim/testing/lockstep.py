@@ -1,0 +1,209 @@
+"""Lockstep of a drill and the nodes under test: one step, and all that belongs to it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+from rpud_msgs.msg import Status
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.client import ClientError, DrillClient, NoAnswerError
+from rpud_sim.testing.answers import Answers
+from rpud_sim.testing.collector import Collector
+from rpud_sim.testing.domains import applied
+from rpud_sim.testing.drill_process import DrillProcess
+from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
+from rpud_sim.testing.systems import Systems
+
+_START = 180.0  # that a drill may take to start, which compiles where nothing is compiled yet [s]
+_PATIENCE = 60.0  # that the drill may take to answer or to publish [s]
+_LONGEST_ADVANCE = SECOND  # in one go: the middleware keeps some thousand messages [ns]
+
+Value = TypeVar("Value")
+__tracebackhide__ = is_verdict
+
+
+class Lockstep:
+    """Drill whose time passes in steps alone.
+
+    A step is over when all that the drill has published up to its stamp is here, and every declared
+    answer of the nodes under test, and the drill has every command that they gave.
+
+    Attributes:
+        client: of the drill.
+        collector: of the messages.
+        answers: that the nodes under test have declared.
+        systems: processes under test.
+
+    Args:
+        process: of the drill, just started.
+
+    Raises:
+        DrillError: if the drill does not start.
+    """
+
+    def __init__(self, process: DrillProcess) -> None:
+        self._process = process
+        namespace = process.namespace
+        with applied(process.environment):
+            self.client = DrillClient(
+                namespace, process.domain, node_name="drill_test_client", patience=_PATIENCE
+            )
+            self.collector = Collector(
+                self.client.node.context, namespace, f"{namespace}/drill_node"
+            )
+        self.answers = Answers(self.collector)
+        self.systems = Systems(self.collector, self.answers, process.environment)
+        try:
+            self._await_start()
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def time(self) -> int:
+        """Simulation time that was reached [ns]."""
+        return self.collector.time
+
+    @property
+    def alive(self) -> bool:
+        """Whether the drill's process runs."""
+        return self._process.process.running
+
+    def begin(self, seed: int, scenario: str) -> None:
+        """Begin at time zero, paused, as the drill was started; nothing stays of before.
+
+        Args:
+            seed: of the run.
+            scenario: content of a scenario file.
+
+        Raises:
+            DrillError: if that is not possible.
+        """
+        self.systems.stop()
+        self.answers.declare(())
+        try:
+            self.client.pause()
+            self.client.set_parameters(real_time_factor=1.0)  # the one that no reset restores
+            self._process.scenario.write_text(scenario)
+            self.client.reset(seed=seed)
+            self.collector.time = 0
+            self.settle()
+            self.collector.forget()
+        except (ClientError, LostMessagesError) as error:
+            raise DrillError(f"the drill cannot be reset: {error}") from error
+        status = self.collector.own("status")
+        if status.stamps[-1] or status.latest().state != Status.STATE_PAUSED:
+            raise DrillError(f"the drill is {status.latest().state} after a reset, not paused")
+
+    def advance(self, until: int) -> None:
+        """Advance to a simulation time [ns], with an answer of every node at each of their times.
+
+        Raises:
+            SystemUnderTestError: if a node under test has died, or does not answer.
+            LostMessagesError: if messages are lost.
+            DrillError: if the drill has died.
+        """
+        period = self.answers.period
+        while self.time < until:
+            end = min(until, self.next_answer()) if period else until
+            self._advance(end)
+
+    def next_answer(self) -> int:
+        """Return the next time at which answers are due, which are declared [ns]."""
+        period = self.answers.period
+        return (self.time // period + 1) * period
+
+    def act(self, action: Callable[[], Value]) -> Value:
+        """Do something with the drill at a standstill, and take what follows from it."""
+        with self._guarded():
+            result = action()
+        self.settle()
+        return result
+
+    def settle(self) -> None:
+        """Wait until all that the drill has published is here.
+
+        Raises:
+            LostMessagesError: if something does not arrive.
+        """
+        collector, status = self.collector, self.collector.own("status")
+
+        def complete() -> bool:
+            return (
+                bool(status.stamps)
+                and status.stamps[-1] >= collector.time
+                and (status.number or 0) >= self.client.status_number
+                and collector.published.get("status", 0) == status.number
+                and not collector.missing()
+            )
+
+        if not collector.until(complete, _PATIENCE, self._check):
+            lacking = ", ".join(f"{count} of {name}" for name, count in collector.missing().items())
+            raise LostMessagesError(
+                f"messages of the drill have not arrived: {lacking or 'status'}"
+            )
+
+    def close(self) -> None:
+        """End everything."""
+        with contextlib.suppress(Exception):
+            self.systems.stop()
+        self.collector.close()
+        self.client.close()
+        self._process.stop()
+
+    def _advance(self, until: int) -> None:
+        self.systems.check()
+        self.systems.await_answerers()
+        self.answers.begin()
+        while self.time < until:
+            length = min(until - self.time, _LONGEST_ADVANCE)
+            with self._guarded():
+                reached = self.client.step(length / SECOND)
+            self.collector.time = round(reached * SECOND)
+            self.settle()
+        period = self.answers.period
+        if period and until % period == 0:
+            self.systems.await_answers(until)
+        if self.systems.await_commands():
+            self.settle()
+
+    def _await_start(self) -> None:
+        status = self.collector.own("status")
+
+        def paused() -> bool:
+            latest = status.latest()
+            return latest is not None and latest.state == Status.STATE_PAUSED
+
+        if not self.collector.until(paused, _START, self._check):
+            raise self._failure(f"has not started within {_START:g} s")
+        self.systems.await_connections()
+
+    @contextlib.contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Say that the drill has died, if that is why it does not answer."""
+        try:
+            yield
+        except NoAnswerError as error:
+            self._check()
+            raise self._failure(f"hangs: {error}") from error
+
+    def _check(self) -> None:
+        if not self.alive:
+            raise self._failure(self._process.process.ending)
+
+    def _failure(self, what: str) -> DrillError:
+        return DrillError(f"the drill {what}; its last lines:\n{self._process.process.tail}")
+
+
+def described(condition: Callable[[], object]) -> str:
+    """Return a condition in words: its name, or where it stands."""
+    name = getattr(condition, "__name__", "")
+    if name and name != "<lambda>":
+        return name
+    code = getattr(condition, "__code__", None)
+    where = f"{Path(code.co_filename).name}:{code.co_firstlineno}" if code else repr(condition)
+    return f"the condition of {where}"

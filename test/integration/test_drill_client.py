@@ -1,0 +1,198 @@
+"""The client of a running drill, against a drill in another process."""
+
+import pytest
+import rclpy
+from rpud_msgs.msg import JournalEntry, Result, Status, WeightOnBit
+from support import PATIENCE
+
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.ros.client import DrillClient, NoAnswerError, NoDrillError, RefusedError
+
+PAUSED = {"start_paused": True, "publish_clock": True}
+
+
+@pytest.fixture(scope="module")
+def process(start_module_drill):
+    return start_module_drill("/bench", **PAUSED)
+
+
+@pytest.fixture
+def drill(process):
+    with DrillClient("/bench", patience=PATIENCE) as drill:
+        drill.pause()
+        drill.reset()
+        yield drill
+
+
+def test_a_command_is_over_when_the_drill_has_accepted_it(drill):
+    journal = drill.listen("journal")
+    before = len(journal)
+    for number in range(20):
+        force = 10.0 + number
+        drill.press(force)
+        assert drill.status.weight_on_bit == force
+        assert drill.status.commands_accepted == number + 1
+        drill.step(0.01)
+    drill.until(lambda: len(journal) >= before + 20)
+    kinds = [entry.kind for entry in journal]
+    assert kinds.count(JournalEntry.KIND_WEIGHT_ON_BIT) == 20
+    drill.drive(False)
+    assert not drill.status.drive_enabled
+    drill.drive(True, frequency=15900.0)
+    shown = drill.status
+    assert (shown.drive_voltage, shown.drive_frequency) == (100.0, 15900.0)
+
+
+def test_a_refused_command_raises_the_reason_of_the_drill(drill):
+    with pytest.raises(RefusedError, match=r"^weight_on_bit = -1 N is outside its range \[0, 1"):
+        drill.press(-1.0)
+    with pytest.raises(RefusedError, match=r"^drive voltage = nan V is outside its range"):
+        drill.drive(True, voltage=float("nan"))
+    assert drill.status.commands_rejected == 2
+    assert drill.status.commands_accepted == 0
+
+
+def test_the_refusal_of_another_publisher_is_not_taken_for_its_own(drill):
+    other = drill.node.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
+    drill.until(other.get_subscription_count)
+    drill.until(lambda: drill.status.commanders == 2)
+    other.publish(WeightOnBit(force=-3.0))
+    drill.press(25.0)
+    assert drill.status.weight_on_bit == 25.0
+    drill.until(lambda: drill.status.commands_rejected == 1)
+    drill.node.destroy_publisher(other)
+
+
+def test_a_step_is_over_when_all_its_messages_are_there(drill):
+    forces = drill.listen("reacting_force")
+    for number in range(1, 11):
+        assert drill.step(0.1) == drill.time == pytest.approx(0.1 * number)
+        assert len(forces) == 10 * number
+    assert drill.run_to(1.5) == 1.5
+    assert len(forces) == 150
+    with pytest.raises(RefusedError, match=r"is not after the drill's time") as refused:
+        drill.run_to(1.5)
+    assert refused.value.result == Result.RESULT_OPERATION_FAILED
+
+
+def test_a_reset_with_a_seed_gives_the_same_forces_again(drill):
+    forces = drill.listen("reacting_force")
+    runs = []
+    for seed in (5, 5, 6):
+        drill.reset(seed=seed)
+        assert drill.time == 0.0
+        forces.clear()
+        drill.press(20.0)
+        drill.step(0.3)
+        runs.append([each.force for each in forces])
+    assert runs[0] == runs[1] != runs[2]
+    with pytest.raises(ParameterError, match=r"scope = 'al' is unknown; did you mean all?"):
+        drill.reset("al")
+
+
+def test_time_plays_and_pauses_and_a_playing_drill_refuses_a_step(drill):
+    drill.play()
+    drill.play()  # again is no error
+    assert drill.status.state == Status.STATE_RUNNING
+    with pytest.raises(RefusedError, match=r"^it is playing, not paused$"):
+        drill.step(0.1)
+    drill.pause()
+    drill.pause()
+    assert drill.status.state == Status.STATE_PAUSED
+
+
+def test_faults_are_injected_and_cleared_by_number_kind_or_all(drill):
+    jam = drill.inject("free_mass_jammed")
+    noise = drill.inject("noise", "reacting_force", magnitude=0.5)
+    short = drill.inject("bias", "wrench", duration=0.05)
+    assert [each.number for each in drill.faults] == [jam, noise, short]
+    drill.step(0.1)
+    drill.until(lambda: not drill.faults[2].active)
+    assert drill.clear("noise") == [noise]
+    assert drill.clear(jam) == [jam]
+    assert not any(each.active for each in drill.faults)
+    assert drill.clear() == []
+    with pytest.raises(RefusedError, match=r"did you mean free_mass_jammed?"):
+        drill.inject("free_mass_jamed")
+    with pytest.raises(RefusedError, match=r"^no fault is active$"):
+        drill.clear("noise")
+
+
+def test_it_engages_and_sets_parameters(drill):
+    drill.engage(False)
+    assert drill.status.regime == Status.REGIME_FREE
+    drill.engage()
+    assert drill.status.regime == Status.REGIME_DRILLING
+    drill.set_parameters(real_time_factor=2, command_timeout=0.5)
+    with pytest.raises(RefusedError, match=r"real_time_factor out of range Min: 0.0"):
+        drill.set_parameters(real_time_factor=-1.0)
+    with pytest.raises(RefusedError, match=r"'gravty' is unknown; did you mean gravity?"):
+        drill.set_parameters(gravty=1.6)
+
+
+def test_it_works_beside_the_default_context_of_the_process(process):
+    rclpy.init()
+    try:
+        own = rclpy.create_node("own")
+        with DrillClient("/bench", patience=PATIENCE) as drill:
+            drill.press(12.0)
+        assert rclpy.ok()
+        own.destroy_node()
+    finally:
+        rclpy.shutdown()
+
+
+def test_without_a_drill_it_says_where_there_are_some(process):
+    with DrillClient("/bench") as there, DrillClient("/bensh", patience=1.0) as drill:
+        there.found(PATIENCE)
+        with pytest.raises(NoDrillError, match=r"^no drill in /bensh .*; there is one in /bench"):
+            drill.press(1.0)
+
+
+def test_what_it_waits_for_in_vain_has_a_time_limit(drill):
+    with pytest.raises(NoAnswerError, match=r"^nothing moved within 0.1 s$"):
+        drill.until(lambda: drill.time > 1.0, patience=0.1, what="nothing moved")
+    with pytest.raises(NoAnswerError, match=r"^nobody published /bench/nothing within 0.2 s$"):
+        drill.listen("nothing", patience=0.2)
+
+
+def test_two_living_drills_of_one_namespace_are_refused_and_a_killed_one_is_not(start_drill):
+    first = start_drill("/twins", **PAUSED)
+    second = start_drill("/twins", **PAUSED)
+    with (
+        DrillClient("/twins", patience=PATIENCE) as drill,
+        pytest.raises(NoDrillError, match=r"2 nodes publish /twins/status"),
+    ):
+        drill.press(20.0)
+    second.kill()
+    second.wait()
+    with DrillClient("/twins", patience=PATIENCE) as drill:
+        drill.press(20.0)
+        assert drill.status.weight_on_bit == 20.0
+        first.kill()
+        first.wait()
+    with DrillClient("/twins", patience=1.0) as drill, pytest.raises((NoAnswerError, NoDrillError)):
+        drill.step(1.0)
+
+
+def test_a_drill_that_dies_is_noticed_within_the_patience(start_drill):
+    process = start_drill("/dying", **PAUSED)
+    with DrillClient("/dying", patience=PATIENCE) as drill:
+        drill.press(20.0)
+    with DrillClient("/dying", patience=1.0) as drill:
+        drill.found(PATIENCE)
+        process.kill()
+        process.wait()
+        with pytest.raises(NoAnswerError, match=r"did not accept the command within 1 s"):
+            drill.press(30.0)
+        with pytest.raises(NoAnswerError, match=r"/dying/simulation/step did not"):
+            drill.step(1.0)
+
+
+def test_an_inactive_drill_refuses_and_one_that_is_not_configured_says_so(start_drill):
+    start_drill("/idle", "waiting for the transitions", autostart=False)
+    with (
+        DrillClient("/idle", patience=1.5) as drill,
+        pytest.raises(NoDrillError, match=r"published no status within 1.5 s: it is still starting"),
+    ):
+        drill.press(1.0)

@@ -1,0 +1,319 @@
+"""The step functions are what the definitions give, written out nanosecond by nanosecond."""
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.verdicts.atoms import Atoms
+from rpud_sim.verdicts.robustness import Evaluation
+from rpud_sim.verdicts.vocabulary import (
+    WHOLE,
+    After,
+    Always,
+    And,
+    Becomes,
+    Compare,
+    Count,
+    Event,
+    Eventually,
+    Implies,
+    Message,
+    Not,
+    Number,
+    Or,
+    Quantile,
+    Signal,
+    Until,
+    Window,
+)
+from verdicts.formulas import record_of
+
+UNKNOWN = (-math.inf, math.inf, -1.0, 1.0)
+FORCE, WEIGHT = Signal("reacting_force", "force"), Signal("status", "weight_on_bit")
+SHORT = Signal("reacting_force", "force", 2)
+
+
+def compared(signal, operator, number):
+    return Compare(signal, operator, Number(number, "N" if number else ""))
+
+
+def comparisons():
+    return st.builds(
+        compared,
+        st.sampled_from([FORCE, WEIGHT, SHORT]),
+        st.sampled_from(["<", "<=", ">", ">=", "==", "!="]),
+        st.sampled_from([0.0, 1.0, 2.0]),
+    )
+
+
+def windows():
+    pairs = st.tuples(st.integers(0, 8), st.integers(0, 8)).map(sorted)
+    return st.just(WHOLE) | pairs.map(lambda pair: Window(*pair)) | st.just(Window(2, None))
+
+
+def events():
+    where = comparisons().filter(lambda each: each.signal is not SHORT)
+    messages = where.map(lambda each: Message(each.signal.topic, each))
+    return messages | st.builds(Becomes, comparisons())
+
+
+@st.composite
+def formulas(draw, depth=3):
+    kinds = ["compare"] * 3 + ["event", "count", "quantile"] if depth else ["compare", "event"]
+    kind = draw(st.sampled_from(kinds + list(COMPOSED) * 2 if depth else kinds))
+    if kind in COMPOSED:
+        return draw(COMPOSED[kind](formulas(depth - 1)))
+    each, window = draw(comparisons()), draw(windows())
+    if kind == "event":
+        return draw(events())
+    if kind == "count":
+        operator, number = draw(st.sampled_from(["<", ">=", "=="])), draw(st.sampled_from([0, 2]))
+        return Count(draw(events()), operator, float(number), window)
+    if kind == "quantile":
+        share = draw(st.sampled_from([0.3, 0.5, 1.0]))
+        signal = Signal(each.signal.topic, each.signal.field)
+        return Quantile(share, signal, each.operator, each.number, window)
+    return each
+
+
+COMPOSED = {
+    "not": lambda inner: st.builds(Not, inner),
+    "and": lambda inner: st.tuples(inner, inner).map(And),
+    "or": lambda inner: st.tuples(inner, inner).map(Or),
+    "implies": lambda inner: st.builds(Implies, inner, inner),
+    "always": lambda inner: st.builds(Always, inner, windows()),
+    "eventually": lambda inner: st.builds(Eventually, inner, windows()),
+    "until": lambda inner: st.builds(Until, inner, inner, windows()),
+    "unless": lambda inner: st.builds(Until, inner, inner, st.just(WHOLE), st.just(True)),
+    "after": lambda inner: st.builds(After, st.one_of(events(), inner), inner),
+}
+
+
+def samples(least):
+    values = st.sampled_from([0.0, 1.0, 2.0, 3.0, math.nan])
+    return st.dictionaries(st.integers(0, 12), values, min_size=least, max_size=6)
+
+
+class Oracle:
+    """Definitions of docs/reference/expectations.md, one instant at a time."""
+
+    def __init__(self, force, weight):
+        self.signals = {"reacting_force": force, "status": weight}
+        self.found = {}
+        stamps = [*force, *weight]
+        self.begin, self.end = min(force or weight), max(stamps)
+
+    def at(self, formula, time):
+        """Return the bounds, and whether the formula means nothing yet."""
+        if (formula, time) not in self.found:
+            self.found[formula, time] = self.computed(formula, time)
+        return self.found[formula, time]
+
+    def computed(self, formula, time):
+        if time > self.end:
+            return UNKNOWN, False
+        bounds, absent = getattr(self, type(formula).__name__.lower())(formula, time)
+        return (UNKNOWN, True) if absent else (bounds, False)
+
+    def known(self, formula, time):
+        return self.at(formula, time)[0]
+
+    def together(self, parts, choose):
+        bounds = tuple(choose(each) for each in zip(*(part[0] for part in parts), strict=True))
+        return bounds, any(part[1] for part in parts) and bounds[2] < bounds[3]
+
+    def value(self, signal, time):
+        """Return the value that holds; None if there is none yet, ``old`` if it holds no more."""
+        stamps = [stamp for stamp in self.signals[signal.topic] if stamp <= time]
+        if not stamps:
+            return None
+        old = signal.hold is not None and time - max(stamps) >= signal.hold
+        return "old" if old else self.signals[signal.topic][max(stamps)]
+
+    def judged(self, value, operator, number):
+        if math.isnan(value):
+            return (
+                (-math.inf, 0.0, -1.0, 1.0)
+                if operator == "=="
+                else ((0.0, math.inf, -1.0, 1.0) if operator == "!=" else UNKNOWN)
+            )
+        margin = {"<": number - value, ">": value - number, "=": -abs(value - number)}
+        margin["!"] = -margin["="]
+        true = {
+            "<": value < number,
+            "<=": value <= number,
+            ">": value > number,
+            ">=": value >= number,
+            "==": value == number,
+            "!=": value != number,
+        }[operator]
+        return (margin[operator[0]],) * 2 + (1.0 if true else -1.0,) * 2
+
+    def compare(self, formula, time):
+        value = self.value(formula.signal, time)
+        if value is None:
+            return UNKNOWN, True
+        if value == "old":
+            return UNKNOWN, False
+        return self.judged(value, formula.operator, formula.number.value), False
+
+    def message(self, formula, time):
+        samples = self.signals[formula.topic]
+        if not any(self.begin <= stamp for stamp in samples):
+            return UNKNOWN, True
+        if time not in samples:
+            return (-math.inf, -math.inf, -1.0, -1.0), False
+        where = formula.where
+        return self.judged(samples[time], where.operator, where.number.value), False
+
+    def becomes(self, formula, time):
+        inner = [self.at(formula.formula, each) for each in range(self.begin, self.end + 1)]
+        if all(absent for _, absent in inner):
+            return UNKNOWN, True
+        (_, _, least, most), absent = inner[time - self.begin]
+        before, unheard = inner[time - self.begin - 1] if time > self.begin else (None, True)
+        false = (-math.inf, -math.inf, -1.0, -1.0)
+        if absent or most < 0.0:
+            return false, False
+        if least < 0.0:
+            return UNKNOWN, False
+        if unheard or before[3] < 0.0:
+            return (math.inf, math.inf, 1.0, 1.0), False
+        return (false, False) if before[2] > 0.0 else (UNKNOWN, False)
+
+    def not_(self, formula, time):
+        (low, high, least, most), absent = self.at(formula.formula, time)
+        return (-high, -low, -most, -least), absent
+
+    def and_(self, formula, time):
+        return self.together([self.at(each, time) for each in formula.formulas], min)
+
+    def or_(self, formula, time):
+        return self.together([self.at(each, time) for each in formula.formulas], max)
+
+    def implies(self, formula, time):
+        return self.together(
+            [self.not_(Not(formula.condition), time), self.at(formula.formula, time)], max
+        )
+
+    def window(self, window, time):
+        last = self.end if window.end is None else time + window.end
+        return range(time + window.start, last + 1)
+
+    def quantified(self, formula, time, choose):
+        times = self.window(formula.window, time)
+        found = [self.at(formula.formula, each) for each in times] or [(UNKNOWN, False)]
+        heard = [bounds for bounds, absent in found if not absent]
+        if not heard:
+            return UNKNOWN, True
+        return tuple(choose(each) for each in zip(*heard, strict=True)), False
+
+    def always(self, formula, time):
+        return self.quantified(formula, time, min)
+
+    def eventually(self, formula, time):
+        return self.quantified(formula, time, max)
+
+    def until(self, formula, time):
+        window = formula.window
+        candidates = []
+        goals = self.window(window, time)
+        for goal in goals or [
+            time + window.start
+        ]:  # of a time after the recording nothing is known
+            parts = [self.known(formula.goal, goal)]
+            parts += [self.known(formula.formula, each) for each in range(time, goal)]
+            candidates.append(tuple(min(each) for each in zip(*parts, strict=True)))
+        bounds = tuple(max(each) for each in zip(*candidates, strict=True))
+        absent = any(self.at(part, time)[1] for part in (formula.formula, formula.goal))
+        if not formula.weak:
+            return bounds, absent and bounds[2] < bounds[3]
+        held = self.always(Always(formula.formula), time)
+        return self.together([(bounds, absent and bounds[2] < bounds[3]), held], max)
+
+    def after(self, formula, time):
+        trigger = formula.trigger
+        trigger = trigger if isinstance(trigger, Event) else Becomes(trigger)
+        found, came = [], False
+        for each in range(time, self.end + 1):
+            happens, unheard = self.at(trigger, each)
+            if unheard or happens[3] < 0.0:
+                continue
+            came |= happens[2] > 0.0
+            low, high, least, most = happens
+            implied = self.together(
+                [((-high, -low, -most, -least), False), self.at(formula.formula, each)], max
+            )
+            if not implied[1]:
+                found.append(implied[0])
+        if not found:
+            return UNKNOWN, True
+        bounds = tuple(min(each) for each in zip(*found, strict=True))
+        return (UNKNOWN if bounds[2] > 0.0 and not came else bounds), False
+
+    def count(self, formula, time):
+        every = [self.at(formula.event, each) for each in range(self.begin, self.end + 1)]
+        if all(absent for _, absent in every):
+            return UNKNOWN, True
+        times = self.window(formula.window, time)
+        window = formula.window
+        beyond = time + (window.start if window.end is None else window.end) > self.end
+        found = [self.known(formula.event, each) for each in times if each <= self.end]
+        low = sum(bounds[2] > 0.0 for bounds in found)
+        high = math.inf if beyond else sum(bounds[3] > 0.0 for bounds in found)
+        unsure = [not absent and bounds[2] < bounds[3] for bounds, absent in every]
+        for first in range(self.begin, self.end):  # any number of events in two such instants
+            if isinstance(formula.event, Message):
+                break
+            if all(unsure[first - self.begin :][:2]) and {first, first + 1} & {*times}:
+                high = math.inf
+        return self.between(low, high, formula.operator, formula.number), False
+
+    def between(self, low, high, operator, number):
+        if operator in ("==", "!="):
+            far = max(abs(low - number), abs(high - number))
+            near = 0.0 if low <= number <= high else min(abs(low - number), abs(high - number))
+            equal = (-far, -near, 1.0 if far == 0.0 else -1.0, 1.0 if near == 0.0 else -1.0)
+            return equal if operator == "==" else (near, far, -equal[3], -equal[2])
+        ends = [self.judged(each, operator, number) for each in (low, high)]
+        return tuple(
+            choose(ends[0][row], ends[1][row])
+            for row, choose in ((0, min), (1, max), (2, min), (3, max))
+        )
+
+    def quantile(self, formula, time):
+        samples = self.signals[formula.signal.topic]
+        if not any(stamp >= self.begin for stamp in samples):
+            return UNKNOWN, True
+        window = formula.window
+        beyond = time + (window.start if window.end is None else window.end) > self.end
+        times = self.window(window, time)
+        found = [value for stamp, value in samples.items() if stamp in times]
+        low, high = -math.inf, math.inf
+        if found and not beyond:
+            place = math.ceil(round(formula.share * 10) * len(found) / 10) - 1
+            low = sorted(-math.inf if math.isnan(each) else each for each in found)[place]
+            high = sorted(math.inf if math.isnan(each) else each for each in found)[place]
+        return self.between(low, high, formula.operator, formula.number.value), False
+
+
+for _name in ("not", "and", "or"):
+    setattr(Oracle, _name, getattr(Oracle, f"{_name}_"))
+
+
+@settings(max_examples=400, deadline=None)
+@given(formulas(), samples(1), samples(0))
+def test_each_instant_has_the_value_of_the_definitions(formula, force, weight):
+    record = record_of(force=force, weight=weight)
+    oracle = Oracle(force, weight)
+    begin, end = record.span(["reacting_force", "status"])
+    assert (begin, end) == (oracle.begin, oracle.end)
+    steps = Evaluation(Atoms(record, begin, end, 0)).steps(formula)
+    for time in range(begin, end + 1):
+        number = int(steps.at(np.array([time]))[0])
+        found = tuple(steps.values[:, number].tolist()), bool(steps.absent[number])
+        bounds, absent = oracle.at(formula, time)
+        assert found[1] == absent, (time, formula)
+        assert absent or found[0] == bounds, (time, formula)
