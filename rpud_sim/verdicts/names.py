@@ -40,6 +40,15 @@ COMMANDS: Mapping[str, str] = {
 TYPES: Mapping[str, str] = {**{name: topic.type for name, topic in TOPICS.items()}, **COMMANDS}
 """Types of the topics with relative names."""
 
+# Standard types name no units.
+_STANDARD_UNITS: Mapping[str, str] = {
+    **{f"wrench.wrench.force.{axis}": "N" for axis in "xyz"},
+    **{f"wrench.wrench.torque.{axis}": "N m" for axis in "xyz"},
+    "joint_states.position": "m",
+    "joint_states.velocity": "m/s",
+    "joint_states.effort": "N",
+}
+
 # One message a sample: these define where a recording begins, and fall silent only by a fault.
 PERIODIC = frozenset(
     ("actuator_state", "drill_tool", "joint_states", "nodal_plane", "reacting_force", "wrench")
@@ -133,7 +142,8 @@ def find_field(name: str, columns: tuple[Column, ...], topic: str) -> Field:
         raise ExpectationError(f"{topic}.{base} is one value, and has no [{index}]")
     if index is not None and column.kind is Kind.ARRAY and index >= column.length:
         raise ExpectationError(f"{topic}.{base} has {column.length} values, and no [{index}]")
-    return Field(column, index)
+    unit = column.unit or _STANDARD_UNITS.get(f"{topic}.{base}", "")
+    return Field(dataclasses.replace(column, unit=unit), index)
 
 
 def field_of(signal: Signal) -> Field | None:

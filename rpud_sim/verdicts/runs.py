@@ -81,7 +81,11 @@ def last_run(entries: Sequence[Entry]) -> LastRun:
     of a beginning follow each other at one simulation time.
     """
     once = {(entry.sequence, entry.kind, entry.stamp, entry.time): entry for entry in entries[::-1]}
-    ordered = sorted(once.values(), key=lambda entry: (entry.published, entry.sequence))
+    numbers = [entry.sequence for entry in once.values()]
+    if len(set(numbers)) == len(numbers):  # of one node: its numbers are the order
+        ordered = sorted(once.values(), key=lambda entry: entry.sequence)
+    else:
+        ordered = sorted(once.values(), key=lambda entry: (entry.published, entry.sequence))
     found = LastRun()
     for number, entry in enumerate(ordered):
         if entry.kind not in ("begin", "origin"):

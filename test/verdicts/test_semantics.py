@@ -28,7 +28,7 @@ from rpud_sim.verdicts.vocabulary import (
     Until,
     Window,
 )
-from verdicts.formulas import record_of
+from random_expectations import record_of
 
 UNKNOWN = (-math.inf, math.inf, -1.0, 1.0)
 FORCE, WEIGHT = Signal("reacting_force", "force"), Signal("status", "weight_on_bit")

@@ -1,0 +1,79 @@
+"""The same expectation has the same verdict live and over a bag."""
+
+import random
+from collections import Counter
+
+import pytest
+from random_expectations import RandomFormulas
+
+from rpud_sim import bag as bags
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.verdicts import Expectation, Record, evaluate
+from rpud_sim.verdicts.names import TYPES
+from rpud_sim.verdicts.verdict import OUTCOMES
+
+TOPICS = ("contact_force", "drill_tool", "faults", "journal", "nodal_plane")
+TOPICS += ("reacting_force", "status", "wrench")
+
+
+def messages_of(path, topics):
+    """Return topic, stamp and message of all messages, as a subscriber has them."""
+    with bags.open(path) as reader:
+        wanted = {f"/rpud/{topic}": topic for topic in topics}
+        codecs = {
+            each.topic.name: Codec(each.topic.type, each.definition)
+            for each in reader.topics
+            if each.topic.name in wanted
+        }
+        found = []
+        for message in reader.messages(list(wanted)):
+            decoded = codecs[message.topic].decode(message.data)
+            stamp = decoded.header.stamp.sec * SECOND + decoded.header.stamp.nanosec
+            found.append((message.topic, stamp, decoded))
+    return found
+
+
+@pytest.fixture(scope="module")
+def live(faulty_bag):
+    """Record messages in any order, and some of them twice."""
+    record = Record()
+    messages = messages_of(faulty_bag, TOPICS)
+    source = random.Random(1)
+    messages += source.sample(messages, 200)
+    source.shuffle(messages)
+    for message in messages:
+        record.add(*message)
+    return record
+
+
+def test_a_thousand_random_expectations_have_the_same_verdict_live_and_over_the_bag(
+    faulty_bag, live
+):
+    recorded = Record.from_bag(faulty_bag, TOPICS)
+    source = RandomFormulas(random.Random(13))
+    outcomes = Counter()
+    for number in range(1000):
+        expectation = Expectation(f"number {number}", source.formula())
+        verdict = evaluate(expectation, recorded)
+        assert evaluate(expectation, live) == verdict, expectation
+        outcomes[verdict.outcome] += 1
+    assert all(outcomes[outcome] > 50 for outcome in OUTCOMES), outcomes
+
+
+def test_a_verdict_depends_on_no_topic_but_those_of_its_expectation(faulty_bag, live):
+    source = RandomFormulas(random.Random(14))
+    for number in range(20):
+        expectation = Expectation(f"number {number}", source.formula())
+        record = Record.from_bag(faulty_bag, expectation.topics)
+        assert evaluate(expectation, record) == evaluate(expectation, live), expectation
+
+
+@pytest.mark.parametrize("topic", ["waveform", "trajectory"])
+def test_blocks_are_samples_live_as_in_the_bag(faulty_bag, topic):
+    recorded, live = Record.from_bag(faulty_bag, [topic]), Record()
+    for message in messages_of(faulty_bag, [topic]):
+        live.add(*message)
+    assert len(live.messages(topic)) == len(recorded.messages(topic)) > 1000
+    assert (live.messages(topic).stamps == recorded.messages(topic).stamps).all()
+    assert topic in TYPES
