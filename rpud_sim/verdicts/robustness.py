@@ -125,7 +125,9 @@ class Evaluation:
     def _after(self, formula: After) -> Steps:
         trigger, then = self.steps_of_after(formula)
         implied = combine([negate(trigger), then], least=False)
-        never = trigger.on(implied.starts)
+        # Steps of the trigger vanish in implied where no number decides.
+        starts = np.union1d(implied.starts, trigger.starts)
+        implied, never = implied.on(starts), trigger.on(starts)
         skipped = (never.values[MOST_TRUTH] < 0.0) | never.absent
         absent = implied.absent | skipped
         always = over_window(Steps(implied.starts, implied.values, absent), 0, None, least=True)
