@@ -121,6 +121,7 @@ class Table:
                 mutant, caught, seconds, error = value
                 self.caught[mutant].update(caught)
                 self.seconds[mutant] += seconds
+                if os.environ.get("DBG"): print("DBG", report.nodeid, error)
                 if error and not caught:
                     self.errors.append(f"{report.nodeid}: {error}")
         if report.when != "call" and report.failed:
