@@ -13,7 +13,10 @@ from pathlib import Path
 
 from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-from rpud_sim.bag.manifest import RECORD_NAME, Manifest, installed_versions, machine_name
+from rpud_sim.bag.losses import RECORD_NAME as LOSSES_RECORD
+from rpud_sim.bag.losses import Losses, losses_to_record
+from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
+from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
 from rpud_sim.testing.drill import Drill
 from rpud_sim.testing.report_pages import ReportPages
 
@@ -89,7 +92,7 @@ def write_bag(path: Path, drill: Drill) -> None:
     )
     entries = []
     with BagWriter(path) as bag:
-        bag.add_record(RECORD_NAME, manifest.to_record())
+        bag.add_record(MANIFEST_RECORD, manifest.to_record())
         for name, heard in sorted(drill.heard.items()):
             kind = _type_name(heard.kind)
             offer = QosProfile(durability="transient_local" if heard.latched else "volatile")
@@ -102,8 +105,12 @@ def write_bag(path: Path, drill: Drill) -> None:
                 (stamp, name, payload)
                 for stamp, payload in zip(heard.stamps, heard.payloads, strict=True)
             ]
-        for stamp, name, payload in sorted(entries, key=lambda entry: entry[0]):
+        journal = f"{drill.namespace}/journal"  # it comes before what follows at its time
+        entries.sort(key=lambda entry: (entry[0], entry[1] != journal))
+        for stamp, name, payload in entries:
             bag.write(name, payload, max(stamp, 0), max(stamp, 0))
+        losses = {name: Losses(transport=heard.lost) for name, heard in drill.heard.items()}
+        bag.add_record(LOSSES_RECORD, losses_to_record(losses))
 
 
 def _bag_and_report(

@@ -41,6 +41,7 @@ class Collector:
         time: of the drill, for messages without a stamp [ns].
         published: by topic, number of the drill's latest message, as the drill says.
         subscribers: by topic, number of subscriptions that the drill reaches, as it says.
+        acknowledged: whether all subscribers have all messages, as the drill says.
 
     Args:
         context: of ROS.
@@ -52,6 +53,7 @@ class Collector:
         self.time = 0
         self.published: Mapping[str, int] = {}
         self.subscribers: Mapping[str, int] = {}
+        self.acknowledged = False
         self._context = context
         self._source = f"{drill_name}: messages"
         self.node = rclpy.create_node(
@@ -204,6 +206,7 @@ class Collector:
                     values = {each.key: each.value for each in status.values}
                     self.published = _numbers(values["published"])
                     self.subscribers = _numbers(values["subscribers"])
+                    self.acknowledged = values["acknowledged"] == "True"
         self._diagnostics.forget(len(self._diagnostics))
 
 

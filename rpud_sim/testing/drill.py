@@ -324,6 +324,15 @@ class Drill:
         """Wait until the drill reaches every subscriber that there is."""
         self._lockstep.systems.await_connections()
 
+    def await_delivery(self) -> None:
+        """Wait until all subscribers have all that the drill has published."""
+        self._lockstep.await_delivery()
+
+    @property
+    def published(self) -> dict[str, int]:
+        """Number of messages that the drill has published since its start, by relative topic."""
+        return dict(self._collector.published)
+
     def begin(self, seed: int, scenario: str = NO_FAULTS) -> None:
         """Begin a test; see ``Lockstep.begin``."""
         self._lockstep.begin(seed, scenario)

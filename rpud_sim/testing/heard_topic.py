@@ -60,7 +60,7 @@ class HeardTopic:
 
     @property
     def stamps(self) -> Sequence[int]:
-        """Stamps of the messages [ns]; without a stamp, the drill's time when they came."""
+        """Stamps of the messages [ns]; without one, the drill's time when they came."""
         return self._stamps
 
     @property
@@ -82,7 +82,7 @@ class HeardTopic:
                 self._count(info["publication_sequence_number"])
                 if not self._repeats(payload):
                     self._payloads.append(payload)
-                    self._stamps.append((self.stamped and self._stamp(payload)) or time)
+                    self._stamps.append(self._stamp(payload, time))
         return self.arrived > before
 
     def messages(self) -> list[Any]:
@@ -124,9 +124,13 @@ class HeardTopic:
             and self._payloads[-1][:-_TIMING] == payload[:-_TIMING]
         )
 
-    def _stamp(self, payload: bytes) -> int:
+    def _stamp(self, payload: bytes, time: int) -> int:
+        if not self.stamped:
+            return time
         second, nanosecond = _STAMP[payload[1] & 1].unpack_from(payload, _STAMP_AT)
-        return int(second * SECOND + nanosecond)
+        stamp = int(second * SECOND + nanosecond)
+        # Zero is a time of the drill, but no stamp of others.
+        return stamp if stamp or self._numbered else time
 
 
 def _ignore(payload: bytes) -> None:

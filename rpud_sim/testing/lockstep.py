@@ -20,6 +20,7 @@ from rpud_sim.testing.systems import Systems
 
 _START = 180.0  # that a drill may take to start, which compiles where nothing is compiled yet [s]
 _PATIENCE = 60.0  # that the drill may take to answer or to publish [s]
+_DELIVERY = 5.0  # that subscribers may take to acknowledge [s]
 _LONGEST_ADVANCE = SECOND  # in one go: the middleware keeps some thousand messages [ns]
 
 Value = TypeVar("Value")
@@ -146,6 +147,14 @@ class Lockstep:
             raise LostMessagesError(
                 f"messages of the drill have not arrived: {lacking or 'status'}"
             )
+
+    def await_delivery(self) -> None:
+        """Wait until all reliable subscribers have all that the drill has published.
+
+        One that was killed never has: the wait ends then, too.
+        """
+        self.settle()
+        self.collector.until(lambda: self.collector.acknowledged, _DELIVERY, self._check)
 
     def close(self) -> None:
         """End everything."""

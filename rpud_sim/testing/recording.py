@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import select
+import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import rpud_sim.bag
+from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.drill import Drill
-from rpud_sim.testing.errors import DrillError
+from rpud_sim.testing.errors import DrillError, LostMessagesError
 from rpud_sim.testing.processes import ChildProcess
 
 _START = 30.0  # that the recorder may take to start [s]
@@ -51,6 +54,8 @@ class Recording:
         finally:
             os.close(ready)
         drill.await_connections()
+        self._drill = drill
+        self._begun = drill.published
 
     @property
     def path(self) -> Path:
@@ -65,16 +70,31 @@ class Recording:
 
         Raises:
             DrillError: if the recorder fails.
+            LostMessagesError: if the bag lacks messages of the drill.
         """
         if not self._stopped:
             self._stopped = True
-            self._process.send(15)
+            self._drill.await_delivery()
+            self._process.send(signal.SIGTERM)
             ended = self._process.wait(_END)
             code = self._process.code
             self._process.kill()
             if not ended or code:
                 raise DrillError(f"the recorder failed; its last lines:\n{self._process.tail}")
+            self._check()
         return self._path
+
+    def _check(self) -> None:
+        """Check that the bag has everything that the drill has published since the beginning."""
+        with rpud_sim.bag.open(self._path) as bag:
+            recorded = {item.topic.name: item.message_count for item in bag.topics}
+        for name, topic in TOPICS.items():
+            published = self._drill.published[name] - self._begun[name]
+            found = recorded.get(f"{self._drill.namespace.rstrip('/')}/{name}", 0)
+            if topic.complete and found < published:
+                raise LostMessagesError(
+                    f"{published} messages of {name} were published, {found} are in {self._path}"
+                )
 
     def _await_start(self, ready: int) -> None:
         deadline = time.monotonic() + _START

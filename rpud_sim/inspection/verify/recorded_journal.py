@@ -43,15 +43,18 @@ def journal_entries(
 
     Repeated entries are skipped: a recorder repeats them at the beginning of a bag's next file.
     Number zero begins the journal of another start of the node. Both journals may be equal, where
-    the node is its own clock; then their publishing times differ.
+    the node is its own clock; then their publishing times differ. A bag of a
+    test begins with a later number, of an entry with which a run begins.
 
     Raises:
         UnverifiableError: if entries are missing, or one is malformed.
     """
     expected = 0
     first = (0, b"")
-    for message in recorded:
+    for number, message in enumerate(recorded):
         entry = _decode(message, codec)
+        if number == 0 and entry.kind == "begin":
+            expected = entry.sequence
         published = (message.publish_time, message.data)
         if entry.sequence == 0 and published != first:
             first, expected = published, 0

@@ -140,6 +140,7 @@ class Account:
             figures=figures,
             published=self._publishers.published,
             subscribers=self._publishers.subscribers(),
+            acknowledged=self._publishers.acknowledged(),
         )
         self._publishers.publish_diagnostics(
             report_to_diagnostics(

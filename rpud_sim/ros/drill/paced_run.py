@@ -158,7 +158,7 @@ class PacedRun:
             self.report()
         now = time.monotonic()
         if now >= self._clock_due:
-            if self._publishers.subscribers_changed():  # a test waits for the node that it tests
+            if self._publishers.delivery_changed():  # a test waits for it
                 self.report()
             self._publishers.publish_clock(self._run.origin + self._run.time)
             self._clock_due = now + _STANDSTILL_PERIOD

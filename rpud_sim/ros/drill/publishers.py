@@ -26,6 +26,8 @@ COMMAND_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 # than this for one that does not answer [s].
 _LONGEST_WAIT = 1.0
 
+_AT_ONCE = Duration(nanoseconds=0)
+
 Encoded = tuple[str, Any]  # topic and serialized message
 
 
@@ -48,7 +50,7 @@ class DrillPublishers:
         self._dropped = 0
         self._unacknowledged = Counter[str]()
         self._published = Counter[str]()
-        self._known_subscribers: Mapping[str, int] = {}
+        self._delivery: tuple[dict[str, int], bool] = ({}, True)
         self.sent = sent
         self.patient = False
         topics = {**TOPICS, **({"/clock": CLOCK} if publish_clock else {})}
@@ -82,10 +84,14 @@ class DrillPublishers:
         """Return the number of subscriptions that each topic of the node's namespace reaches."""
         return {name: self._publishers[name].get_subscription_count() for name in TOPICS}
 
-    def subscribers_changed(self) -> bool:
-        """Return whether their numbers differ from those at the last call."""
-        before, self._known_subscribers = self._known_subscribers, self.subscribers()
-        return self._known_subscribers != before
+    def acknowledged(self) -> bool:
+        """Return whether all reliable subscribers have every message of the namespace."""
+        return all(self._publishers[name].wait_for_all_acked(_AT_ONCE) for name in TOPICS)
+
+    def delivery_changed(self) -> bool:
+        """Return whether subscribers or acknowledgement differ from those at the last call."""
+        before, self._delivery = self._delivery, (self.subscribers(), self.acknowledged())
+        return self._delivery != before
 
     def wanted(self, topic: str) -> bool:
         """Return whether to publish a topic: it has a subscriber, or messages are counted."""

@@ -32,6 +32,7 @@ class Report:
         figures: of the interval since the report before.
         published: messages by topic, the status of this report among them.
         subscribers: by topic.
+        acknowledged: whether all reliable subscribers have every message.
     """
 
     time: int
@@ -45,6 +46,7 @@ class Report:
     figures: Figures
     published: Mapping[str, int]
     subscribers: Mapping[str, int]
+    acknowledged: bool
 
 
 def report_to_diagnostics(
@@ -117,6 +119,7 @@ def report_to_diagnostics(
                 {
                     "published": _numbers(report.published),
                     "subscribers": _numbers(report.subscribers),
+                    "acknowledged": report.acknowledged,
                 },
             ),
         ],
