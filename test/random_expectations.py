@@ -2,6 +2,8 @@
 
 from hypothesis import strategies as st
 
+from rpud_sim import bag as bags
+from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts import Record
 from rpud_sim.verdicts.vocabulary import (
@@ -47,7 +49,26 @@ WORDS = [
     ("journal.kind", "inject"),
 ]
 FAULTS = ["free_mass_jammed", "bias on reacting_force", "off on contact_force", "hard_rock"]
+TOPICS = ("contact_force", "drill_tool", "faults", "journal", "nodal_plane")
+TOPICS += ("reacting_force", "status", "wrench")
 OPERATORS = ["<", "<=", ">", ">=", "==", "!="]
+
+
+def messages_of(path, topics):
+    """Return topic, stamp and message of all messages, as a subscriber has them."""
+    with bags.open(path) as reader:
+        wanted = {f"/rpud/{topic}": topic for topic in topics}
+        codecs = {
+            each.topic.name: Codec(each.topic.type, each.definition)
+            for each in reader.topics
+            if each.topic.name in wanted
+        }
+        found = []
+        for message in reader.messages(list(wanted)):
+            decoded = codecs[message.topic].decode(message.data)
+            stamp = decoded.header.stamp.sec * SECOND + decoded.header.stamp.nanosec
+            found.append((message.topic, stamp, decoded))
+    return found
 
 
 class RandomFormulas:

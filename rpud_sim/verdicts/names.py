@@ -173,9 +173,13 @@ def check_formula(formula: Formula) -> None:
     Raises:
         ExpectationError: if a topic, field or unit is unknown or does not fit.
     """
-    if not isinstance(formula, Formula):
-        raise ExpectationError(f"{shown(formula)} is no formula")
+    _check_kind(formula)
     for part in formula.walk():
+        for field in dataclasses.fields(part):  # type: ignore[arg-type]
+            if field.name in ("formula", "goal", "condition", "trigger", "event"):
+                _check_kind(getattr(part, field.name))
+        for each in getattr(part, "formulas", ()):
+            _check_kind(each)
         if isinstance(part, (Compare, Says, Quantile)):
             check_use(part, field_of(part.signal))
         elif isinstance(part, Message):
@@ -184,6 +188,13 @@ def check_formula(formula: Formula) -> None:
             raise ExpectationError("count needs an event: onset, cleared, message or becomes")
         elif isinstance(part, Becomes) and isinstance(part.formula, Event):
             raise ExpectationError("an event is an instant, and becomes nothing")
+
+
+def _check_kind(formula: object) -> None:
+    if not isinstance(formula, Formula):
+        raise ExpectationError(
+            f"{shown(formula)} is no formula; a signal is compared by <, <=, >, >=, equals or says"
+        )
 
 
 def check_use(part: Compare | Says | Quantile, field: Field | None) -> None:

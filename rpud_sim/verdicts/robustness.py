@@ -125,12 +125,10 @@ class Evaluation:
     def _after(self, formula: After) -> Steps:
         trigger, then = self.steps_of_after(formula)
         implied = combine([negate(trigger), then], least=False)
-        # Steps of the trigger vanish in implied where no number decides.
         starts = np.union1d(implied.starts, trigger.starts)
         implied, never = implied.on(starts), trigger.on(starts)
-        skipped = (never.values[MOST_TRUTH] < 0.0) | never.absent
-        absent = implied.absent | skipped
-        always = over_window(Steps(implied.starts, implied.values, absent), 0, None, least=True)
+        absent = implied.absent | (never.values[MOST_TRUTH] < 0.0) | never.absent
+        always = over_window(Steps(starts, implied.values, absent), 0, None, least=True)
         # An event that may not have come at all proves nothing.
         came = over_window(trigger, 0, None, least=False)
         starts = np.union1d(always.starts, came.starts)

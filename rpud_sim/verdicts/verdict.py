@@ -84,7 +84,7 @@ def evaluate(expectation: Expectation, record: Record) -> Verdict:
     Raises:
         ExpectationError: if a field of a topic is not what the expectation takes it for.
     """
-    notes = [record.note(topic) for topic in expectation.topics if topic != "journal"]
+    notes = [record.note(topic) for topic in expectation.used_topics]
     missing = "; ".join(note for note in notes if note)
     span = record.span(expectation.topics)
     if span is None:
@@ -135,7 +135,7 @@ def _verdict(
 
 
 def _why_undecided(expectation: Expectation, record: Record, end: int, zero: int) -> str:
-    for topic in expectation.topics:
+    for topic in expectation.used_topics:
         lost = record.lost(topic) + record.messages(topic).missing
         if lost:
             return f"{lost} messages of {topic} are lost"

@@ -402,7 +402,12 @@ class Expectation:
     @property
     def topics(self) -> tuple[str, ...]:
         """Topics that a record needs, in the order of their names."""
-        found = {*ALWAYS_NEEDED}
+        return tuple(sorted({*ALWAYS_NEEDED, *self.used_topics}))
+
+    @property
+    def used_topics(self) -> tuple[str, ...]:
+        """Topics that the formula names, in the order of their names."""
+        found = set()
         for part in self.formula.walk():
             if isinstance(part, (Compare, Says, Quantile)):
                 found.add(part.signal.topic)

@@ -1,6 +1,7 @@
 """A bag of a drill with faults, for all tests of verdicts."""
 
 import pytest
+from random_expectations import TOPICS, messages_of
 from sample_bags import write_offline_bag
 
 from rpud_sim.simulation import preset
@@ -21,3 +22,9 @@ def faulty_bag(tmp_path_factory):
     scenario = parse_scenario({"faults": FAULTS}, "test")
     write_offline_bag(path, preset("drilling"), 1.5, scenario=scenario)
     return path
+
+
+@pytest.fixture(scope="session")
+def faulty_messages(faulty_bag):
+    """Return its messages as a subscriber has them: topic, stamp and message."""
+    return messages_of(faulty_bag, TOPICS)

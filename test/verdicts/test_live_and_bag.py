@@ -4,41 +4,18 @@ import random
 from collections import Counter
 
 import pytest
-from random_expectations import RandomFormulas
+from random_expectations import TOPICS, RandomFormulas, messages_of
 
-from rpud_sim import bag as bags
-from rpud_sim.bag.cdr import Codec
-from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts import Expectation, Record, evaluate
 from rpud_sim.verdicts.names import TYPES
 from rpud_sim.verdicts.verdict import OUTCOMES
 
-TOPICS = ("contact_force", "drill_tool", "faults", "journal", "nodal_plane")
-TOPICS += ("reacting_force", "status", "wrench")
-
-
-def messages_of(path, topics):
-    """Return topic, stamp and message of all messages, as a subscriber has them."""
-    with bags.open(path) as reader:
-        wanted = {f"/rpud/{topic}": topic for topic in topics}
-        codecs = {
-            each.topic.name: Codec(each.topic.type, each.definition)
-            for each in reader.topics
-            if each.topic.name in wanted
-        }
-        found = []
-        for message in reader.messages(list(wanted)):
-            decoded = codecs[message.topic].decode(message.data)
-            stamp = decoded.header.stamp.sec * SECOND + decoded.header.stamp.nanosec
-            found.append((message.topic, stamp, decoded))
-    return found
-
 
 @pytest.fixture(scope="module")
-def live(faulty_bag):
+def live(faulty_messages):
     """Record messages in any order, and some of them twice."""
     record = Record()
-    messages = messages_of(faulty_bag, TOPICS)
+    messages = [*faulty_messages]
     source = random.Random(1)
     messages += source.sample(messages, 200)
     source.shuffle(messages)

@@ -55,7 +55,10 @@ def formulas(draw, depth=4):
         window, bounds = Window(0, length * SECOND), f"[0:{length}]"
         other, second = draw(formulas(depth - 1))
         return Until(one, other, window), f"({text} until{bounds} {second})"
-    window, bounds = Window(start * SECOND, (start + length) * SECOND), f"[{start}:{start + length}]"
+    window, bounds = (
+        Window(start * SECOND, (start + length) * SECOND),
+        f"[{start}:{start + length}]",
+    )
     if draw(st.booleans()):
         window, bounds = WHOLE, ""
     kinds = {"always": Always, "eventually": Eventually}
@@ -68,7 +71,9 @@ def margins_of_rtamt(text, x, y):
         specification.declare_var(name, "float")
     specification.spec = text
     specification.parse()
-    return [margin for _, margin in specification.evaluate({"time": [*range(len(x))], "x": x, "y": y})]
+    return [
+        margin for _, margin in specification.evaluate({"time": [*range(len(x))], "x": x, "y": y})
+    ]
 
 
 values = st.integers(-5, 5).map(float)

@@ -56,6 +56,7 @@ def windows():
 def events():
     where = comparisons().filter(lambda each: each.signal is not SHORT)
     messages = where.map(lambda each: Message(each.signal.topic, each))
+    messages |= st.sampled_from(["reacting_force", "status"]).map(Message)
     return messages | st.builds(Becomes, comparisons())
 
 
@@ -166,6 +167,8 @@ class Oracle:
         if time not in samples:
             return (-math.inf, -math.inf, -1.0, -1.0), False
         where = formula.where
+        if where is None:
+            return (math.inf, math.inf, 1.0, 1.0), False
         return self.judged(samples[time], where.operator, where.number.value), False
 
     def becomes(self, formula, time):

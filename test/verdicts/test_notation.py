@@ -1,0 +1,188 @@
+"""Files of expectations: what is refused, in one line with its place, and what is understood."""
+
+import pytest
+
+from rpud_sim.verdicts import (
+    Active,
+    Becomes,
+    Cleared,
+    Expectation,
+    ExpectationError,
+    Message,
+    Onset,
+    after,
+    always,
+    count,
+    eventually,
+    quantile,
+    read_expectations,
+    signal,
+    unless,
+    until,
+)
+from rpud_sim.verdicts.notation import to_formula, to_plain
+
+FORCE = signal("reacting_force.force")
+WEIGHT = signal("status.weight_on_bit")
+JAMMED = "free_mass_jammed"
+
+UNDERSTOOD = [
+    ("reacting_force.force < 45 N", FORCE < "45 N"),
+    ("reacting_force.force<45N", FORCE < "45 N"),
+    ("status.weight_on_bit = 0 N +- 100 mN", WEIGHT.equals("0 N", "100 mN")),
+    ("status.weight_on_bit != 0", WEIGHT.compare("!=", 0)),
+    ("status.state is running", signal("status.state").says("running")),
+    ("drill_tool.in_contact is true", signal("drill_tool.in_contact").says(True)),
+    ("command/weight_on_bit.force >= 1e-3 kN", signal("command/weight_on_bit.force") >= "1e-3 kN"),
+    ("joint_states.position[1] < 3 mm", signal("joint_states.position[1]") < "3 mm"),
+    ("diagnostics.timing.level <= 1", signal("/diagnostics.timing.level") <= 1),
+    (
+        {"signal": "reacting_force.force", "is": "< 45 N", "hold": "100 ms"},
+        signal("reacting_force.force", "0.1 s") < "45 N",
+    ),
+    ({"fault": JAMMED}, Active(JAMMED)),
+    ({"not": {"fault": "noise on wrench"}}, ~Active("noise on wrench")),
+    ({"onset": JAMMED}, Onset(JAMMED)),
+    (
+        {"message": "journal", "where": "journal.kind is inject"},
+        Message("journal", signal("journal.kind").says("inject")),
+    ),
+    ({"always": "reacting_force.force < 45 N"}, always(FORCE < "45 N")),
+    (
+        {"eventually": "reacting_force.force < 45 N", "between": ["1 s", "end"]},
+        eventually(FORCE < "45 N", between=("1 s", None)),
+    ),
+    (
+        {"hold": "status.weight_on_bit == 0", "unless": {"cleared": JAMMED}},
+        unless(WEIGHT.equals(0), Cleared(JAMMED)),
+    ),
+    (
+        {"hold": "status.weight_on_bit == 0", "until": {"cleared": JAMMED}, "within": "2 s"},
+        until(WEIGHT.equals(0), Cleared(JAMMED), within="2 s"),
+    ),
+    (
+        {"after": {"becomes": "reacting_force.force > 40 N"}, "expect": "status.impacts > 3"},
+        after(Becomes(FORCE > "40 N"), signal("status.impacts") > 3),
+    ),
+    (
+        {"if": "reacting_force.force > 40 N", "then": {"fault": JAMMED}},
+        (FORCE > "40 N").implies(Active(JAMMED)),
+    ),
+    (
+        {"any": ["reacting_force.force > 40 N", {"fault": JAMMED}]},
+        (FORCE > "40 N") | Active(JAMMED),
+    ),
+    (
+        {"all": ["reacting_force.force > 40 N", {"fault": JAMMED}]},
+        (FORCE > "40 N") & Active(JAMMED),
+    ),
+    (
+        {"count": {"message": "contact_force"}, "is": ">= 10", "within": "1 s"},
+        count(Message("contact_force"), ">=", 10, within=1.0),
+    ),
+    (
+        {"quantile": 0.99, "of": "contact_force.peak_force", "is": "< 9 kN"},
+        quantile(0.99, signal("contact_force.peak_force"), "<", "9 kN"),
+    ),
+]
+
+
+@pytest.mark.parametrize(("plain", "formula"), UNDERSTOOD, ids=lambda each: str(each)[:40])
+def test_a_form_is_understood_and_written_again(plain, formula):
+    assert to_formula(plain) == formula
+    assert to_formula(to_plain(formula)) == formula
+    Expectation("it", formula)
+
+
+REFUSED = {
+    "reacting_forc.force < 45 N": "topic 'reacting_forc' is none of the drill's; "
+    "did you mean reacting_force? (others begin with /)",
+    "reacting_force.forc < 45 N": "reacting_force has no field 'forc'; did you mean force?",
+    "reacting_force.force < 45 s": "reacting_force.force is in N, given 45 s",
+    "reacting_force.force < 45": "reacting_force.force is in N, given 45",
+    "reacting_force.force < 45 n": "unit 'n' is unknown; did you mean N?",
+    "status.impacts < 45 N": "status.impacts is a number without a unit, given 45 N",
+    "reacting_force.force < .inf N": "is no comparison of reacting_force.force",
+    "reacting_force.force < 1e999 N": "is not a number with a unit",
+    "reacting_force.force is high": "reacting_force.force is a number: compare it with ==",
+    "status.state == 3": "status.state is no number: write status.state is WORD",
+    "drill_tool.in_contact is maybe": "drill_tool.in_contact is true or false, given 'maybe'",
+    "status.state is true": "status.state is a text, given True",
+    "joint_states.position < 3 mm": "has many values; name one of them, as position[0]",
+    "nodal_plane.position[0] < 3 mm": "is one value, and has no [0]",
+    "faults.faults < 3": "is a list of messages, not a signal; use fault, onset or cleared",
+    "nonsense": "is no comparison, as reacting_force.force < 45 N",
+    "{fault: free_mass_jamed}": "(did you mean free_mass_jammed?)",
+    "{fault: noise on wrensh}": "(did you mean wrench?)",
+    "{fault: noise}": "channel of noise = '' is not one of",
+    "{allways: status.impacts > 3}": "'allways' begins no formula; did you mean always?",
+    "{always: status.impacts > 3, witin: 1 s}": "does not belong to always; did you mean within?",
+    "{always: status.impacts > 3, within: 3 N}": "within is in s, given 3 N",
+    "{always: status.impacts > 3, within: -1 s}": "within = -1 s is outside its range [0, 1e+09] s",
+    "{always: status.impacts > 3, between: [2 s, 1 s]}": "ends before it begins",
+    "{always: status.impacts > 3, within: 1 s, between: [1 s, 2 s]}": "exclude each other",
+    "{always: status.impacts > 3, between: 1 s}": "is not [start, end], as [1 s, 2 s]",
+    "{hold: status.impacts > 3}": "hold lacks its until or unless",
+    "{after: {onset: choking}}": "after lacks its expect",
+    "{all: []}": "all and any need at least one formula",
+    "{all: status.impacts > 3}": "is not a list",
+    "{count: status.impacts > 3, is: < 3}": "count needs an event",
+    "{count: {message: status}, is: few}": "is no comparison, as < 45 N",
+    "{count: {message: status}, is: < 3 N}": "a count has no unit, given 3 N",
+    "{quantile: 2, of: status.impacts, is: < 3}": "quantile = 2 is outside its range (0, 1]",
+    "{message: contact_forces}": "did you mean contact_force?",
+    "{message: status, where: journal.kind is begin}": "a message of status has no journal.kind",
+    "{becomes: {onset: choking}}": "an event is an instant, and becomes nothing",
+    "3": "3 is neither a comparison nor a mapping",
+}
+
+
+@pytest.mark.parametrize("written", REFUSED, ids=lambda text: text[:40])
+def test_a_wrong_expectation_is_refused_in_one_line_with_its_place(tmp_path, written):
+    path = tmp_path / "wrong.yaml"
+    good = "- {name: good, expect: status.impacts > 3}"
+    path.write_text(f"expectations:\n{good}\n- name: bad\n  expect:\n    {written}\n")
+    with pytest.raises(ExpectationError) as caught:
+        read_expectations(path)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert REFUSED[written] in text
+    assert text.startswith((f"{path}:4: ", f"{path}:5: "))
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        ("", "wrong.yaml:1: it holds no expectations:"),
+        ("expectations: 3", "wrong.yaml:1: expectations is no list with entries"),
+        ("expectations:\n- 3", "wrong.yaml:2: 3 is not a mapping"),
+        ("expectations:\n- name: a", "wrong.yaml:2: the expectation lacks its expect"),
+        ("other: 1\nexpectations: []", "wrong.yaml:1: 'other' is not expectations"),
+        (
+            "expectations:\n- name: a\n  expects: status.impacts > 3",
+            "wrong.yaml:3: 'expects': did you mean expect?",
+        ),
+        ("expectations: [", "wrong.yaml is not YAML"),
+        (
+            "expectations:\n- {name: a, expect: status.impacts > 3}\n"
+            "- {name: a, expect: status.impacts > 3}",
+            "wrong.yaml:3: name 'a' is taken already",
+        ),
+    ],
+)
+def test_a_file_of_another_form_is_refused(tmp_path, content, complaint):
+    path = tmp_path / "wrong.yaml"
+    path.write_text(content)
+    with pytest.raises(ExpectationError) as caught:
+        read_expectations(path)
+    assert complaint in str(caught.value)
+
+
+def test_a_signal_compared_as_a_value_is_no_formula():
+    with pytest.raises(ExpectationError, match="False is no formula; a signal is compared by <"):
+        Expectation("it", always(WEIGHT == 0))
+
+
+def test_a_file_that_is_missing_is_named(tmp_path):
+    with pytest.raises(ExpectationError, match=r"none\.yaml: No such file"):
+        read_expectations(tmp_path / "none.yaml")

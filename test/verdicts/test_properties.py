@@ -1,0 +1,102 @@
+"""Laws of expectations: negation, duality, margins and files."""
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from random_expectations import TOPICS, formulas
+
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.verdicts import Expectation, Record, evaluate, read_expectations
+from rpud_sim.verdicts.expectation_files import expectations_to_yaml
+from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
+from rpud_sim.verdicts.vocabulary import (
+    WHOLE,
+    After,
+    Always,
+    Eventually,
+    Formula,
+    Implies,
+    Not,
+    Or,
+    Says,
+    Signal,
+    Until,
+)
+
+OPPOSITE = {PASSED: FAILED, FAILED: PASSED, UNDECIDED: UNDECIDED}
+RUNNING = Says(Signal("status", "state"), "running")
+
+
+@pytest.fixture(scope="module")
+def record(faulty_bag):
+    return Record.from_bag(faulty_bag, TOPICS)
+
+
+def verdict(formula: Formula, record):
+    return evaluate(Expectation("any", formula), record)
+
+
+@given(formulas())
+def test_negation_turns_the_verdict_and_the_sign_of_the_margin(record, formula):
+    plain, negated = verdict(formula, record), verdict(Not(formula), record)
+    assert negated.outcome == OPPOSITE[plain.outcome]
+    assert negated.margin == (None if plain.margin is None else -plain.margin)
+
+
+@given(formulas())
+def test_always_is_that_the_opposite_never_comes(record, formula):
+    window = getattr(formula, "window", Always(formula).window)
+    always = verdict(Always(formula, window), record)
+    dual = verdict(Not(Eventually(Not(formula), window)), record)
+    assert (always.outcome, always.margin) == (dual.outcome, dual.margin)
+
+
+@given(formulas())
+def test_eventually_is_until_with_nothing_to_hold_before(record, formula):
+    # Until takes what is not there yet for unknown, eventually skips it.
+    eventually = verdict(Eventually(formula), record)
+    until = verdict(Until(Or((RUNNING, Not(RUNNING))), formula), record)
+    if UNDECIDED not in (eventually.outcome, until.outcome):
+        assert (eventually.outcome, eventually.margin) == (until.outcome, until.margin)
+
+
+@given(formulas())
+def test_the_verdict_is_the_sign_of_the_margin(record, formula):
+    found = verdict(formula, record)
+    if found.outcome == UNDECIDED:
+        assert found.margin is found.at is None
+    elif found.margin is not None:
+        assert math.isfinite(found.margin)
+        assert found.margin >= 0.0 if found.passed else found.margin <= 0.0
+    assert "\n" not in found.text
+
+
+@given(formulas())
+def test_a_formula_implies_itself_or_is_undecided(record, formula):
+    assert verdict(Implies(formula, formula), record).outcome != FAILED
+
+
+@given(formulas())
+def test_a_file_gives_the_same_expectations_back(tmp_path_factory, formula):
+    path = tmp_path_factory.getbasetemp() / "expectations.yaml"
+    expectation = Expectation("a name: with #signs", formula, "REQ-1")
+    path.write_text(expectations_to_yaml([expectation]), encoding="utf-8")
+    assert read_expectations(path) == (expectation,)
+
+
+@settings(max_examples=30)
+@given(formulas())
+def test_a_verdict_that_is_decided_early_stays(record, faulty_messages, formula):
+    """What is decided in a bounded window stays so, however long the recording goes on."""
+    if any(isinstance(part, (After, Until)) for part in formula.walk()):
+        return
+    if any(getattr(part, "window", None) == WHOLE for part in formula.walk()):
+        return
+    short = Record()
+    for message in faulty_messages:
+        if message[1] <= 7 * SECOND // 10:
+            short.add(*message)
+    early = verdict(formula, short)
+    if early.outcome != UNDECIDED:
+        assert early.outcome == verdict(formula, record).outcome

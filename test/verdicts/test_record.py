@@ -1,0 +1,304 @@
+"""Records: runs, losses, repetitions, silence, other clocks and other bags."""
+
+import math
+
+import pytest
+from altered_bags import altered, unchanged
+from random_expectations import record_of
+from sample_bags import SECOND, serialized
+
+from rpud_sim import bag as bags
+from rpud_sim.bag import Losses, Topic
+from rpud_sim.bag.losses import RECORD_NAME, losses_to_record
+from rpud_sim.verdicts import (
+    Expectation,
+    ExpectationError,
+    Message,
+    Onset,
+    Record,
+    after,
+    always,
+    count,
+    evaluate,
+    eventually,
+    quantile,
+    signal,
+)
+
+FORCE = signal("reacting_force.force")
+WEIGHT = signal("status.weight_on_bit")
+PEAK = signal("contact_force.peak_force")
+
+
+def outcome(formula, record):
+    return evaluate(Expectation("it", formula), record).outcome
+
+
+def entry(sequence, kind, time, stamp=None):
+    content = {"sequence": sequence, "kind": kind, "content": f'{{"time": {time}}}'}
+    return "journal", time if stamp is None else stamp, content
+
+
+def impact(sequence, force):
+    return {"sequence": sequence, "peak_force": force}
+
+
+def test_an_empty_record_is_undecided():
+    verdict = evaluate(Expectation("it", always(FORCE < "45 N")), Record())
+    assert verdict.outcome == "undecided"
+    assert "reacting_force has no message" in verdict.text
+
+
+def test_a_signal_that_never_came_is_undecided_and_named():
+    record = record_of(weight={0: 10.0, SECOND: 10.0})
+    assert outcome(always(FORCE < "45 N"), record) == "undecided"
+    assert outcome(~always(FORCE < "45 N"), record) == "undecided"
+    assert outcome(eventually(FORCE < "45 N"), record) == "undecided"
+    verdict = evaluate(Expectation("it", always(FORCE < "45 N")), record)
+    assert verdict.text == "reacting_force has no message"
+
+
+def test_a_window_that_is_not_over_is_undecided_unless_it_is_decided_already():
+    record = record_of(force={0: 10.0, SECOND // 2: 50.0, SECOND: 10.0})
+    assert outcome(always(FORCE < "60 N", within="1 s"), record) == "passed"
+    assert outcome(always(FORCE < "60 N", within="1.1 s"), record) == "undecided"
+    assert outcome(always(FORCE < "45 N", within="2 s"), record) == "failed"
+    assert outcome(eventually(FORCE > "45 N", within="2 s"), record) == "passed"
+    assert outcome(eventually(FORCE > "60 N", within="2 s"), record) == "undecided"
+    assert outcome(eventually(FORCE > "60 N", within="1 s"), record) == "failed"
+
+
+def test_both_ends_of_a_window_belong_to_it():
+    record = record_of(force={0: 10.0, SECOND: 50.0, 2 * SECOND: 10.0})
+    assert outcome(eventually(FORCE > "45 N", within="1 s"), record) == "passed"
+    assert outcome(eventually(FORCE > "45 N", within=0.999999999), record) == "failed"
+    last = ("1.999999999 s", "2 s")
+    assert outcome(eventually(FORCE > "45 N", between=last), record) == "passed"
+    assert outcome(eventually(FORCE > "45 N", between=("2 s", "2 s")), record) == "failed"
+
+
+def test_a_number_that_is_none_is_undecided():
+    record = record_of(force={0: 10.0, 1: math.nan, 2: 10.0})
+    assert outcome(always(FORCE < "45 N"), record) == "undecided"
+    assert outcome(always(FORCE < "5 N"), record) == "failed"
+
+
+def test_a_periodic_topic_that_falls_silent_is_unknown_after_a_second():
+    weight = {0: 10.0, 10 * SECOND: 10.0}
+    short = record_of(force={0: 10.0, 9 * SECOND: 10.0}, weight=weight)
+    assert outcome(always(FORCE < "45 N"), short) == "undecided"
+    assert outcome(always(signal("reacting_force.force", hold="20 s") < "45 N"), short) == "passed"
+    assert outcome(always(WEIGHT < "45 N"), short) == "passed"
+    assert outcome(always(signal("status.weight_on_bit", hold="1 s") < "45 N"), short) == (
+        "undecided"
+    )
+
+
+def test_a_jump_in_the_numbers_of_impacts_matters_where_it_is():
+    record = Record()
+    for number, time in enumerate((0, 1, 2, 3, 4)):
+        record.add("contact_force", time * SECOND, impact(number + (number > 2), 5000.0))
+    expected = {
+        always(PEAK < "6 kN"): "undecided",
+        always(PEAK < "6 kN", within="1.9 s"): "passed",
+        always(PEAK < "4 kN"): "failed",
+        count(Message("contact_force"), "==", 5): "undecided",
+        count(Message("contact_force"), ">=", 5): "passed",
+        count(Message("contact_force"), "<=", 6): "passed",
+        count(Message("contact_force"), "<", 5): "failed",
+        quantile(0.5, PEAK, "<", "6 kN"): "passed",
+        quantile(1.0, PEAK, "<", "6 kN"): "undecided",
+    }
+    assert {formula: outcome(formula, record) for formula in expected} == expected
+    verdict = evaluate(Expectation("it", always(PEAK < "6 kN")), record)
+    assert verdict.text == "1 messages of contact_force are lost"
+
+
+def test_losses_at_unknown_times_leave_only_what_was_seen():
+    record = record_of(force={0: 10.0, SECOND // 2: 50.0, SECOND: 10.0})
+    assert outcome(always(FORCE < "60 N"), record) == "passed"
+    record.add_losses("reacting_force", 1)
+    assert outcome(always(FORCE < "60 N"), record) == "undecided"
+    assert outcome(always(FORCE < "45 N"), record) == "failed"
+    assert outcome(eventually(FORCE > "45 N"), record) == "passed"
+
+
+def test_losses_that_a_bag_counts_make_undecided_where_they_matter(faulty_bag, tmp_path):
+    path = altered(faulty_bag, tmp_path / "bag", unchanged)
+    lossy = tmp_path / "lossy"
+    with bags.open(path) as reader, bags.BagWriter(lossy) as writer:
+        for summary in reader.topics:
+            writer.add_topic(summary.topic, summary.definition)
+        for message in reader.messages():
+            writer.write(message.topic, message.data, message.log_time, message.publish_time)
+        writer.add_record(RECORD_NAME, losses_to_record({"/rpud/reacting_force": Losses(2, 1, 0)}))
+    formula = always(FORCE < "1 kN")
+    topics = Expectation("it", formula).topics
+    assert outcome(formula, Record.from_bag(path, topics)) == "passed"
+    record = Record.from_bag(lossy, topics)
+    assert record.lost("reacting_force") == 3
+    assert outcome(formula, record) == "undecided"
+    assert outcome(always(WEIGHT <= "10 N"), record) == "passed"
+
+
+def test_messages_that_come_twice_count_once():
+    record = Record()
+    for number in (0, 1, 1, 2, 0):
+        record.add("/rpud/contact_force", number * SECOND, impact(number, 5000.0))
+    assert outcome(count(Message("contact_force"), "==", 3), record) == "passed"
+
+
+def test_reports_of_one_stamp_are_ordered_by_their_counters():
+    def report(accepted, weight):
+        return {"commands_accepted": accepted, "weight_on_bit": weight}
+
+    for order in (1, -1):
+        record = Record()
+        for message in (report(0, 10.0), report(1, 0.0))[::order]:
+            record.add("status", SECOND, message)
+        record.add("status", 2 * SECOND, report(1, 0.0))
+        assert outcome(always(WEIGHT.equals(0)), record) == "passed"
+
+
+def test_values_of_one_stamp_without_an_order_are_bounds():
+    for order in (1, -1):
+        record = record_of()
+        for force in (10.0, 50.0)[::order]:
+            record.add("reacting_force", SECOND, {"force": force})
+        assert outcome(always(FORCE < "60 N"), record) == "passed"
+        assert outcome(always(FORCE < "45 N"), record) == "undecided"
+        assert outcome(always(FORCE < "5 N"), record) == "failed"
+
+
+def test_the_last_run_counts():
+    record = Record()
+    messages = [
+        entry(0, "begin", 0),
+        entry(1, "origin", 0),
+        ("reacting_force", SECOND // 100, {"force": 90.0}),
+        ("reacting_force", SECOND, {"force": 90.0}),
+        entry(2, "flush", SECOND),
+        ("reacting_force", SECOND // 100, {"force": 10.0}),  # it overtook the journal
+        entry(3, "begin", 0),
+        entry(4, "origin", 0),
+        ("reacting_force", SECOND // 50, {"force": 10.0}),
+    ]
+    for message in messages[:5]:
+        record.add(*message)
+    assert (record.runs, outcome(always(FORCE < "45 N"), record)) == (1, "failed")
+    for message in messages[5:]:
+        record.add(*message)
+    assert (record.runs, outcome(always(FORCE < "45 N"), record)) == (2, "passed")
+    assert outcome(count(Message("reacting_force"), "==", 2), record) == "passed"
+
+
+def test_a_new_origin_ahead_begins_no_run():
+    record = Record()
+    record.add(*entry(0, "begin", 0))
+    record.add(*entry(1, "origin", 0))
+    record.add("status", SECOND, {"weight_on_bit": 10.0})
+    record.add(*entry(2, "stop", SECOND))
+    record.add(*entry(3, "origin", SECOND, 5 * SECOND))
+    record.add("status", 6 * SECOND, {"weight_on_bit": 10.0})
+    assert record.runs == 1
+    assert outcome(count(Message("status"), "==", 2), record) == "passed"
+
+
+def test_after_a_clear_the_record_is_empty():
+    record = record_of(force={0: 90.0})
+    record.clear()
+    record.add("reacting_force", 0, {"force": 10.0})
+    assert outcome(always(FORCE < "45 N"), record) == "passed"
+
+
+def test_an_event_that_never_comes_proves_nothing(faulty_bag):
+    formula = after(Onset("hard_rock"), eventually(WEIGHT.equals(0), within="0.5 s"))
+    verdict = evaluate(
+        Expectation("it", formula), Record.from_bag(faulty_bag, ["faults", "status"])
+    )
+    assert verdict.outcome == "undecided"
+    assert "never came" in verdict.text
+
+
+HEARTBEAT = "std_msgs/Header header\nuint64 beats # [Hz]\nstring state\n"
+HEADER = f"{'=' * 80}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+TIME = f"{'=' * 80}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+DEFINITION = HEARTBEAT + HEADER + TIME
+
+
+@pytest.fixture
+def other_bag(faulty_bag, tmp_path):
+    """Return the bag with a topic of a supervisor."""
+    path = tmp_path / "bag"
+    with bags.open(faulty_bag) as reader, bags.BagWriter(path) as writer:
+        for summary in reader.topics:
+            writer.add_topic(summary.topic, summary.definition)
+        writer.add_topic(Topic("/supervisor/heartbeat", "pkg/msg/Heartbeat"), DEFINITION)
+        for message in reader.messages():
+            writer.write(message.topic, message.data, message.log_time, message.publish_time)
+        for number in range(10):
+            stamp = {"sec": 0, "nanosec": number * SECOND // 10}
+            header = {"stamp": stamp, "frame_id": ""}
+            fields = {"header": header, "beats": number, "state": "well"}
+            data = serialized("pkg/msg/Heartbeat", DEFINITION, fields)
+            writer.write("/supervisor/heartbeat", data, 10 * SECOND, 10 * SECOND)
+    return path
+
+
+def test_topics_of_others_are_judged_by_their_stamps(other_bag):
+    beats = signal("/supervisor/heartbeat.beats")
+    record = Record.from_bag(other_bag, ["/supervisor/heartbeat", "reacting_force", "status"])
+    assert outcome(count(Message("/supervisor/heartbeat"), "==", 10), record) == "passed"
+    assert outcome(eventually(beats.equals("9 Hz"), within="0.9 s"), record) == "passed"
+    assert outcome(eventually(beats.equals("9 Hz"), within="0.8 s"), record) == "failed"
+    assert outcome(always(signal("/supervisor/heartbeat.state").says("well")), record) == "passed"
+    with pytest.raises(ExpectationError, match="beats is in Hz, given 9 N"):
+        outcome(always(beats < "9 N"), record)
+    missing = Record.from_bag(other_bag, ["/supervisor/heartbeats", "status"])
+    verdict = evaluate(Expectation("it", always(signal("/supervisor/heartbeats.x") > 0)), missing)
+    assert (verdict.outcome, verdict.text) == (
+        "undecided",
+        "the bag holds no topic /supervisor/heartbeats (did you mean /supervisor/heartbeat?)",
+    )
+
+
+def test_stamps_of_another_clock_are_outside_the_recording(other_bag):
+    record = Record.from_bag(other_bag, ["reacting_force", "status"])
+    record.add("/other", 1_700_000_000 * SECOND, {"value": 1.0})
+    assert outcome(always(signal("/other.value") > 0), record) == "undecided"
+    assert outcome(count(Message("/other"), ">=", 1), record) == "undecided"
+
+
+def test_diagnostics_are_signals_by_name_and_key():
+    record = record_of(force={0: 10.0, SECOND: 10.0})
+    for level, stamp in ((b"\x00", 0), (b"\x01", SECOND)):
+        values = [{"key": "lag [s]", "value": "0.25"}, {"key": "state", "value": "running"}]
+        status = {"name": "rpud_drill: timing", "level": level, "message": "on time"}
+        record.add("/diagnostics", stamp, {"status": [{**status, "values": values}]})
+    topic = FORCE < "45 N"
+    assert outcome(always((signal("diagnostics.timing.level") <= 1) & topic), record) == "passed"
+    assert outcome(always((signal("diagnostics.timing.level") < 1) & topic), record) == "failed"
+    assert outcome(always((signal("diagnostics.timing.lag") < "0.3 s") & topic), record) == "passed"
+    assert outcome(always(signal("diagnostics.timing.state").says("running") & topic), record) == (
+        "passed"
+    )
+    assert outcome(always((signal("diagnostics.timings.lag") < "1 s") & topic), record) == (
+        "undecided"
+    )
+
+
+def test_two_drills_in_a_bag_must_be_told_apart(faulty_bag, tmp_path):
+    path = tmp_path / "bag"
+    with bags.open(faulty_bag) as reader, bags.BagWriter(path) as writer:
+        for space in ("/one", "/two"):
+            for summary in reader.topics:
+                name = summary.topic.name.replace("/rpud", space)
+                writer.add_topic(Topic(name, summary.topic.type), summary.definition)
+        for message in reader.messages():
+            for space in ("/one", "/two"):
+                name = message.topic.replace("/rpud", space)
+                writer.write(name, message.data, message.log_time, message.publish_time)
+    with pytest.raises(ExpectationError, match="several drills, /one, /two"):
+        Record.from_bag(path, ["status"])
+    record = Record.from_bag(path, ["status"], "/two")
+    assert outcome(always(WEIGHT.equals("10 N")), record) == "passed"
