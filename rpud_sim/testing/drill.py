@@ -86,6 +86,11 @@ class Drill:
         return self.latest("status")
 
     @property
+    def pid(self) -> int:
+        """Number of the drill's process."""
+        return self._process.process.pid
+
+    @property
     def output(self) -> str:
         """All that the drill's process has printed."""
         return self._process.process.output

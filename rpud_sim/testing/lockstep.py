@@ -56,6 +56,7 @@ class Lockstep:
             self.collector = Collector(
                 self.client.node.context, namespace, f"{namespace}/drill_node"
             )
+        self.client.check_while_waiting(self._check)
         self.answers = Answers(self.collector)
         self.systems = Systems(self.collector, self.answers, process.environment)
         try:
@@ -120,10 +121,12 @@ class Lockstep:
 
     def act(self, action: Callable[[], Value]) -> Value:
         """Do something with the drill at a standstill, and take what follows from it."""
-        with self._guarded():
-            result = action()
-        self.settle()
-        return result
+        try:
+            with self._guarded():
+                return action()
+        finally:
+            if self.alive:  # also where the drill refuses it: the status counts that
+                self.settle()
 
     def settle(self) -> None:
         """Wait until all that the drill has published is here.

@@ -9,7 +9,7 @@ import sys
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-_TIME = 60.0  # that a page may take [s]
+_TIME = 300.0  # that a page may take [s]
 
 
 class ReportPages:

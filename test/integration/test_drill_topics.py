@@ -140,6 +140,7 @@ def test_the_diagnostics_tell_timing_and_commands(client):
         "/listened/drill_node: timing",
         "/listened/drill_node: commands",
         "/listened/drill_node: drill",
+        "/listened/drill_node: messages",
     }
     values = {pair.key: pair.value for status in ours() for pair in status.values}
     assert float(values["real_time_factor"]) > 0.0

@@ -122,6 +122,13 @@ class DrillClient:
         """Stamp of the latest status [s]."""
         return stamp_of(self.status) / SECOND
 
+    def check_while_waiting(self, check: Callable[[], object]) -> None:
+        """Call this while a method waits; an error that it raises ends the wait.
+
+        A test that has started the drill knows at once that the drill has died.
+        """
+        self._drill.listening.check = check
+
     @property
     def status_number(self) -> int:
         """Number that the drill's publisher has given to the latest status; 0 before the first."""

@@ -43,6 +43,8 @@ class ListeningNode:
 
     def __init__(self, name: str, namespace: str, domain_id: int | None = None) -> None:
         self._subscriptions: list[Subscription] = []
+        self.check: Callable[[], object] = lambda: None
+        """Called while the owner waits; may raise an error, which ends the wait."""
         self._context = rclpy.Context()
         start_ros(context=self._context, domain_id=domain_id)
         try:
@@ -103,6 +105,7 @@ class ListeningNode:
 
     def spin(self, seconds: float) -> None:
         """Take the messages that have arrived, or wait some seconds for the next one."""
+        self.check()
         try:
             self._executor.spin_once(timeout_sec=seconds)
         except RuntimeError as error:  # rclpy raises it at a malformed message of a stranger

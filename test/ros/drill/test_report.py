@@ -58,6 +58,9 @@ def made(**counts):
         scheduling="real-time priority 10",
         timing=ON_TIME,
         figures={},
+        published={"status": 5, "journal": 3},
+        subscribers={"status": 2, "journal": 0},
+        acknowledged=True,
     )
 
 
@@ -99,13 +102,18 @@ def test_what_is_late_depends_on_the_period():
 def test_the_diagnostics_have_names_and_values():
     message = diagnostics(REPORT)
     assert message.header.stamp.sec == 9
-    timing, commands, drill = message.status
+    timing, commands, drill, messages = message.status
     assert timing.name == "/rpud/drill_node: timing"
     assert commands.name == "/rpud/drill_node: commands"
     assert commands.message == "7 refused"
     assert drill.name == "/rpud/drill_node: drill"
     assert (drill.level, drill.message) == (DiagnosticStatus.OK, "running")
     values = {pair.key: pair.value for status in message.status for pair in status.values}
+    assert messages.name == "/rpud/drill_node: messages"
+    assert (messages.level, messages.message) == (DiagnosticStatus.WARN, "1 dropped")
+    assert values["published"] == "status 5, journal 3"
+    assert values["subscribers"] == "status 2, journal 0"
+    assert values["acknowledged"] == "True"
     assert values["deadlines_missed"] == "4"
     assert values["requests_refused"] == "3"
     assert values["last_refusal"] == "there is no fault 9 to clear"

@@ -1,0 +1,72 @@
+import os
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from rpud_sim.testing.domains import DomainClaim, applied, find_profile, loopback_environment
+
+CLAIM = "from rpud_sim.testing.domains import DomainClaim; print(DomainClaim().domain)"
+
+
+@pytest.fixture
+def claims():
+    made = []
+
+    def claim():
+        made.append(DomainClaim())
+        return made[-1].domain
+
+    yield claim
+    for each in made:
+        each.release()
+
+
+def test_nobody_else_gets_a_claimed_domain(claims):
+    domains = {claims() for _ in range(3)}
+    assert len(domains) == 3
+    other = subprocess.check_output([sys.executable, "-c", CLAIM], text=True)
+    assert int(other) not in domains
+    assert int(os.environ["ROS_DOMAIN_ID"]) not in domains  # that of this run of tests
+    assert not domains & {0, 42}
+
+
+def test_a_released_domain_is_free_again(claims):
+    claim = DomainClaim()
+    claim.release()
+    assert claims() == claim.domain
+
+
+def test_a_domain_in_which_somebody_is_without_a_lock_is_passed_over(claims):
+    free = DomainClaim()
+    free.release()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
+        participant.bind(("127.0.0.1", 7400 + 250 * free.domain + 12))
+        assert claims() != free.domain
+
+
+@pytest.mark.parametrize(
+    ("variables", "discovery"),
+    [
+        ({}, "SYSTEM_DEFAULT"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, "SYSTEM_DEFAULT"),
+        ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, "LOCALHOST"),
+        ({"FASTRTPS_DEFAULT_PROFILES_FILE": "/etc/mine.xml"}, "LOCALHOST"),
+    ],
+)
+def test_every_process_of_a_test_stays_on_loopback(variables, discovery):
+    environ = {"AMENT_PREFIX_PATH": os.environ["AMENT_PREFIX_PATH"], **variables}
+    environment = loopback_environment(7, {**environ, "ROS_LOCALHOST_ONLY": "0"})
+    assert environment["ROS_DOMAIN_ID"] == "7"
+    assert environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == discovery
+    assert "ROS_LOCALHOST_ONLY" not in environment
+    if discovery == "SYSTEM_DEFAULT":
+        assert environment["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(find_profile(environ))
+
+
+def test_an_environment_is_applied_for_a_while():
+    before = dict(os.environ)
+    with applied({**before, "ROS_DOMAIN_ID": "3"}):
+        assert os.environ["ROS_DOMAIN_ID"] == "3"
+    assert dict(os.environ) == before

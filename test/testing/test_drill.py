@@ -1,0 +1,235 @@
+"""The drill of a test: these tests use the fixtures as any user does."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+from rpud_msgs.msg import Status
+
+import rpud_sim.bag
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.inspection.verify.verification import verify
+from rpud_sim.ros.client import RefusedError
+from rpud_sim.testing import ExpectationFailedError, LostMessagesError, SystemUnderTestError
+from rpud_sim.testing.artefacts import write_bag
+from rpud_sim.testing.pool import DrillPool
+from rpud_sim.testing.setup import drill_setup
+from rpud_sim.verdicts import Expectation, Record, always, evaluate
+from rpud_sim.verdicts import signal as field
+
+HEARTBEAT = "supervisor/heartbeat"
+SIGNALS = ("reacting_force", "contact_force", "wrench", "drill_tool", "nodal_plane", HEARTBEAT)
+
+
+def supervise(drill, how="works", timeout=20.0):
+    drill.with_answers(HEARTBEAT, timeout=timeout)
+    remap = ("--ros-args", "-r", f"__ns:={drill.namespace}")
+    return drill.start("python", "supervisor.py", how, *remap, hears=("reacting_force",))
+
+
+def content(drill, topics=SIGNALS):
+    heard = drill.heard
+    return {
+        name: list(heard[f"{drill.namespace}/{name}"].payloads)
+        for name in topics
+        if f"{drill.namespace}/{name}" in heard
+    }
+
+
+def test_a_step_is_over_when_everything_is_there(drill):
+    assert drill.time == 0.0
+    for _ in range(3):
+        drill.step(0.123)
+        assert drill.status.header.stamp.nanosec == round(drill.time * 1e9)
+        assert len(drill.messages("reacting_force")) == int(drill.time * 100)
+        impacts = drill.messages("contact_force")
+        assert [impact.sequence for impact in impacts] == list(range(drill.status.impacts))
+    assert drill.time == pytest.approx(0.369)
+
+
+def test_nothing_leaks_into_the_next_test():
+    pool = DrillPool()
+    setup = drill_setup({"weight_on_bit": 12.0})
+    try:
+        drill = pool.take(setup)
+        fresh = (drill.status, content(drill))
+        drill.step(0.3)
+        first = content(drill)
+        pool.give_back(drill)
+
+        noisy = drill_setup({"weight_on_bit": 12.0, "faults": "free_mass_jammed", "seed": 9})
+        assert pool.take(noisy) is drill
+        drill.step(0.1)
+        assert drill.status.active_faults == 1
+        drill.set_parameters(free_mass=0.004, real_time_factor=3.0)
+        drill.press(40.0)
+        drill.drive(False)
+        drill.engage(False)
+        drill.inject("lost_preload")
+        drill.listen("waveform")
+        drill.step(0.2)
+        drill.client.play()
+        pool.give_back(drill)
+
+        assert pool.take(setup) is drill
+        status = drill.status
+        assert (status.state, status.regime) == (Status.STATE_PAUSED, Status.REGIME_DRILLING)
+        assert (status.weight_on_bit, status.drive_enabled) == (12.0, True)
+        assert (status.active_faults, status.impacts, status.commands_accepted) == (0, 0, 0)
+        assert content(drill) == fresh[1]
+        assert drill.log == []
+        assert "/rpud/waveform" not in drill.heard
+        drill.step(0.3)
+        assert content(drill) == first
+    finally:
+        pool.give_back(drill)
+        pool.close()
+
+
+def test_a_dead_drill_is_replaced_and_told_of():
+    pool = DrillPool()
+    setup = drill_setup({})
+    try:
+        drill = pool.take(setup)
+        os.kill(drill.pid, signal.SIGKILL)
+        with pytest.raises(RuntimeError, match="the drill was ended by SIGKILL"):
+            drill.step(0.1)
+        pool.give_back(drill)
+        other = pool.take(setup)
+        assert other is not drill
+        assert other.step(0.1) == 0.1
+        pool.give_back(other)
+    finally:
+        pool.close()
+
+
+def test_a_node_that_answers_is_stepped_with_and_always_alike(drill, drill_factory):
+    found = []
+    for each in (drill, drill_factory()):
+        supervise(each)
+        each.step_until(lambda each=each: each.status.weight_on_bit > 20.0, timeout=10.0)
+        commands = each.messages("command/weight_on_bit")
+        assert len(commands) == len(each.messages(HEARTBEAT)) == round(each.time * 10)
+        assert each.status.commands_accepted == len(commands)
+        assert each.status.weight_on_bit == commands[-1].force
+        found.append((each.time, content(each)))
+    assert drill.domain != each.domain
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(
+    ("how", "kind", "texts"),
+    [
+        ("dies", "died", ("supervisor.py ended with exit code 3", "the supervisor dies")),
+        ("hangs", "silent", ("no answer for 0.400 s", "the supervisor hangs")),
+        ("lags", "late", ("whose last answer is for 0.300 s",)),
+    ],
+)
+def test_a_node_that_dies_hangs_or_lags_is_a_verdict(drill, how, kind, texts):
+    supervise(drill, how, timeout=2.0 if how != "dies" else 20.0)
+    with pytest.raises(SystemUnderTestError) as error:
+        drill.step(2.0)
+    assert error.value.kind == kind
+    for text in texts:
+        assert text in str(error.value)
+    assert drill.time == pytest.approx(0.4)
+
+
+def test_a_node_that_the_test_ends_is_not_waited_for(drill):
+    supervisor = supervise(drill)
+    drill.step(0.3)
+    supervisor.kill()
+    drill.step(0.3)
+    assert drill.time == pytest.approx(0.6)
+
+
+def test_a_command_that_cannot_be_started_or_is_not_connected_is_told(drill):
+    with pytest.raises(SystemUnderTestError, match=r"exit code 2, at 0\.000 s of simulation time"):
+        drill.start(sys.executable, "nowhere.py")
+    with pytest.raises(SystemUnderTestError, match=r"is not connected to the drill within 0\.5 s"):
+        drill.start("sleep", "100", timeout=0.5)
+
+
+def test_what_is_expected_is_evaluated_on_what_was_published(drill, tmp_path):
+    drill.step(0.5)
+    drill.press(30.0)
+    drill.step_until(field("reacting_force.force") > "29 N", timeout=2.0)
+    bearable = Expectation("bearable", always(field("reacting_force.force") < "5 N"), "R1")
+    with pytest.raises(ExpectationFailedError, match=r"\[R1\] bearable: failed, margin -4"):
+        drill.expect(bearable)
+    drill.step(0.5)
+    [verdict] = drill.expect(always(field("status.weight_on_bit") < "31 N"), requirement="R2")
+    assert verdict.passed
+    assert [each.requirement for each in drill.verdicts] == ["R1", "R2"]
+
+    write_bag(tmp_path / "bag", drill)
+    record = Record.from_bag(tmp_path / "bag", bearable.topics)
+    with pytest.raises(ExpectationFailedError) as error:
+        drill.expect(bearable)
+    assert evaluate(bearable, record) == error.value.verdicts[0]
+    assert verify(tmp_path / "bag").proved
+
+
+def test_a_recording_is_complete_and_can_be_proved(drill, recording):
+    drill.step(0.2)
+    drill.press(25.0)
+    drill.step(0.2)
+    bag = recording.stop()
+    assert bag == Path(recording)
+    with rpud_sim.bag.open(bag) as opened:
+        counts = {each.topic.name: each.message_count for each in opened.topics}
+    assert counts["/rpud/reacting_force"] == 40
+    assert counts["/rpud/contact_force"] == drill.status.impacts
+    assert verify(bag).proved
+
+
+def test_what_the_drill_refuses_is_an_error_with_its_reason(drill):
+    with pytest.raises(RefusedError, match="outside its range"):
+        drill.press(1e6)
+    assert drill.status.commands_rejected == 1
+    drill.step(0.1)
+
+
+@pytest.mark.parametrize(
+    ("action", "text"),
+    [
+        (lambda drill: drill.latest("reacting_forc"), "did you mean reacting_force"),
+        (lambda drill: drill.messages("waveform"), r"call listen\('waveform'\) first"),
+        (lambda drill: drill.listen("/nobody"), "nobody publishes /nobody; give its type"),
+        (lambda drill: drill.step(-1.0), "step = -1 s is outside its range"),
+        (lambda drill: drill.step_until(lambda: 1, 0.0), "timeout = 0 s is outside its range"),
+        (lambda drill: drill.with_answers("/a", count=0), "count = 0 is outside its range"),
+        (lambda drill: drill.with_answers("/a", timeout=float("nan")), "timeout = nan"),
+    ],
+)
+def test_wrong_calls_are_refused_in_one_line(drill, action, text):
+    with pytest.raises(ParameterError, match=text) as error:
+        action(drill)
+    assert "\n" not in str(error.value)
+
+
+def test_a_condition_that_never_holds_says_where_the_drill_is(drill):
+    with pytest.raises(AssertionError, match=r"at 0\.200 s: the condition of test_drill\.py:\d+"):
+        drill.step_until(lambda: drill.status.impacts < 0, timeout=0.2)
+
+
+def test_messages_that_are_lost_are_told(drill):
+    drill.step(0.1)
+    drill.heard["/rpud/contact_force"]._count(10**6)  # as if all up to it were lost
+    with pytest.raises(LostMessagesError, match="messages of /rpud/contact_force are lost"):
+        drill.messages("contact_force")
+    drill.heard["/rpud/contact_force"].number = drill.published["contact_force"]
+
+
+@pytest.mark.rpud(seed=3, faults=[{"kind": "free_mass_jammed", "onset": 0.2}], weight_on_bit=20.0)
+def test_a_mark_describes_the_drill(drill, drill_factory):
+    drill.step(0.1)
+    assert (drill.status.weight_on_bit, drill.status.active_faults) == (20.0, 0)
+    drill.step(0.2)
+    assert [fault.kind for fault in drill.latest("faults").faults] == ["free_mass_jammed"]
+    other = drill_factory(seed=4)
+    other.step(0.1)
+    assert other.status.weight_on_bit == 20.0
+    assert other.messages("nodal_plane")[0] != drill.messages("nodal_plane")[0]

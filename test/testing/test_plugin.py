@@ -1,0 +1,91 @@
+"""The plugin as pytest sees it, in runs of pytest of their own."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+pytest_plugins = ["pytester"]
+
+SUPERVISOR = Path(__file__).with_name("supervisor.py").read_text()
+HEAVY = ("rclpy", "numba", "numpy", "matplotlib", "rpud_sim.ros", "rpud_sim.simulation")
+
+
+def test_a_run_without_a_drill_imports_nothing_heavy():
+    script = (
+        "import sys, rpud_sim.testing.plugin, rpud_sim.testing; "
+        f"print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    assert subprocess.check_output([sys.executable, "-c", script], text=True) == "[]\n"
+
+
+def test_wrong_marks_are_refused_before_anything_starts(pytester):
+    pytester.makepyfile("""
+        import pytest
+
+        @pytest.mark.rpud(weight_on_bitt=3.0)
+        def test_a(drill): pass
+
+        @pytest.mark.rpud("free")
+        def test_b(drill): pass
+
+        def test_c(): pass
+    """)
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(
+        [
+            "*::test_a: mark rpud: weight_on_bitt is neither *; did you mean weight_on_bit?",
+            "*::test_b: mark rpud: 'free' has no name: write rpud(config=*",
+        ]
+    )
+    result.stdout.no_fnmatch_line("*passed*")
+
+
+def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing(pytester):
+    pytester.makefile(".py", supervisor=SUPERVISOR)
+    pytester.makepyfile("""
+        from rpud_sim.verdicts import always, signal
+
+        def test_passes(drill):
+            drill.step(0.1)
+
+        def test_fails(drill):
+            drill.press(20.0)
+            drill.with_answers("supervisor/heartbeat")
+            drill.start("python supervisor.py works --ros-args -r __ns:=/rpud",
+                        hears=("reacting_force",))
+            drill.step(0.2)
+            drill.expect(always(signal("reacting_force.force") < "5 N"), name="calm",
+                         requirement="R1")
+    """)
+    options = ("-p", "no:cacheprovider", "-n2", "--junitxml=junit.xml", "--rpud-artefacts=left")
+    result = pytester.runpytest_subprocess(*options)
+    result.assert_outcomes(passed=1, failed=1)
+    [folder] = (pytester.path / "left").iterdir()
+    result.stdout.fnmatch_lines(
+        [
+            "E *ExpectationFailedError: [[]R1] calm: failed, margin -* N: *",
+            f"artefacts: {folder}",
+            f"bag: {folder}/bag",
+            "    at 0.000 s: press 20.0 N",
+        ]
+    )
+    assert (folder / "bag" / "metadata.yaml").is_file()
+    assert "<html" in (folder / "report.html").read_text()
+    assert "press 20.0 N" in (folder / "commands.txt").read_text()
+    assert "drilling: regime drilling" in (folder / "drill.log").read_text()
+    assert "supervisor.py works" in (folder / "1_supervisor.py.log").read_text()
+    assert "rpud_sim" in json.loads((folder / "versions.json").read_text())["versions"]
+    cases = {
+        case.get("name"): {each.get("name"): each.get("value") for each in case.iter("property")}
+        for case in ElementTree.parse(pytester.path / "junit.xml").iter("testcase")
+    }
+    assert cases["test_passes"] == {}
+    assert cases["test_fails"]["rpud_artefacts"] == str(folder)
+    assert cases["test_fails"]["rpud_bag"] == str(folder / "bag")
+    assert cases["test_fails"]["rpud_report"] == str(folder / "report.html")
+    assert cases["test_fails"]["rpud_verdict"].startswith("[R1] calm: failed")
