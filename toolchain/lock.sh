@@ -3,10 +3,11 @@
 set -eu
 cd "$(dirname "$0")/requirements"
 
-# A source package could run anything at set-up, so there is only one: empy 3 was never released as a wheel.
+# A source package could run anything at set-up, so there are only two: empy 3 and antlr4-python3-runtime 4.7, which
+# rtamt needs, were never released as wheels.
 lock() { # OUTPUT OPTION|INPUT...
-  uv pip compile --quiet --upgrade --generate-hashes --only-binary :all: --no-binary empy --no-header \
-    --custom-compile-command "make lock" --output-file "$@"
+  uv pip compile --quiet --upgrade --generate-hashes --only-binary :all: --no-header \
+    --no-binary empy --no-binary antlr4-python3-runtime --custom-compile-command "make lock" --output-file "$@"
 }
 
 lock installer.lock --universal --python-version 3.10 installer.in

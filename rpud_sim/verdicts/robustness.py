@@ -105,11 +105,12 @@ class Evaluation:
         if isinstance(formula, (Always, Eventually)):
             within = formula.window
             least = isinstance(formula, Always)
-            return over_window(self.steps(formula.formula), within.start, within.end, least)
+            inner = self.steps(formula.formula)
+            return over_window(inner, within.start, within.end, least, once)
         if isinstance(formula, Until):
             return self._until(formula)
         if isinstance(formula, After):
-            return self._after(formula)
+            return self._after(formula, once)
         if isinstance(formula, Count):
             return self._count(formula)
         assert isinstance(formula, Quantile)
@@ -122,15 +123,16 @@ class Evaluation:
             return found
         return combine([found, over_window(held, 0, None, least=True)], least=False)
 
-    def _after(self, formula: After) -> Steps:
+    def _after(self, formula: After, once: bool) -> Steps:
         trigger, then = self.steps_of_after(formula)
         implied = combine([negate(trigger), then], least=False)
         starts = np.union1d(implied.starts, trigger.starts)
         implied, never = implied.on(starts), trigger.on(starts)
         absent = implied.absent | (never.values[MOST_TRUTH] < 0.0) | never.absent
-        always = over_window(Steps(starts, implied.values, absent), 0, None, least=True)
+        spread = Steps(starts, implied.values, absent)
+        always = over_window(spread, 0, None, least=True, once=once)
         # An event that may not have come at all proves nothing.
-        came = over_window(trigger, 0, None, least=False)
+        came = over_window(trigger, 0, None, least=False, once=once)
         starts = np.union1d(always.starts, came.starts)
         always, came = always.on(starts), came.on(starts)
         unsure = (came.values[LEAST_TRUTH] < 0.0) & (always.values[LEAST_TRUTH] > 0.0)
@@ -268,7 +270,7 @@ def _window_quantiles(
     for number in np.flatnonzero(~beyond & (last > first)).tolist():
         begin, stop = int(first[number]), int(last[number])
         count = stop - begin + missing
-        place = math.ceil(share * count) - 1
+        place = -(-share.numerator * count // share.denominator) - 1  # rounded up, exactly
         if place - missing >= 0:
             low[number] = ordered[0].among(begin, stop)[place - missing]
         if place < stop - begin:

@@ -97,7 +97,9 @@ def _known(steps: Steps) -> np.ndarray:
     return values
 
 
-def over_window(steps: Steps, start: int, end: int | None, least: bool) -> Steps:
+def over_window(
+    steps: Steps, start: int, end: int | None, least: bool, once: bool = False
+) -> Steps:
     """Return always (the least value in a window) or eventually (the greatest).
 
     Absent instants do not count; without any other the result is absent.
@@ -107,18 +109,19 @@ def over_window(steps: Steps, start: int, end: int | None, least: bool) -> Steps
         start: of the window, from each instant on [ns].
         end: of the window [ns]; None for the end of the recording.
         least: whether for always.
+        once: whether only the value at the beginning counts.
     """
     last = len(steps.starts) - 1
-    cuts = [steps.starts, steps.starts - start]
-    if end is not None:
-        cuts.append(steps.starts - end)
-    times = np.unique(np.concatenate(cuts))
-    times = times[(times >= steps.begin) & (times <= steps.end + 1)]
+    times = steps.starts[[0, -1]]
+    if not once:
+        cuts = [steps.starts, steps.starts - start]
+        if end is not None and end != start:
+            cuts.append(steps.starts - end)
+        times = np.unique(np.concatenate(cuts))
+        times = times[(times >= steps.begin) & (times <= steps.end + 1)]
     first = np.minimum(steps.at(times + start), last)
     if end is None:
-        final = np.full(len(times), last - 1)
-        beyond = first > final  # the window begins after the recording
-        final[beyond] = last
+        final = first
     else:
         final = steps.at(times + end)
     neutral = np.inf if least else -np.inf
@@ -127,7 +130,11 @@ def over_window(steps: Steps, start: int, end: int | None, least: bool) -> Steps
     table = np.vstack([rows, np.where(steps.absent, 1.0, 0.0)[None]])
     if not least:
         table[:4] = -table[:4]
-    found = _least_in_ranges(table, first, final)
+    if end is None:  # every range but that of nothing ends with the recording
+        table[:, :last] = np.minimum.accumulate(table[:, :last][:, ::-1], axis=1)[:, ::-1]
+        found = table[:, first]
+    else:
+        found = _least_in_ranges(table, first, final)
     absent = found[4] > 0.5
     values = found[:4] if least else -found[:4]
     values[:, absent] = UNKNOWN[:, None]

@@ -21,7 +21,24 @@ _PREFIXES: Mapping[str, float] = {
     "k": 1e3,
     "M": 1e6,
 }
-_PREFIXED = ("m", "s", "g", "N", "Hz", "V", "A", "W", "J", "K", "Pa", "ohm", "rad", "N s", "N m", "m/s")
+_PREFIXED = (
+    "m",
+    "s",
+    "g",
+    "N",
+    "Hz",
+    "V",
+    "A",
+    "W",
+    "J",
+    "K",
+    "Pa",
+    "ohm",
+    "rad",
+    "N s",
+    "N m",
+    "m/s",
+)
 
 # Factor to the SI unit, and that unit.
 _UNITS: dict[str, tuple[float, str]] = {

@@ -5,8 +5,8 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
 from random_expectations import record_of
+
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts.atoms import Atoms
 from rpud_sim.verdicts.robustness import Evaluation
@@ -79,7 +79,7 @@ def margins_of_rtamt(text, x, y):
 values = st.integers(-5, 5).map(float)
 
 
-@settings(max_examples=300)
+@settings(max_examples=200)
 @given(formulas(), st.lists(st.tuples(values, values), min_size=2, max_size=15))
 def test_the_margins_are_those_of_rtamt(formula, pairs):
     """Beyond its end, rtamt judges what is left of a window: one way in which a run may go on."""

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_expectations import record_of
 
 from rpud_sim.verdicts.atoms import Atoms
 from rpud_sim.verdicts.robustness import Evaluation
@@ -28,7 +29,6 @@ from rpud_sim.verdicts.vocabulary import (
     Until,
     Window,
 )
-from random_expectations import record_of
 
 UNKNOWN = (-math.inf, math.inf, -1.0, 1.0)
 FORCE, WEIGHT = Signal("reacting_force", "force"), Signal("status", "weight_on_bit")
@@ -306,7 +306,7 @@ for _name in ("not", "and", "or"):
     setattr(Oracle, _name, getattr(Oracle, f"{_name}_"))
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(formulas(), samples(1), samples(0))
 def test_each_instant_has_the_value_of_the_definitions(formula, force, weight):
     record = record_of(force=force, weight=weight)
