@@ -48,7 +48,7 @@ class TestMission(unittest.TestCase):
 
     def test_the_supervisor_retreats_from_a_jam(self, drill, proc_output, supervisor):
         """It commands twice in each period, and the drill waits for both."""
-        proc_output.assertWaitFor("ramping: ", process=supervisor, timeout=30.0, stream="stderr")
+        proc_output.assertWaitFor("ready: ", process=supervisor, timeout=30.0, stream="stderr")
         drill.with_answers("command/drive", "command/weight_on_bit")
         drill.step(3.0)
         drill.inject("free_mass_jammed")

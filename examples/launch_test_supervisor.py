@@ -44,8 +44,8 @@ class TestMission(unittest.TestCase):
     """While both run."""
 
     def test_the_supervisor_drills_at_its_target(self, proc_output, supervisor):
-        """It has engaged and ramped the weight on bit, and the drill bears it."""
-        for line in ("engaging: ", "ramping: ", "drilling: reacting force is 3"):
+        """It puts the drill tool into the rock, ramps the weight on bit, and reaches its target."""
+        for line in ("ready: ", "ramping: ", "drilling: reacting force is 3"):
             proc_output.assertWaitFor(line, process=supervisor, timeout=COMPILED, stream="stderr")
 
 

@@ -1,16 +1,20 @@
 """A supervisor of the drill, as a probe or a manipulator would carry it: plain rclpy, to be copied.
 
-It engages the rock, ramps the weight on bit until the mean reacting force is what the arm shall
-bear, holds it there, and retreats when the impacts stop under a running drive. Its only clock is
-the stamps of the drill's messages, so that it behaves alike in real time and in steps.
+It puts the drill tool into the rock, ramps the weight on bit until the mean reacting force is what
+the arm shall bear, and holds it there. It retreats when the impacts stop under a running drive, and
+when it cannot trust the force sensor. Its only clock is the stamps of the wrist sensor's messages,
+so that it behaves alike in real time and in steps.
 
     python supervisor.py --ros-args -r __ns:=/rpud -p target:=30.0
 """
 
+import collections
 import enum
+import math
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -18,10 +22,13 @@ from rpud_msgs.msg import ContactForce, Drive, ReactingForce, WeightOnBit
 from std_srvs.srv import SetBool
 
 PERIOD = 100_000_000  # of the control, whose multiples it keeps [ns]
+LATENCY = 20_000_000  # that a reading may need to arrive [ns]
 SILENCE = 300_000_000  # without an impact, which is a jam [ns]; pauses reach 51 ms
+BLINDNESS = 200_000_000  # without a trusted reading, after which it retreats [ns]
 GAIN = 0.2  # weight on bit per missing reacting force, in each period
 LARGEST_STEP = 2.0  # of the weight on bit in a period [N]
-GREATEST_WEIGHT = 100.0  # on bit [N]
+GREATEST_WEIGHT = 40.0  # on bit [N]
+GREATEST_FORCE = 500.0  # that the force sensor can measure [N]
 TOLERANCE = 2.0  # of the reacting force that counts as reached [N]
 VOLTAGE, FREQUENCY = 100.0, 16_000.0  # of the drive [V], [Hz]
 
@@ -32,7 +39,7 @@ class State(enum.Enum):
     """What it does."""
 
     WAITING = "waiting"
-    ENGAGING = "engaging"
+    READY = "ready"
     RAMPING = "ramping"
     DRILLING = "drilling"
     RETREATING = "retreating"
@@ -43,6 +50,8 @@ class Supervisor(Node):
     """Commands the drill once in every period, also when nothing changes.
 
     The drill's ``command_timeout`` wants it so: should this node die, the drill makes itself safe.
+    A command has the stamp of the period that it answers. It goes out when all is done that the
+    supervisor does in this period, the answer of a service included.
     The state goes out on ``supervisor/state``, latched, with stamp and reason.
     """
 
@@ -51,15 +60,18 @@ class Supervisor(Node):
         self._target = self.declare_parameter("target", 35.0).value  # mean reacting force [N]
         self._state = State.WAITING
         self._weight = 0.0  # on bit [N]
-        self._forces = []  # since the last command [N]
-        self._commanded = None  # stamp of the last command, at first of the first sample [ns]
-        self._struck = 0  # stamp of the last impact, at first that of the start [ns]
+        self._readings = collections.deque()  # of the reacting force: stamp [ns], force [N]
+        self._period = 0  # number of the last one
+        self._struck = 0  # stamp of the last impact [ns]
+        self._trusted = 0  # end of the last period in which the force sensor could be trusted [ns]
+        self._asking = False  # whether the answer of a service is missing
         self._states = self.create_publisher(DiagnosticArray, "supervisor/state", LATCHED)
         self._weights = self.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
         self._drives = self.create_publisher(Drive, "command/drive", 10)
-        self.create_subscription(ReactingForce, "reacting_force", self._on_force, 1000)
+        # The clock comes last: an executor looks at subscriptions in the order of their creation.
         self.create_subscription(ContactForce, "contact_force", self._on_impact, 1)  # the last
-        # Made last: when the drill answers, it has met all that was made before.
+        self.create_subscription(ReactingForce, "reacting_force", self._on_reading, 1000)
+        self.create_subscription(WrenchStamped, "wrench", self._on_clock, 1000)
         self._engage = self.create_client(SetBool, "engage")
         self._search = self.create_timer(0.05, self._on_search)
 
@@ -67,48 +79,71 @@ class Supervisor(Node):
         """Begin when the drill is there; nothing else follows the clock on the wall."""
         publishers = (self._drives, self._weights)
         if all(each.get_subscription_count() for each in publishers):
-            if not self._engage.service_is_ready():
-                return
-            self._search.cancel()
-            self._change(State.ENGAGING, 0, "the drill is there")
-            self._request(True, State.RAMPING, 0)
+            if self._engage.service_is_ready():
+                self._search.cancel()
+                self._change(State.READY, 0, "the drill is there")
 
     def _on_impact(self, message):
         self._struck = nanoseconds(message.header.stamp)
 
-    def _on_force(self, message):
-        """Take a sample of the reacting force; with its stamp, time goes on."""
+    def _on_reading(self, message):
+        self._readings.append((nanoseconds(message.header.stamp), message.force))
+
+    def _on_clock(self, message):
+        """Decide once in every period; a message is late rather than lost."""
         now = nanoseconds(message.header.stamp)
-        if self._state is State.WAITING or self._state is State.ENGAGING:
-            return
-        if self._commanded is None:
-            self._commanded = self._struck = now
-        self._forces.append(message.force)
-        if now // PERIOD > self._commanded // PERIOD:
-            self._commanded = now
-            self._control(now, sum(self._forces) / len(self._forces))
-            self._forces.clear()
+        period = now // PERIOD
+        if self._state is not State.WAITING and not self._asking and period > self._period:
+            self._period = period
+            self._decide(now)
 
-    def _control(self, now, mean_force):
-        """Decide what to command, once in every period."""
-        if self._state is State.RETREATING:  # drive and weight on bit have been off for a period
+    def _decide(self, now):
+        """Do what a period asks for, and command in the end."""
+        force = self._mean_force(now)
+        if self._state is State.READY:
+            self._request(True, State.RAMPING, now)
+        elif self._state is State.RETREATING:  # drive and weight on bit were off for a period
             self._request(False, State.RETREATED, now)
-            return
-        if self._state is not State.RETREATED:
-            if now - self._struck > SILENCE:
-                self._weight = 0.0
-                self._change(State.RETREATING, now, "no impacts under a running drive: jammed")
-            else:
-                self._ramp(now, mean_force)
-        self._command(now)
+        else:
+            if self._state is not State.RETREATED:
+                self._drill(now, force)
+            self._command(now)
 
-    def _ramp(self, now, mean_force):
+    def _drill(self, now, force):
+        """Retreat if there is a reason, or else go on."""
+        if now - self._struck > SILENCE:
+            self._retreat(now, "no impacts under a running drive: jammed")
+        elif now - self._trusted >= BLINDNESS:
+            self._retreat(now, "the force sensor cannot be trusted")
+        elif force is not None:
+            self._ramp(now, force)
+
+    def _mean_force(self, now):
+        """Return the mean of a period's readings [N], None if they cannot be trusted."""
+        end = now - LATENCY
+        forces = []
+        while self._readings and self._readings[0][0] <= end:
+            taken, force = self._readings.popleft()
+            if taken > end - PERIOD:
+                forces.append(force)
+        if not all(abs(force) <= GREATEST_FORCE for force in forces):  # nor is NaN
+            return None
+        if len(set(forces)) < 2:  # nothing has come, or a sensor hangs: a drill is never at rest
+            return None
+        self._trusted = now
+        return math.fsum(forces) / len(forces)
+
+    def _ramp(self, now, force):
         """Integrate toward the target, not faster than the arm shall feel it."""
-        missing = self._target - mean_force
+        missing = self._target - force
         step = max(-LARGEST_STEP, min(GAIN * missing, LARGEST_STEP))
         self._weight = max(0.0, min(self._weight + step, GREATEST_WEIGHT))
         if self._state is State.RAMPING and missing < TOLERANCE:
-            self._change(State.DRILLING, now, f"reacting force is {mean_force:.1f} N")
+            self._change(State.DRILLING, now, f"reacting force is {force:.1f} N")
+
+    def _retreat(self, now, reason):
+        self._weight = 0.0
+        self._change(State.RETREATING, now, reason)
 
     def _command(self, now):
         driven = self._state in (State.RAMPING, State.DRILLING)
@@ -124,22 +159,24 @@ class Supervisor(Node):
         """Put the drill tool into the rock or take it out, and change state when that is done."""
 
         def answered(future):
+            self._asking = False
             answer = future.result()
             where = "in" if engaged else "out of"
             if answer.success:
+                self._struck = self._trusted = now
                 self._change(then, now, f"the drill tool is {where} the rock")
             else:
                 self._change(State.RETREATED, now, f"refused: {answer.message}")
-            if not engaged:
-                self._command(now)
+            self._command(now)
 
+        self._asking = True
         self._engage.call_async(SetBool.Request(data=engaged)).add_done_callback(answered)
 
     def _change(self, state, now, reason):
         self._state = state
-        jammed = state is State.RETREATING
+        wrong = state is State.RETREATING
         status = DiagnosticStatus(name=state.value, message=reason)
-        status.level = DiagnosticStatus.ERROR if jammed else DiagnosticStatus.OK
+        status.level = DiagnosticStatus.ERROR if wrong else DiagnosticStatus.OK
         message = DiagnosticArray(status=[status])
         message.header.stamp = stamp(now)
         self._states.publish(message)

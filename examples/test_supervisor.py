@@ -1,212 +1,87 @@
-"""Flies the supervisor against the real drill: faster than real time, and the same every time.
+"""Tests the supervisor against its requirements: in steps, and the same to the last bit every time.
 
-Everything here is public: executables, topics, services. To test other mission software, copy the
-file, start that in place of ``supervisor.py``, and wait for its answer to each step.
+To test other mission software, copy this file and ``requirements.yaml``, and start that instead.
 """
 
-import contextlib
-import os
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
-import rclpy
-from builtin_interfaces.msg import Duration
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rpud_msgs.msg import Fault, ReactingForce, Result, Status
-from rpud_msgs.srv import InjectFault, ResetSimulation, StepSimulation
 
-SUPERVISOR = Path(__file__).parent / "supervisor.py"
-DOMAIN = int(os.environ.get("ROS_DOMAIN_ID", 0)) or 77  # one in which nothing else is
-os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-ENVIRONMENT = {
-    **os.environ,
-    "ROS_DOMAIN_ID": str(DOMAIN),
-}
-NAMESPACE = ("-r", "__ns:=/rpud")
-DRILL = {
-    "start_paused": "true",  # time stands still between our steps,
-    "publish_clock": "true",  # and begins at zero
-    "regime": "free",  # the supervisor engages
-    "drive_enabled": "false",  # and drives
-    "weight_on_bit": "0.0",
-    "command_timeout": "0.5",
-    "command_loss_ramp": "0.2",
-}
-LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-PERIOD = 0.1  # in which the supervisor gives two commands [s]
+from rpud_sim.verdicts import read_expectations
+
+FOLDER = Path(__file__).parent
+REQUIREMENTS = {each.requirement: each for each in read_expectations(FOLDER / "requirements.yaml")}
+IN_EVERY_FLIGHT = ("REQ-01", "REQ-02", "REQ-03", "REQ-05", "REQ-08")
+ANSWERS = ("command/drive", "command/weight_on_bit")
+
+# The drill begins outside the rock and at rest: the supervisor does the rest.
+pytestmark = pytest.mark.rpud(
+    regime="free", drive_enabled=False, weight_on_bit=0.0, command_timeout=0.5
+)
 
 
-class Mission:
-    """Steps the drill, and lets the supervisor answer before it steps again."""
-
-    def __init__(self):
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context, domain_id=DOMAIN)
-        self._node = rclpy.create_node("mission", namespace="/rpud", context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._states = self._listen(DiagnosticArray, "supervisor/state", LATCHED)
-        self._statuses = self._listen(Status, "status", LATCHED)
-        self._forces = self._listen(ReactingForce, "reacting_force", 1000)
-        self._clients = {}
-        self.time = 0.0  # that was reached [s]
-        self.commands = 0  # that the supervisor should have given
-
-    def close(self):
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
-
-    def until(self, condition, seconds=100.0):
-        """Hear messages until a condition holds; the very first drill compiles for a minute."""
-        deadline = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < deadline, f"at {self.time} s: {self.states} {self.status}"
-            self._executor.spin_once(timeout_sec=0.1)
-
-    def call(self, kind, name, **request):
-        """Call a service and give its response."""
-        if name not in self._clients:
-            self._clients[name] = self._node.create_client(kind, name)
-        client = self._clients[name]
-        self.until(client.service_is_ready)
-        future = client.call_async(kind.Request(**request))
-        self.until(future.done)
-        return future.result()
-
-    def step(self, seconds=PERIOD, answers=2):
-        """Let the drill go on, and wait until it has the supervisor's commands, if any come."""
-        nanoseconds = round(seconds * 1e9)
-        duration = Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-        response = self.call(StepSimulation, "simulation/step", duration=duration)
-        assert response.result.result == Result.RESULT_OK, response.result.error_message
-        self.time = to_seconds(response.time)
-        self.commands += answers
-        self.until(lambda: self._forces and self._forces[-1].header.stamp == response.time)
-        self.until(lambda: self.status.commands_accepted == self.commands)
-
-    def step_until(self, state, most=100):
-        """Step until the supervisor is in a state; fail if it takes too many steps."""
-        for _ in range(most):
-            if state in self.states:
-                return
-            self.step()
-        raise AssertionError(f"not {state} after {most} steps: {self.states}")
-
-    @property
-    def status(self):
-        """The drill's latest."""
-        return self._statuses[-1] if self._statuses else None
-
-    @property
-    def states(self):
-        """When the supervisor took which state [s]."""
-        return {each.status[0].name: to_seconds(each.header.stamp) for each in self._states}
-
-    @property
-    def forces(self):
-        """Every sample of the reacting force: time [s] and force [N]."""
-        return [(to_seconds(each.header.stamp), each.force) for each in self._forces]
-
-    def _listen(self, kind, name, qos):
-        heard = []
-        self._node.create_subscription(kind, name, heard.append, qos)
-        return heard
+@pytest.fixture
+def supervisor():
+    """The program under test."""
+    return FOLDER / "supervisor.py"
 
 
-def to_seconds(stamp):
-    return stamp.sec + stamp.nanosec / 1e9
+def start(drill, supervisor):
+    """Start the supervisor; each step is over when it has commanded."""
+    drill.with_answers(*ANSWERS)
+    command = ("python", str(supervisor), "--ros-args", "-r", f"__ns:={drill.namespace}")
+    return drill.start(*command, hears=("wrench",), ready="the drill is there")
 
 
-def end(process):
-    process.send_signal(signal.SIGINT)
-    try:
-        process.wait(10.0)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+def expect(drill, *identifiers):
+    """Check what holds in every flight, and further requirements."""
+    drill.expect(*(REQUIREMENTS[each] for each in (*IN_EVERY_FLIGHT, *identifiers)))
 
 
 @pytest.fixture(scope="module")
-def drill():
-    """The drill, for all tests: starting it takes the longest."""
-    parameters = [word for name, value in DRILL.items() for word in ("-p", f"{name}:={value}")]
-    process = subprocess.Popen(
-        ["drill_node", "--ros-args", *NAMESPACE, *parameters], env=ENVIRONMENT
-    )
-    yield process
-    end(process)
+def flights():
+    """Reacting forces of all flights with a jam."""
+    return []
 
 
-@contextlib.contextmanager
-def flight():
-    """Begin a mission at time zero, and give it with a supervisor that has engaged."""
-    mission = Mission()
-    supervisor = None
-    try:
-        reset = mission.call(ResetSimulation, "simulation/reset")
-        assert reset.result.result == Result.RESULT_OK, reset.result.error_message
-        command = [sys.executable, SUPERVISOR, "--ros-args", *NAMESPACE]
-        supervisor = subprocess.Popen(command, env=ENVIRONMENT)
-        mission.until(lambda: "ramping" in mission.states)
-        yield mission, supervisor
-    finally:
-        if supervisor:
-            end(supervisor)
-        mission.close()
+@pytest.mark.parametrize("time", ["once", "again"])
+def test_it_drills_at_its_target_and_retreats_from_a_jam(drill, supervisor, flights, time):
+    start(drill, supervisor)
+    drill.step(5.0)
+    drill.inject("free_mass_jammed")
+    drill.step(1.0)
+    expect(drill, "REQ-04", "REQ-06", "REQ-07")
+    flights.append([message.force for message in drill.messages("reacting_force")])
+    assert flights[-1] == flights[0]  # to the last bit
 
 
-def jam(mission):
-    """Drill for a while, jam the free mass, and give what came of it."""
-    mission.step_until("drilling")
-    for _ in range(10):
-        mission.step()
-    begun = mission.time
-    fault = Fault(kind=Fault.KIND_FREE_MASS_JAMMED)
-    injected = mission.call(InjectFault, "inject_fault", fault=fault)
-    assert injected.success, injected.message
-    drilling = mission.status
-    mission.step_until("retreated", most=10)
-    return begun, drilling, mission.states, mission.forces
+def test_it_goes_on_with_noise_lost_messages_and_a_lost_preload(drill, supervisor):
+    start(drill, supervisor)
+    drill.step(1.0)
+    drill.inject("lost_preload")
+    drill.inject("intermittent", "contact_force")
+    drill.inject("intermittent", "reacting_force")
+    drill.inject("noise", "reacting_force", 10.0)
+    drill.step(2.0)
+    expect(drill, "REQ-09")
 
 
-@pytest.mark.usefixtures("drill")
-def test_it_drills_at_the_target_sees_the_jam_and_retreats_and_always_alike():
-    with flight() as (mission, _):
-        began, drilling, states, forces = jam(mission)
-        retreated = mission.status
-
-    assert list(states) == ["engaging", "ramping", "drilling", "retreating", "retreated"]
-    assert drilling.regime == Status.REGIME_DRILLING
-    assert drilling.drive_enabled
-    held = [force for when, force in forces if states["drilling"] + 0.5 < when <= began]
-    assert sum(held) / len(held) == pytest.approx(35.0, abs=2.0)
-
-    assert began + 0.2 < states["retreating"] < began + 0.5
-    assert states["retreated"] == pytest.approx(states["retreating"] + PERIOD)
-    assert retreated.regime == Status.REGIME_FREE
-    assert not retreated.drive_enabled
-    assert retreated.weight_on_bit == 0.0
-
-    with flight() as (mission, _):
-        began_again, _, states_again, forces_again = jam(mission)
-    assert (began_again, states_again) == (began, states)
-    assert forces_again == forces  # to the last bit
+@pytest.mark.parametrize(
+    ("kind", "magnitude"), [("stuck", None), ("delayed", 0.15), ("garbage", None)]
+)
+def test_it_retreats_without_a_force_sensor_to_trust(drill, supervisor, kind, magnitude):
+    start(drill, supervisor)
+    drill.step(1.0)
+    drill.inject(kind, "reacting_force", magnitude)
+    drill.step(1.0)
+    expect(drill, "REQ-10")
 
 
-@pytest.mark.usefixtures("drill")
-def test_a_supervisor_that_dies_leaves_a_drill_that_makes_itself_safe():
-    with flight() as (mission, supervisor):
-        for _ in range(5):
-            mission.step()
-        supervisor.kill()
-        mission.step(1.0, answers=0)
-        mission.until(lambda: mission.status.commands_lost)
-        assert mission.status.weight_on_bit == 0.0
-        assert not mission.status.drive_enabled
+def test_when_it_dies_the_drill_makes_itself_safe(drill, supervisor):
+    process = start(drill, supervisor)
+    drill.step(1.0)
+    process.kill()
+    drill.step(1.0)
+    assert drill.status.commands_lost
+    assert drill.status.weight_on_bit == 0.0
+    assert not drill.status.drive_enabled

@@ -108,8 +108,7 @@ class LiveVerdicts:
 def verdict_line(verdict: Verdict) -> str:
     """Return a verdict as one line."""
     requirement = f"[{verdict.requirement}] " if verdict.requirement else ""
-    margin = f", margin {verdict.margin:.6g} {verdict.unit}".rstrip()
-    return (
-        f"{requirement}{verdict.name}: {verdict.outcome}"
-        f"{'' if verdict.margin is None else margin}: {verdict.text}"
+    margin = (
+        "" if verdict.margin is None else f", margin {verdict.margin:.6g} {verdict.unit}".rstrip()
     )
+    return f"{requirement}{verdict.name}: {verdict.outcome}{margin}: {verdict.text}"

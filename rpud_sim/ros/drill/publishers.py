@@ -25,6 +25,7 @@ COMMAND_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 # A simulation that nothing paces waits for its subscribers when a depth is used up, but not longer
 # than this for one that does not answer [s].
 _LONGEST_WAIT = 1.0
+_STATUS_WAIT = 0.5  # for those that lack the last status [s]
 
 _AT_ONCE = Duration(nanoseconds=0)
 
@@ -53,6 +54,7 @@ class DrillPublishers:
         self._delivery: tuple[dict[str, int], bool] = ({}, True)
         self.sent = sent
         self.patient = False
+        self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
         topics = {**TOPICS, **({"/clock": CLOCK} if publish_clock else {})}
         self._encoders = {
             name: Encoder(members_of(message_class(topic.type))) for name, topic in topics.items()
@@ -142,6 +144,8 @@ class DrillPublishers:
 
     def _send(self, name: str, message: Any) -> None:
         try:
+            if self.patient and name == "status":
+                self._await_status()
             self._publishers[name].publish(message)
             if self.sent is not None:
                 self.sent[name] += 1
@@ -151,6 +155,14 @@ class DrillPublishers:
                 self._await(name)
         except RuntimeError:  # RCLError: the middleware did not accept it
             self._dropped += 1
+
+    def _await_status(self) -> None:
+        """Let reliable subscribers have the last status, which the next one overwrites.
+
+        In steps two commands follow each other at once, and a test counts every status.
+        """
+        wait = Duration(seconds=_STATUS_WAIT if self._awaits_status else 0.0)
+        self._awaits_status = self._publishers["status"].wait_for_all_acked(wait)
 
     def _await(self, name: str) -> None:
         """Let reliable subscribers catch up before the oldest messages would be overwritten."""
