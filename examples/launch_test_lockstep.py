@@ -54,8 +54,8 @@ class TestMission(unittest.TestCase):
         drill.inject("free_mass_jammed")
         drill.step_until(lambda: self.state(drill) == "retreating", timeout=1.0)
         drill.step()
-        self.assertEqual(drill.status.weight_on_bit, 0.0)
-        self.assertFalse(drill.status.drive_enabled)
+        assert drill.status.weight_on_bit == 0.0
+        assert not drill.status.drive_enabled
 
     @staticmethod
     def state(drill):
