@@ -84,7 +84,8 @@ def pytest_runtest_makereport(item, call):
         return
     mutant = item.callspec.params["supervisor"].stem
     error = call.excinfo.value if call.excinfo else None
-    caught = [each.requirement for each in getattr(error, "verdicts", ()) if not each.passed]
+    verdicts = getattr(error, "verdicts", ())
+    caught = [each.requirement for each in verdicts if each.outcome == "failed"]
     if isinstance(error, SystemUnderTestError):
         caught = [ANSWER]
     if isinstance(error, SystemUnderTestError) or (caught and FIRST in os.environ):
