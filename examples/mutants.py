@@ -11,7 +11,6 @@ import argparse
 import collections
 import importlib.util
 import os
-import re
 import sys
 import tempfile
 import time
@@ -85,7 +84,8 @@ def pytest_runtest_makereport(item, call):
         return
     mutant = item.callspec.params["supervisor"].stem
     error = call.excinfo.value if call.excinfo else None
-    caught = [each.requirement for each in getattr(error, "verdicts", ()) if not each.passed]
+    verdicts = getattr(error, "verdicts", ())
+    caught = [each.requirement for each in verdicts if each.outcome == "failed"]
     if isinstance(error, SystemUnderTestError):
         caught = [ANSWER]
     if isinstance(error, SystemUnderTestError) or (caught and FIRST in os.environ):
@@ -95,9 +95,9 @@ def pytest_runtest_makereport(item, call):
 
 def pytest_runtest_setup(item):
     """Skip further flights of a mutant of which enough is known."""
-    if "supervisor" in item.fixturenames:
-        if item.callspec.params["supervisor"].stem in item.config.stash.get(DONE, ()):
-            pytest.skip("enough is known of it")
+    done = item.config.stash.get(DONE, ())
+    if "supervisor" in item.fixturenames and item.callspec.params["supervisor"].stem in done:
+        pytest.skip("enough is known of it")
 
 
 class Table:
@@ -139,7 +139,12 @@ def main():
         if arguments.first:
             os.environ[FIRST] = "1"
         options = ["-q", "--no-header", "-p", "mutants", "-p", "no:cacheprovider", "--tb=no"]
-        options += ["--rpud-artefacts=", "-k", "not makes_itself_safe and not again", "--no-summary"]
+        options += [
+            "--rpud-artefacts=",
+            "-k",
+            "not makes_itself_safe and not again",
+            "--no-summary",
+        ]
         if arguments.jobs > 1 and importlib.util.find_spec("xdist"):
             options += ["-n", str(min(arguments.jobs, len(names))), "--dist", "loadgroup"]
         pytest.main([str(TESTS), *options], plugins=[table])

@@ -77,11 +77,10 @@ class Supervisor(Node):
 
     def _on_search(self):
         """Begin when the drill is there; nothing else follows the clock on the wall."""
-        publishers = (self._drives, self._weights)
-        if all(each.get_subscription_count() for each in publishers):
-            if self._engage.service_is_ready():
-                self._search.cancel()
-                self._change(State.READY, 0, "the drill is there")
+        heard = all(each.get_subscription_count() for each in (self._drives, self._weights))
+        if heard and self._engage.service_is_ready():
+            self._search.cancel()
+            self._change(State.READY, 0, "the drill is there")
 
     def _on_impact(self, message):
         self._struck = nanoseconds(message.header.stamp)

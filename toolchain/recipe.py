@@ -61,8 +61,8 @@ def run(folder: Path, wheels: Path, python: str) -> int:
     mission, tools = folder / "mission", folder / "tools"
     (mission / "tests").mkdir(parents=True)
     for step in blocks(TESTS, "bash"):
-        if "cat >" in step:
-            subprocess.run(["bash", "-euc", step], cwd=folder, check=True)
+        files = step.partition("\npython -m pytest")[0]  # the recipe itself runs the tests
+        subprocess.run(["bash", "-euc", files], cwd=folder, check=True)
     for file in mission.glob("*.py"):
         file.rename(mission / "tests" / file.name)
     tools.mkdir()
