@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.heard_topic import HeardTopic
 from rpud_sim.testing.introduction import Introduction
+
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls a node that it has not discovered yet
 
 
 @dataclasses.dataclass
@@ -27,10 +30,12 @@ class Answers:
 
     Args:
         collector: of the messages.
+        own: full names of the test's own nodes, which may command the drill and answer nothing.
     """
 
-    def __init__(self, collector: Collector) -> None:
+    def __init__(self, collector: Collector, own: Sequence[str] = ()) -> None:
         self._collector = collector
+        self._own = frozenset(own)
         self._answers: list[_Answer] = []
         self._introduced = False
         self._introductions: dict[str, Introduction] = {}
@@ -72,7 +77,10 @@ class Answers:
         living = [self._publishers(answer) for answer in self._answers]
         if not all(living):
             return False
-        for name in {name for names in living for name in names.values()}:
+        nodes = {name for names in living for name in names.values()}
+        if any(_UNKNOWN in name for name in nodes):
+            return False  # its name comes in a moment
+        for name in nodes:
             if name not in self._introductions:
                 self._introductions[name] = Introduction(self._collector.node, name)
         waiting = [each for each in self._introductions.values() if not each.done()]
@@ -111,14 +119,19 @@ class Answers:
         )
 
     def _publishers(self, answer: _Answer) -> dict[bytes, str]:
-        """Return the living publishers, by their identifiers, with the names of their nodes."""
+        """Return the living publishers of others, by identifiers, with the names of their nodes."""
         if answer.topic is None or not answer.topic.subscription.get_publisher_count():
             return {}
+        node = self._collector.node
         found = {
             bytes(each.endpoint_gid): f"{each.node_namespace.rstrip('/')}/{each.node_name}"
-            for each in self._collector.node.get_publishers_info_by_topic(answer.name)
+            for each in node.get_publishers_info_by_topic(answer.name)
         }
-        return {gid: name for gid, name in found.items() if gid not in self._dead}
+        return {
+            gid: name
+            for gid, name in found.items()
+            if gid not in self._dead and name not in self._own
+        }
 
     def _lack(self, answer: _Answer, stamp: int) -> str:
         topic = answer.topic
