@@ -12,8 +12,14 @@ import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.ros.client import RefusedError
-from rpud_sim.testing import ExpectationFailedError, LostMessagesError, SystemUnderTestError
+from rpud_sim.testing import (
+    ExpectationFailedError,
+    LostMessagesError,
+    SystemUnderTestError,
+    answers,
+)
 from rpud_sim.testing.artefacts import write_bag
+from rpud_sim.testing.introduction import Introduction
 from rpud_sim.testing.pool import DrillPool
 from rpud_sim.testing.setup import drill_setup
 from rpud_sim.verdicts import Expectation, Record, always, evaluate
@@ -139,6 +145,22 @@ def test_a_node_that_dies_hangs_or_lags_is_a_verdict(drill, how, kind, texts):
     for text in texts:
         assert text in str(error.value)
     assert drill.time == pytest.approx(0.4)
+
+
+def test_the_test_itself_is_not_asked_for_answers_to_its_commands(drill, monkeypatch):
+    asked = []
+
+    def introduce(node, name):
+        asked.append(name)
+        return Introduction(node, name)
+
+    monkeypatch.setattr(answers, "Introduction", introduce)
+    drill.press(12.0)
+    drill.with_answers("command/weight_on_bit")
+    remap = ("--ros-args", "-r", f"__ns:={drill.namespace}")
+    drill.start("python", "supervisor.py", "works", *remap, hears=("reacting_force",))
+    drill.step(0.1)
+    assert asked == [f"{drill.namespace}/supervisor"]
 
 
 def test_a_node_that_the_test_ends_is_not_waited_for(drill):
