@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.heard_topic import HeardTopic
 from rpud_sim.testing.introduction import Introduction
+
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a publisher whose node has not been discovered
 
 
 @dataclasses.dataclass
@@ -27,10 +31,12 @@ class Answers:
 
     Args:
         collector: of the messages.
+        own: full name of the test's own node, which publishes commands and answers nothing.
     """
 
-    def __init__(self, collector: Collector) -> None:
+    def __init__(self, collector: Collector, own: str) -> None:
         self._collector = collector
+        self._own = own
         self._answers: list[_Answer] = []
         self._introduced = False
         self._introductions: dict[str, Introduction] = {}
@@ -72,10 +78,11 @@ class Answers:
         living = [self._publishers(answer) for answer in self._answers]
         if not all(living):
             return False
-        for name in {name for names in living for name in names.values()}:
-            if name not in self._introductions:
-                self._introductions[name] = Introduction(self._collector.node, name)
-        waiting = [each for each in self._introductions.values() if not each.done()]
+        names = {name for found in living for name in found.values()}
+        for name in names - self._introductions.keys():
+            self._introductions[name] = Introduction(self._collector.node, name)
+        # Of those that are there now: a node without a name yet gets one soon.
+        waiting = [name for name in names if not self._introductions[name].done()]
         self._introduced = not waiting
         return self._introduced
 
@@ -111,14 +118,21 @@ class Answers:
         )
 
     def _publishers(self, answer: _Answer) -> dict[bytes, str]:
-        """Return the living publishers, by their identifiers, with the names of their nodes."""
+        """Return the living publishers, by their identifiers, with the names of their nodes.
+
+        The name is empty where a publisher has been discovered before its node.
+        """
         if answer.topic is None or not answer.topic.subscription.get_publisher_count():
             return {}
         found = {
-            bytes(each.endpoint_gid): f"{each.node_namespace.rstrip('/')}/{each.node_name}"
+            bytes(each.endpoint_gid): _node_name(each)
             for each in self._collector.node.get_publishers_info_by_topic(answer.name)
         }
-        return {gid: name for gid, name in found.items() if gid not in self._dead}
+        return {
+            gid: name
+            for gid, name in found.items()
+            if gid not in self._dead and name != self._own
+        }
 
     def _lack(self, answer: _Answer, stamp: int) -> str:
         topic = answer.topic
@@ -129,6 +143,11 @@ class Answers:
         if not topic.stamped:
             return f"{answer.name}: {len(topic) - answer.begun} of {answer.count} messages"
         return f"{answer.name}, whose last answer is for {topic.stamps[-1] / SECOND:.3f} s"
+
+
+def _node_name(publisher: TopicEndpointInfo) -> str:
+    name = publisher.node_name
+    return "" if name == _UNKNOWN else f"{publisher.node_namespace.rstrip('/')}/{name}"
 
 
 def _answered(answer: _Answer, stamp: int) -> bool:
