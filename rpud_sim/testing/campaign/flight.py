@@ -139,6 +139,7 @@ def _fly(drill: Drill, job: Job) -> tuple[str, str]:
 def _start(drill: Drill, system: System) -> None:
     drill.start(
         *system.command,
+        name=system.name,
         hears=system.hears,
         ready=system.ready or None,
         timeout=system.start_timeout,
