@@ -135,9 +135,7 @@ class Answers:
             for each in self._collector.node.get_publishers_info_by_topic(answer.name)
         }
         return {
-            gid: name
-            for gid, name in found.items()
-            if gid not in self._dead and name != self._own
+            gid: name for gid, name in found.items() if gid not in self._dead and name != self._own
         }
 
     def _lack(self, answer: _Answer, stamp: int) -> str:

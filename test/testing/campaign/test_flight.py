@@ -8,6 +8,7 @@ from support import until
 
 from rpud_sim.testing.campaign.campaign_file import read_campaign
 from rpud_sim.testing.campaign.flight import Job, fly
+from rpud_sim.testing.errors import DrillError
 from rpud_sim.testing.pool import DrillPool
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
@@ -42,7 +43,7 @@ def pool():
 
 @pytest.fixture
 def flight(pool, tmp_path):
-    def start(how="works", patience=60.0, limit=600.0, name="run", launch=None):
+    def start(how="works", patience=60.0, limit=600.0, name="run", launch=None, pool=pool):
         file = tmp_path / "campaign.yaml"
         command = f"command: python supervisor.py {how} --ros-args -r __ns:=/rpud"
         if launch:
@@ -118,7 +119,7 @@ def test_a_system_that_cannot_start_is_a_verdict(flight):
     assert "nonsense" in outcome.text
 
 
-def test_a_drill_that_fails_says_nothing_about_the_system(flight, pool):
+def test_a_drill_that_fails_says_nothing_about_the_system_and_another_one_flies(flight, pool):
     flight("works")
     (drill,) = [drill for _, drill in pool._idle]
     step = drill.step
@@ -129,7 +130,15 @@ def test_a_drill_that_fails_says_nothing_about_the_system(flight, pool):
 
     drill.step = fail
     outcome = flight("works")
-    assert outcome.ending == "broken"
-    assert outcomes(outcome) == {"system under test": UNDECIDED}
+    assert (outcome.ending, outcome.attempts) == ("completed", 2)
     until(lambda: not drill.alive)
-    assert flight("works").ending == "completed"  # with a new drill
+
+
+def test_a_run_without_a_drill_is_broken(flight):
+    class NoDrills(DrillPool):
+        def take(self, setup, folder=None):
+            raise DrillError("the drill has not started")
+
+    outcome = flight(pool=NoDrills())
+    assert (outcome.ending, outcome.attempts) == ("broken", 3)
+    assert outcomes(outcome) == {"system under test": UNDECIDED}
