@@ -93,8 +93,8 @@ def test_campaign(arguments: argparse.Namespace) -> int:
     else:
         print(_account(results))
         print(
-            f"{len(results.runs)} runs: {flown} run, {len(results.runs) - flown} kept, "
-            f"in {time.perf_counter() - started:.1f} s; digest {results.digest[:16]}"
+            f"{len(results.runs)} runs: {flown} flown, {len(results.runs) - flown} kept, "
+            f"in {time.perf_counter() - started:.1f} s\ndigest {results.digest[:16]}"
         )
         for name in (PAGE, JUNIT, RESULTS):
             print(printable(out / name))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.heard_topic import HeardTopic
 from rpud_sim.testing.introduction import Introduction
 
-_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # as rcl calls a node that it has not discovered yet
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a publisher whose node has not been discovered
 
 
 @dataclasses.dataclass
@@ -30,12 +31,12 @@ class Answers:
 
     Args:
         collector: of the messages.
-        own: full names of the test's own nodes, which may command the drill and answer nothing.
+        own: full name of the test's own node, which publishes commands and answers nothing.
     """
 
-    def __init__(self, collector: Collector, own: Sequence[str] = ()) -> None:
+    def __init__(self, collector: Collector, own: str) -> None:
         self._collector = collector
-        self._own = frozenset(own)
+        self._own = own
         self._answers: list[_Answer] = []
         self._introduced = False
         self._introductions: dict[str, Introduction] = {}
@@ -60,6 +61,12 @@ class Answers:
         """Absolute names of the topics."""
         return [answer.name for answer in self._answers]
 
+    @property
+    def nodes(self) -> list[str]:
+        """Full names of the nodes that publish them now."""
+        found = {name for each in self._answers for name in self._publishers(each).values()}
+        return sorted(found)
+
     def declare(
         self, names: tuple[str, ...], kind: str = "", count: int = 1, period: int = 0
     ) -> None:
@@ -77,13 +84,11 @@ class Answers:
         living = [self._publishers(answer) for answer in self._answers]
         if not all(living):
             return False
-        nodes = {name for names in living for name in names.values()}
-        if any(_UNKNOWN in name for name in nodes):
-            return False  # its name comes in a moment
-        for name in nodes:
-            if name not in self._introductions:
-                self._introductions[name] = Introduction(self._collector.node, name)
-        waiting = [each for each in self._introductions.values() if not each.done()]
+        names = {name for found in living for name in found.values()}
+        for name in names - self._introductions.keys():
+            self._introductions[name] = Introduction(self._collector.node, name)
+        # Of those that are there now: a node without a name yet gets one soon.
+        waiting = [name for name in names if not self._introductions[name].done()]
         self._introduced = not waiting
         return self._introduced
 
@@ -119,18 +124,18 @@ class Answers:
         )
 
     def _publishers(self, answer: _Answer) -> dict[bytes, str]:
-        """Return the living publishers of others, by identifiers, with the names of their nodes."""
+        """Return the living publishers, by their identifiers, with the names of their nodes.
+
+        The name is empty where a publisher has been discovered before its node.
+        """
         if answer.topic is None or not answer.topic.subscription.get_publisher_count():
             return {}
-        node = self._collector.node
         found = {
-            bytes(each.endpoint_gid): f"{each.node_namespace.rstrip('/')}/{each.node_name}"
-            for each in node.get_publishers_info_by_topic(answer.name)
+            bytes(each.endpoint_gid): _node_name(each)
+            for each in self._collector.node.get_publishers_info_by_topic(answer.name)
         }
         return {
-            gid: name
-            for gid, name in found.items()
-            if gid not in self._dead and name not in self._own
+            gid: name for gid, name in found.items() if gid not in self._dead and name != self._own
         }
 
     def _lack(self, answer: _Answer, stamp: int) -> str:
@@ -142,6 +147,11 @@ class Answers:
         if not topic.stamped:
             return f"{answer.name}: {len(topic) - answer.begun} of {answer.count} messages"
         return f"{answer.name}, whose last answer is for {topic.stamps[-1] / SECOND:.3f} s"
+
+
+def _node_name(publisher: TopicEndpointInfo) -> str:
+    name = publisher.node_name
+    return "" if name == _UNKNOWN else f"{publisher.node_namespace.rstrip('/')}/{name}"
 
 
 def _answered(answer: _Answer, stamp: int) -> bool:

@@ -21,21 +21,28 @@ class Introduction:
 
     Args:
         node: of the test.
-        name: full name of the node under test.
+        name: full name of the node under test; empty if it has none, so that nobody can be asked.
     """
 
     def __init__(self, node: Node, name: str) -> None:
         self._node = node
-        self._client: Client | None = node.create_client(GetParameters, f"{name}/get_parameters")
+        self._client: Client | None = (
+            node.create_client(GetParameters, f"{name}/get_parameters") if name else None
+        )
+        self._answered = False
         self._begun = time.monotonic()
         self._sent = 0.0
 
     def done(self) -> bool:
         """Return whether the node has answered; to be called again until it has."""
-        if self._client is None:
-            return True
         now = time.monotonic()
-        if self._has_response() or now - self._begun > _PATIENCE:
+        if self._answered or now - self._begun > _PATIENCE:
+            self.close()
+            return True
+        if self._client is None:
+            return False
+        if self._has_response():
+            self._answered = True
             self.close()
             return True
         # The middleware may not call the service ready while it remembers an ended namesake.

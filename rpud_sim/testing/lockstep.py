@@ -57,8 +57,8 @@ class Lockstep:
                 self.client.node.context, namespace, f"{namespace}/drill_node"
             )
         self.client.check_while_waiting(self._check)
-        own = (self.collector.node, self.client.node)
-        self.answers = Answers(self.collector, [node.get_fully_qualified_name() for node in own])
+        own = str(self.client.node.get_fully_qualified_name())
+        self.answers = Answers(self.collector, own)
         self.systems = Systems(self.collector, self.answers, process.environment)
         try:
             self._await_start()

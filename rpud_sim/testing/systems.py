@@ -95,19 +95,27 @@ class Systems:
         self._processes.append(system)
         calm = _Calm(self._graph, graph)
 
-        def connected() -> bool:
-            if not (self._answers.connect() and self.connected()):
-                return False
-            if hears:
-                heard = all(self._subscribers(topic) - before[topic] for topic in hears)
-            else:
-                heard = calm()
-            return heard and _is_ready(system, ready)
+        def lack() -> str:
+            if not self._answers.connect():
+                return f"does not publish on all of {', '.join(self._answers.names)}"
+            silent = [topic for topic in hears if not self._subscribers(topic) - before[topic]]
+            if silent:
+                return f"does not subscribe to {', '.join(silent)}"
+            if not self.connected() or not (hears or calm()):
+                return "is not connected to the drill"
+            if not _is_ready(system, ready):
+                return f"has not printed {ready!r}" if isinstance(ready, str) else "is not ready"
+            return ""
 
-        if not self._collector.until(connected, timeout, self.check, _POLL_PERIOD):
-            raise self._failure(
-                system, "silent", f"is not connected to the drill within {timeout:g} s"
-            )
+        lacking = ""
+
+        def complete() -> bool:
+            nonlocal lacking
+            lacking = lack()
+            return not lacking
+
+        if not self._collector.until(complete, timeout, self.check, _POLL_PERIOD):
+            raise self._failure(system, "silent", f"{lacking} within {timeout:g} s")
         return system
 
     def connected(self) -> bool:

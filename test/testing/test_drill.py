@@ -19,7 +19,6 @@ from rpud_sim.testing import (
     answers,
 )
 from rpud_sim.testing.artefacts import write_bag
-from rpud_sim.testing.introduction import Introduction
 from rpud_sim.testing.pool import DrillPool
 from rpud_sim.testing.setup import drill_setup
 from rpud_sim.verdicts import Expectation, Record, always, evaluate
@@ -29,8 +28,8 @@ HEARTBEAT = "supervisor/heartbeat"
 SIGNALS = ("reacting_force", "contact_force", "wrench", "drill_tool", "nodal_plane", HEARTBEAT)
 
 
-def supervise(drill, how="works", timeout=20.0):
-    drill.with_answers(HEARTBEAT, timeout=timeout)
+def supervise(drill, how="works", timeout=20.0, answers=HEARTBEAT):
+    drill.with_answers(answers, timeout=timeout)
     remap = ("--ros-args", "-r", f"__ns:={drill.namespace}")
     return drill.start("python", "supervisor.py", how, *remap, hears=("reacting_force",))
 
@@ -147,22 +146,6 @@ def test_a_node_that_dies_hangs_or_lags_is_a_verdict(drill, how, kind, texts):
     assert drill.time == pytest.approx(0.4)
 
 
-def test_the_test_itself_is_not_asked_for_answers_to_its_commands(drill, monkeypatch):
-    asked = []
-
-    def introduce(node, name):
-        asked.append(name)
-        return Introduction(node, name)
-
-    monkeypatch.setattr(answers, "Introduction", introduce)
-    drill.press(12.0)
-    drill.with_answers("command/weight_on_bit")
-    remap = ("--ros-args", "-r", f"__ns:={drill.namespace}")
-    drill.start("python", "supervisor.py", "works", *remap, hears=("reacting_force",))
-    drill.step(0.1)
-    assert asked == [f"{drill.namespace}/supervisor"]
-
-
 def test_a_node_that_the_test_ends_is_not_waited_for(drill):
     supervisor = supervise(drill)
     drill.step(0.3)
@@ -176,6 +159,14 @@ def test_a_command_that_cannot_be_started_or_is_not_connected_is_told(drill):
         drill.start(sys.executable, "nowhere.py")
     with pytest.raises(SystemUnderTestError, match=r"is not connected to the drill within 0\.5 s"):
         drill.start("sleep", "100", timeout=0.5)
+    with pytest.raises(SystemUnderTestError, match=r"does not subscribe to wrench within 0\.1 s"):
+        drill.start("sleep", "100", hears=("wrench",), timeout=0.1)
+
+
+def test_the_test_itself_is_not_asked_for_answers(drill):
+    supervise(drill, answers="command/weight_on_bit")
+    assert drill._lockstep.answers.nodes == ["/rpud/supervisor"]
+    drill.step(0.2)
 
 
 def test_what_is_expected_is_evaluated_on_what_was_published(drill, tmp_path):

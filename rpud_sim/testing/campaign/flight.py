@@ -31,6 +31,7 @@ from rpud_sim.verdicts.verdict import UNDECIDED
 
 BAG = "bag"
 OUTPUT = "output.log"
+_ATTEMPTS = 3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,10 +73,20 @@ _POOLS: list[DrillPool] = []  # of this process: one at most
 def fly(job: Job, pool: DrillPool) -> Outcome:
     """Fly a run, write its bag, and return its outcome; every failure is an outcome too.
 
+    A run that the drill or the middleware broke says nothing about the system under test: it is
+    flown once more, a few times at most.
+
     Args:
         job: to do.
         pool: of drills.
     """
+    attempts = 1
+    while (outcome := _attempt(job, pool)).ending == BROKEN and attempts < _ATTEMPTS:
+        attempts += 1
+    return dataclasses.replace(outcome, attempts=attempts)
+
+
+def _attempt(job: Job, pool: DrillPool) -> Outcome:
     begun = time.monotonic()
     shutil.rmtree(job.folder, ignore_errors=True)
     job.folder.mkdir(parents=True)
@@ -139,6 +150,7 @@ def _fly(drill: Drill, job: Job) -> tuple[str, str]:
 def _start(drill: Drill, system: System) -> None:
     drill.start(
         *system.command,
+        name=system.name,
         hears=system.hears,
         ready=system.ready or None,
         timeout=system.start_timeout,

@@ -39,6 +39,7 @@ class Outcome:
         record: digest of what was published and commanded.
         wall_time: that it took [s].
         bag: path of its bag in its folder; empty for none.
+        attempts: flights until the drill and the middleware did their part.
     """
 
     of: str
@@ -49,6 +50,7 @@ class Outcome:
     record: str
     wall_time: float
     bag: str
+    attempts: int = 1
 
     @property
     def digest(self) -> str:

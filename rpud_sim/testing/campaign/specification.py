@@ -46,6 +46,7 @@ class System:
         start_timeout: longest real time until it is ready [s].
         run_timeout: longest real time of a whole run [s].
         files: digest of each of its files that the campaign names.
+        name: for messages; the command's file if empty.
     """
 
     command: tuple[str, ...]
@@ -58,6 +59,7 @@ class System:
     start_timeout: float
     run_timeout: float
     files: Mapping[str, str]
+    name: str = ""
 
 
 @dataclasses.dataclass(frozen=True)

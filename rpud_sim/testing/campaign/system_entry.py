@@ -85,6 +85,7 @@ def to_system(content: Any, folder: Path) -> System:
         _ready(entries.get("ready", "")),
         **numbers,
         files={_name(file, place): _digest(file) for file in sorted(set(named))},
+        name=Path(entries["launch"]).name if "launch" in entries else "",
     )
 
 

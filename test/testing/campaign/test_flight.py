@@ -1,5 +1,6 @@
 """One run: a system under test that dies, hangs or answers late gives a verdict, and no hang."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -7,13 +8,14 @@ from support import until
 
 from rpud_sim.testing.campaign.campaign_file import read_campaign
 from rpud_sim.testing.campaign.flight import Job, fly
+from rpud_sim.testing.errors import DrillError
 from rpud_sim.testing.pool import DrillPool
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
 SUPERVISORS = Path(__file__).resolve().parents[1]  # with the plugin's node under test
 CAMPAIGN = """\
 system:
-  command: {command}
+  {system}
   folder: {folder}
   answers: [supervisor/heartbeat]
   hears: [reacting_force]
@@ -41,11 +43,13 @@ def pool():
 
 @pytest.fixture
 def flight(pool, tmp_path):
-    def start(how, patience=60.0, limit=600.0, name="run"):
+    def start(how="works", patience=60.0, limit=600.0, name="run", launch=None, pool=pool):
         file = tmp_path / "campaign.yaml"
-        command = f"python supervisor.py {how} --ros-args -r __ns:=/rpud"
+        command = f"command: python supervisor.py {how} --ros-args -r __ns:=/rpud"
+        if launch:
+            command = f"launch: {launch}"
         file.write_text(
-            CAMPAIGN.format(command=command, folder=SUPERVISORS, patience=patience, limit=limit)
+            CAMPAIGN.format(system=command, folder=SUPERVISORS, patience=patience, limit=limit)
         )
         campaign = read_campaign(file)
         job = Job(1, campaign.runs[0], "", campaign.system, campaign.expectations, tmp_path / name)
@@ -89,6 +93,20 @@ def test_a_system_that_does_not_answer_in_time_is_a_verdict(flight, how, ending)
     assert outcomes(outcome)["system under test"] == FAILED
 
 
+def test_a_launch_file_is_a_system_under_test(flight, tmp_path):
+    pytest.importorskip("launch_ros")
+    words = [sys.executable, "supervisor.py", "dies", "--ros-args", "-r", "__ns:=/rpud"]
+    (tmp_path / "mission.launch.py").write_text(
+        "from launch import LaunchDescription, actions\n"
+        "def generate_launch_description():\n"
+        f"    node = actions.ExecuteProcess(cmd={words!r}, cwd={str(SUPERVISORS)!r})\n"
+        "    return LaunchDescription([node])\n"
+    )
+    outcome = flight(launch=tmp_path / "mission.launch.py")
+    assert (outcome.ending, outcome.reached) == ("died", 0.4)
+    assert "mission.launch.py ended" in outcome.text
+
+
 def test_a_run_that_takes_too_long_ends_as_late(flight):
     outcome = flight("works", limit=1e-3)
     assert outcome.ending == "late"
@@ -101,7 +119,7 @@ def test_a_system_that_cannot_start_is_a_verdict(flight):
     assert "nonsense" in outcome.text
 
 
-def test_a_drill_that_fails_says_nothing_about_the_system(flight, pool):
+def test_a_drill_that_fails_says_nothing_about_the_system_and_another_one_flies(flight, pool):
     flight("works")
     (drill,) = [drill for _, drill in pool._idle]
     step = drill.step
@@ -112,7 +130,15 @@ def test_a_drill_that_fails_says_nothing_about_the_system(flight, pool):
 
     drill.step = fail
     outcome = flight("works")
-    assert outcome.ending == "broken"
-    assert outcomes(outcome) == {"system under test": UNDECIDED}
+    assert (outcome.ending, outcome.attempts) == ("completed", 2)
     until(lambda: not drill.alive)
-    assert flight("works").ending == "completed"  # with a new drill
+
+
+def test_a_run_without_a_drill_is_broken(flight):
+    class NoDrills(DrillPool):
+        def take(self, setup, folder=None):
+            raise DrillError("the drill has not started")
+
+    outcome = flight(pool=NoDrills())
+    assert (outcome.ending, outcome.attempts) == ("broken", 3)
+    assert outcomes(outcome) == {"system under test": UNDECIDED}
