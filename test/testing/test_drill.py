@@ -16,7 +16,6 @@ from rpud_sim.testing import (
     ExpectationFailedError,
     LostMessagesError,
     SystemUnderTestError,
-    answers,
 )
 from rpud_sim.testing.artefacts import write_bag
 from rpud_sim.testing.pool import DrillPool
