@@ -104,7 +104,7 @@ class Parameters(ParameterGroup):
         2.0e-5, "m^2", "cross-sectional area of part II, A_dt2", 1e-12, 1.0
     )
     drill_tool_density: float = number(
-        7.9e3, "kg/m^3", "density of the drill tool, rho_dt", 1e-3, 1e5
+        7.9e3, "kg/m^3", "density of the drill tool, rho_dt", 1e-12, 1e5
     )
     weight_on_bit: float = number(
         10.0, "N", "weight on bit, preload of the load spring, W", 0.0, 1e3

@@ -15,6 +15,7 @@ from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.simulation import Simulation
 
 MILLISECOND = 1_000_000
+KINDS = (("free", "gain"), ("drilling", "gain"), ("drilling", "resonance"))
 
 
 def ends(allowed):
@@ -42,9 +43,8 @@ def check(simulation, until):
 
 @pytest.mark.parametrize("name", NUMBERS)
 def test_the_motion_is_finite_at_the_ends_of_the_range(name):
-    for value, regime, model in itertools.product(
-        NUMBERS[name], ("free", "drilling"), ("gain", "resonance")
-    ):
+    kinds = KINDS[:1] if name == "free_mass" else KINDS  # at its end each takes seconds
+    for value, (regime, model) in itertools.product(NUMBERS[name], kinds):
         values = {name: value, "regime": regime, "actuator_model": model}
         if name.startswith("effective_tool"):
             values["contact_model"] = "given"

@@ -46,7 +46,7 @@ def test_what_is_not_given_has_a_default():
         ),
         (
             {"inputs": {"free_mass": MASS | {"minimum": 0.0}}},
-            r"inputs.free_mass.minimum = 0 kg is outside its range \(0, 10\] kg",
+            r"inputs.free_mass.minimum = 0 kg is outside its range \[1e-12, 10\] kg",
         ),
         ({"inputs": {"free_mass": MASS | {"source": 7}}}, "inputs.free_mass.source: 7 is not a"),
         ({"inputs": {"free_mass": MASS}, "samples": 100}, "samples = 100 is no power of two"),
