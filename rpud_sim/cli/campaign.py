@@ -94,8 +94,11 @@ def test_campaign(arguments: argparse.Namespace) -> int:
         print(_account(results))
         print(
             f"{len(results.runs)} runs: {flown} flown, {len(results.runs) - flown} kept, "
-            f"in {time.perf_counter() - started:.1f} s\ndigest {results.digest[:16]}"
+            f"in {time.perf_counter() - started:.1f} s"
         )
+        if arguments.repeat > 1 and results.repeatable:
+            print(f"each run gave one result in {arguments.repeat} repetitions")
+        print(f"digest {results.digest[:16]}")
         for name in (PAGE, JUNIT, RESULTS):
             print(printable(out / name))
     return ExitCode.DONE if results.passed and results.repeatable else ExitCode.FAILED

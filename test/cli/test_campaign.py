@@ -79,6 +79,7 @@ def test_a_campaign_gives_junit_json_and_a_page_and_runs_only_what_is_missing(ca
     assert again.returncode == 0
     assert "requirements: 3 passed, 0 failed, 0 undecided" in again.stdout
     assert "4 runs: 0 flown, 4 kept" in again.stdout
+    assert "each run gave one result in 2 repetitions" in again.stdout
 
 
 def test_an_interrupted_campaign_leaves_no_process_and_goes_on(campaign, tmp_path):
