@@ -85,6 +85,10 @@ def test_campaign(arguments: argparse.Namespace) -> int:
         if arguments.junit:
             text = (out / JUNIT).read_text(encoding="utf-8")
             Path(arguments.junit).write_text(text, encoding="utf-8")
+    for each in results.runs:
+        for text in each.outcome.broken:
+            reason = text.partition("\n")[0]
+            complain("rpud test", f"{each.run.name}: flown again: {reason}")
     for name, digests in results.digests.items():
         if len(digests) > 1:
             complain("rpud test", f"{name}: its repetitions have {len(digests)} different results")
