@@ -85,6 +85,10 @@ def test_campaign(arguments: argparse.Namespace) -> int:
         if arguments.junit:
             text = (out / JUNIT).read_text(encoding="utf-8")
             Path(arguments.junit).write_text(text, encoding="utf-8")
+    for each in results.runs:
+        for text in each.outcome.broken:
+            reason = text.partition("\n")[0]
+            complain("rpud test", f"{each.run.name}: flown again: {reason}")
     for name, digests in results.digests.items():
         if len(digests) > 1:
             complain("rpud test", f"{name}: its repetitions have {len(digests)} different results")
@@ -94,8 +98,11 @@ def test_campaign(arguments: argparse.Namespace) -> int:
         print(_account(results))
         print(
             f"{len(results.runs)} runs: {flown} flown, {len(results.runs) - flown} kept, "
-            f"in {time.perf_counter() - started:.1f} s\ndigest {results.digest[:16]}"
+            f"in {time.perf_counter() - started:.1f} s"
         )
+        if arguments.repeat > 1 and results.repeatable:
+            print(f"each run gave one result in {arguments.repeat} repetitions")
+        print(f"digest {results.digest[:16]}")
         for name in (PAGE, JUNIT, RESULTS):
             print(printable(out / name))
     return ExitCode.DONE if results.passed and results.repeatable else ExitCode.FAILED

@@ -80,10 +80,10 @@ def fly(job: Job, pool: DrillPool) -> Outcome:
         job: to do.
         pool: of drills.
     """
-    attempts = 1
-    while (outcome := _attempt(job, pool)).ending == BROKEN and attempts < _ATTEMPTS:
-        attempts += 1
-    return dataclasses.replace(outcome, attempts=attempts)
+    broken: list[str] = []
+    while (outcome := _attempt(job, pool)).ending == BROKEN and len(broken) < _ATTEMPTS - 1:
+        broken.append(outcome.text)
+    return dataclasses.replace(outcome, broken=tuple(broken))
 
 
 def _attempt(job: Job, pool: DrillPool) -> Outcome:

@@ -39,7 +39,7 @@ class Outcome:
         record: digest of what was published and commanded.
         wall_time: that it took [s].
         bag: path of its bag in its folder; empty for none.
-        attempts: flights until the drill and the middleware did their part.
+        broken: reasons of earlier flights, in which the drill or the middleware failed.
     """
 
     of: str
@@ -50,7 +50,7 @@ class Outcome:
     record: str
     wall_time: float
     bag: str
-    attempts: int = 1
+    broken: tuple[str, ...] = ()
 
     @property
     def digest(self) -> str:
@@ -83,8 +83,9 @@ def outcome_from_dict(content: Mapping[str, Any]) -> Outcome:
     verdicts = tuple(
         Verdict(**{name: each[name] for name in names}) for each in content["verdicts"]
     )
-    fields = [field.name for field in dataclasses.fields(Outcome) if field.name != "verdicts"]
-    return Outcome(**{name: content[name] for name in fields}, verdicts=verdicts)
+    own = {field.name for field in dataclasses.fields(Outcome)} - {"verdicts", "broken"}
+    fields = {name: content[name] for name in own}
+    return Outcome(**fields, verdicts=verdicts, broken=tuple(content["broken"]))
 
 
 def system_verdict(ending: str, reached: float, text: str) -> Verdict:

@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 from rpud_sim.foundation.html_pages import render_page
 from rpud_sim.testing.campaign.outcome import COMPLETED, ENDINGS, SYSTEM
-from rpud_sim.testing.campaign.results import Cell, FlownRun, Results
+from rpud_sim.testing.campaign.results import Cell, FlownRun, Requirement, Results
 from rpud_sim.testing.campaign.system_entry import program_words
 from rpud_sim.verdicts.verdict import FAILED, UNDECIDED
 
@@ -15,6 +15,7 @@ _BODY = """
 <style>
  .passed { background: #e3f4e8; } .failed { background: #fbe3dc; }
  .undecided { background: #f1f1f1; } td b { text-transform: capitalize; }
+ .matrix th, .matrix td { min-width: 8em; }
  pre { background: #eef3f7; padding: .6em; overflow-x: auto; }
 </style>
 <p>{{ account }}</p>
@@ -27,7 +28,7 @@ _BODY = """
 <p>Each field has the number of verdicts, the least margin, the longest time to react, and the bag
 of the run with the worst verdict. A verdict is undecided where a run does not decide it: the fault
 of which it speaks does not occur, or the run ends before.</p>
-<div class="wide"><table>
+<div class="wide"><table class="matrix">
 <thead><tr><th>requirement</th>
 {% for name, faults in scenarios %}
 <th>{{ name }}<br><span class="none">{{ faults }}</span></th>
@@ -101,7 +102,7 @@ def campaign_page(results: Results) -> str:
         rows=[
             {
                 "identifier": each.identifier,
-                "text": each.text or ", ".join(each.expectations),
+                "text": _text(each),
                 "outcome": each.outcome,
                 "cells": [_cell(each.cells.get(scenario.name)) for scenario in scenarios],
             }
@@ -110,6 +111,12 @@ def campaign_page(results: Results) -> str:
         failures=failures[:_MOST_FAILURES],
         runs=[_run(flown) for flown in results.runs],
     )
+
+
+def _text(requirement: Requirement) -> str:
+    if requirement.identifier == SYSTEM:
+        return "It answers every period, to the end."
+    return requirement.text or ", ".join(requirement.expectations)
 
 
 def _cell(cell: Cell | None) -> dict[str, Any] | None:

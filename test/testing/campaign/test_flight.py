@@ -4,10 +4,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from support import until
 
 from rpud_sim.testing.campaign.campaign_file import read_campaign
 from rpud_sim.testing.campaign.flight import Job, fly
+from rpud_sim.testing.drill import Drill
 from rpud_sim.testing.errors import DrillError
 from rpud_sim.testing.pool import DrillPool
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
@@ -119,19 +119,23 @@ def test_a_system_that_cannot_start_is_a_verdict(flight):
     assert "nonsense" in outcome.text
 
 
-def test_a_drill_that_fails_says_nothing_about_the_system_and_another_one_flies(flight, pool):
-    flight("works")
-    (drill,) = [drill for _, drill in pool._idle]
-    step = drill.step
+def test_a_drill_that_fails_says_nothing_about_the_system_and_another_one_flies(
+    flight, monkeypatch
+):
+    step, killed = Drill.step, []
 
-    def fail(seconds):
-        drill._process.process.kill()
-        return step(seconds)
+    def fail(drill, seconds):
+        if not killed:
+            killed.append(drill)
+            drill._process.process.kill()
+        return step(drill, seconds)
 
-    drill.step = fail
+    monkeypatch.setattr(Drill, "step", fail)
     outcome = flight("works")
-    assert (outcome.ending, outcome.attempts) == ("completed", 2)
-    until(lambda: not drill.alive)
+    assert outcome.ending == "completed"
+    assert len(outcome.broken) == 1
+    assert "was ended by SIGKILL" in outcome.broken[0]
+    assert not killed[0].alive
 
 
 def test_a_run_without_a_drill_is_broken(flight):
@@ -140,5 +144,6 @@ def test_a_run_without_a_drill_is_broken(flight):
             raise DrillError("the drill has not started")
 
     outcome = flight(pool=NoDrills())
-    assert (outcome.ending, outcome.attempts) == ("broken", 3)
+    assert outcome.ending == "broken"
+    assert outcome.broken == ("the drill has not started",) * 2
     assert outcomes(outcome) == {"system under test": UNDECIDED}
