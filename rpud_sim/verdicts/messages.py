@@ -122,7 +122,8 @@ class TopicMessages:
     """Messages of one topic in a span of time, without repetitions, in order of their stamps.
 
     The order does not depend on that of arrival: messages of one stamp are ordered by their
-    numbers or counters, where they have some.
+    numbers or counters, where they have some. Reports of one stamp with the same counters are in
+    the order in which the drill published them.
 
     Args:
         topic: its name.
@@ -141,7 +142,11 @@ class TopicMessages:
         self._piece = np.concatenate([none, *(np.full(len(at), n) for n, at in enumerate(chosen))])
         self._row = np.concatenate([none, *chosen])
         key = self._keys()
-        order = np.lexsort((key, stamps))
+        # The drill alone publishes its status, and the middleware keeps the order of a publisher.
+        self._in_order = topic == "status"
+        arrived = [none, *(piece.published[at] for piece, at in zip(pieces, chosen, strict=True))]
+        before = (np.concatenate(arrived),) if self._in_order else ()
+        order = np.lexsort((*before, key, stamps))
         order = self._without_repetitions(order, stamps, key)
         self.stamps = stamps[order]
         self._piece, self._row, self._key = self._piece[order], self._row[order], key[order]
@@ -174,7 +179,7 @@ class TopicMessages:
         first = bool(self._numbered and len(self) and self._before_first())
         ordered = np.ones(len(self), bool)
         same = self.stamps[1:] == self.stamps[:-1]
-        ordered[1:] = ~(same & (self._key[1:] == self._key[:-1]))
+        ordered[1:] = ~(same & (self._key[1:] == self._key[:-1])) | self._in_order
         return Samples(self.stamps, values, gaps, first, ordered)
 
     def column(self, name: str) -> list[Any]:
@@ -217,10 +222,18 @@ class TopicMessages:
             if len(group) == 1:
                 kept.append(int(group[0]))
                 continue
-            contents = {
-                self._sources[self._piece[number]].content(int(self._row[number])): int(number)
+            texts = [
+                self._sources[self._piece[number]].content(int(self._row[number]))
                 for number in group
-            }
+            ]
+            if self._in_order:
+                kept.extend(
+                    int(number)
+                    for place, number in enumerate(group)
+                    if place == 0 or texts[place] != texts[place - 1]
+                )
+                continue
+            contents = dict(zip(texts, group.tolist(), strict=True))
             kept.extend(contents[text] for text in sorted(contents))
         return np.array(kept, np.int64)
 

@@ -13,14 +13,16 @@ from rpud_sim.verdicts.verdict import OUTCOMES
 
 @pytest.fixture(scope="module")
 def live(faulty_messages):
-    """Record messages in any order, and some of them twice."""
+    """Record messages in any order, and some of them twice; of ``status`` in theirs."""
     record = Record()
-    messages = [*faulty_messages]
     source = random.Random(1)
-    messages += source.sample(messages, 200)
-    source.shuffle(messages)
-    for message in messages:
-        record.add(*message)
+    numbers = [*range(len(faulty_messages))]
+    numbers += source.sample(numbers, 200)
+    source.shuffle(numbers)
+    reports = iter(sorted(n for n in numbers if faulty_messages[n][0] == "status"))
+    for number in numbers:
+        is_report = faulty_messages[number][0] == "status"
+        record.add(*faulty_messages[next(reports) if is_report else number])
     return record
 
 

@@ -160,6 +160,22 @@ def test_reports_of_one_stamp_are_ordered_by_their_counters():
         assert outcome(always(WEIGHT.equals(0)), record) == "passed"
 
 
+def test_reports_of_one_stamp_with_equal_counters_are_in_the_order_of_their_publication():
+    def judged(*faults):
+        record = Record()
+        record.add("status", 0, {"commands_accepted": 0, "active_faults": 0})
+        for number in faults:  # an injected fault changes no counter
+            record.add("status", SECOND, {"commands_accepted": 0, "active_faults": number})
+        record.add("status", 2 * SECOND, {"commands_accepted": 0, "active_faults": faults[-1]})
+        later = always(signal("status.active_faults").equals(1), between=("1 s", "2 s"))
+        return outcome(later, record)
+
+    assert judged(0, 1) == "passed"
+    assert judged(0, 1, 1) == "passed"  # heard twice
+    assert judged(1, 0) == "failed"
+    assert judged(0, 1, 0) == "failed"
+
+
 def test_values_of_one_stamp_without_an_order_are_bounds():
     for order in (1, -1):
         record = record_of()
