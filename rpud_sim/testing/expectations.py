@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import yaml
+
 from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.errors import ExpectationFailedError, is_verdict
 from rpud_sim.verdicts import (
@@ -16,6 +18,7 @@ from rpud_sim.verdicts import (
     evaluate,
     read_expectations,
 )
+from rpud_sim.verdicts.notation import to_plain
 from rpud_sim.verdicts.vocabulary import Eventually, Window
 
 Expectable = Expectation | Formula | str | Path
@@ -55,7 +58,7 @@ class LiveVerdicts:
             if isinstance(each, Expectation):
                 found.append(each)
             elif isinstance(each, Formula):
-                found.append(Expectation(name or str(each), each, requirement))
+                found.append(Expectation(name or _written(each), each, requirement))
             elif isinstance(each, str | Path):
                 found += read_expectations((folder or Path()) / each)
             else:
@@ -112,3 +115,11 @@ def verdict_line(verdict: Verdict) -> str:
         "" if verdict.margin is None else f", margin {verdict.margin:.6g} {verdict.unit}".rstrip()
     )
     return f"{requirement}{verdict.name}: {verdict.outcome}{margin}: {verdict.text}"
+
+
+def _written(formula: Formula) -> str:
+    """Return a formula as a file of expectations has it, on one line."""
+    plain = to_plain(formula)
+    if isinstance(plain, str):
+        return plain
+    return str(yaml.safe_dump(plain, default_flow_style=True, sort_keys=False, width=10**6)).strip()

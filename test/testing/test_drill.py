@@ -178,6 +178,7 @@ def test_what_is_expected_is_evaluated_on_what_was_published(drill, tmp_path):
     drill.step(0.5)
     [verdict] = drill.expect(always(field("status.weight_on_bit") < "31 N"), requirement="R2")
     assert verdict.passed
+    assert verdict.name == "{always: status.weight_on_bit < 31 N}"
     assert [each.requirement for each in drill.verdicts] == ["R1", "R2"]
 
     write_bag(tmp_path / "bag", drill)
