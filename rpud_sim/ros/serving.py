@@ -1,12 +1,29 @@
-"""Executors whose nodes survive invalid messages from the network."""
+"""Executors: their nodes survive invalid messages from the network, and give way to threads."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from rclpy.executors import Executor
 
 _LONGEST_WAIT = 0.1  # for a callback that is ready [s]
+_SWITCH_INTERVAL = 1e-4  # after which Python lets another thread go on, 5 ms by default [s]
+
+
+@contextmanager
+def quick_switches() -> Iterator[None]:
+    """Let a thread that publishes go on soon while an executor is busy in another one.
+
+    A thread lets go of Python's lock at every message that it publishes, and waits for it again.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_INTERVAL)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 def serve(executor: Executor, failed: Callable[[str], None]) -> None:

@@ -1,5 +1,7 @@
 """What arrives over the network and raises an error is reported, and the work goes on."""
 
+import sys
+
 import pytest
 import rclpy
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
@@ -7,7 +9,7 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
 from support import until
 
-from rpud_sim.ros.serving import serve
+from rpud_sim.ros.serving import quick_switches, serve
 
 
 @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
@@ -38,3 +40,10 @@ def test_a_message_for_which_rclpy_raises_an_error_is_reported_in_one_line(kind)
         source.destroy_node()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def test_a_thread_that_publishes_waits_a_moment_only_and_nobody_else_later():
+    before = sys.getswitchinterval()
+    with quick_switches():
+        assert sys.getswitchinterval() < 1e-3 < before
+    assert sys.getswitchinterval() == before

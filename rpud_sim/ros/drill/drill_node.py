@@ -50,7 +50,7 @@ from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
 from rpud_sim.ros.requests import StoppedError
-from rpud_sim.ros.serving import serve
+from rpud_sim.ros.serving import quick_switches, serve
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import Settings
@@ -319,9 +319,10 @@ def spin(
     executor.add_node(node)
     try:
         node.start()
-        while not (stop.requested or node.finished):
-            serve(executor, node.refuse_request)
-            show(node.report)
+        with quick_switches():
+            while not (stop.requested or node.finished):
+                serve(executor, node.refuse_request)
+                show(node.report)
     finally:
         node.stop()
         executor.shutdown(timeout_sec=1.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -24,14 +23,13 @@ from rpud_sim.ros.replay.replay_console import MakeBar, ReplayConsole
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replay_services import ReplayServices
 from rpud_sim.ros.replay.replayer_node import Replayer
-from rpud_sim.ros.serving import serve
+from rpud_sim.ros.serving import quick_switches, serve
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 
 _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
 _POLL_PERIOD = 0.01  # s
 _ACKNOWLEDGEMENT_TIME = 5.0  # s that reliable subscribers have after the last message
-_SWITCH_INTERVAL = 1e-4  # s after which Python's other threads let the playback thread go on
 
 
 class OptionError(ValueError):
@@ -140,7 +138,7 @@ def _replay(
     bar = make_bar(title=printable(bag.path.name), total=(plan.last - plan.first) / SECOND)
     keys = not options.disable_keyboard_controls
     with (
-        _quick_switches(),
+        quick_switches(),
         _spinning(node),
         ReplayConsole(thread, plan, bar, node.get_logger(), keys=keys) as console,
     ):
@@ -195,13 +193,3 @@ def _spinning(node: Replayer) -> Iterator[None]:
         executor.wake()
         thread.join()
         executor.shutdown()
-
-
-@contextmanager
-def _quick_switches() -> Iterator[None]:
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(_SWITCH_INTERVAL)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before)
