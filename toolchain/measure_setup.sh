@@ -9,6 +9,8 @@ export XDG_CACHE_HOME="$folder/cache" # no kernels of this user
 PIP_CACHE_DIR="$(.venv/bin/python -m pip cache dir 2>/dev/null || echo "$HOME/.cache/pip")"
 export PIP_CACHE_DIR # but the downloads, whose time is the network's
 
+unset MAKEFLAGS MFLAGS MAKELEVEL # of the make that has started this: the one below has jobs of its own
+
 begin="$(date +%s.%N)"
 last="$begin"
 stage() { # NAME: prints the time since the last stage, and since the beginning
