@@ -274,7 +274,7 @@ def test_a_recorder_that_is_started_after_a_reset(process, start_drill, connect,
 @given(place=st.floats(0.0, 1.0, exclude_max=True), run=st.integers(1, 2))
 def test_a_fork_without_a_change_is_the_rest_of_a_run(bag, place, run):
     """Both are proved, so they hold the same bits if they hold messages of the same stamps."""
-    length = (0.7, 0.5)[run - 1]  # at least: the first lasts 0.735 s, the second 0.555 s
+    length = (0.6, 0.35)[run - 1]  # at least, however busy the machine is
     with tempfile.TemporaryDirectory() as folder:
         fork = Path(folder, "fork")
         write_fork(bag, fork, place * length, run=run)
@@ -286,7 +286,7 @@ def test_a_fork_without_a_change_is_the_rest_of_a_run(bag, place, run):
     # The first run ended by a reset, and its fork by itself. Latched ground truth may be
     # overwritten before it is sent.
     assert set(others) <= {"/rpud/faults", *([JOURNAL] if run == 1 else [])}
-    assert len(own) > 20
+    assert len(own) > 10
 
 
 def comparable(path, skipped=0):

@@ -307,7 +307,7 @@ for _name in ("not", "and", "or"):
 
 
 @settings(max_examples=150, deadline=None)
-@given(formulas(), samples(1), samples(0))
+@given(formulas(), samples(1), samples(1))
 def test_each_instant_has_the_value_of_the_definitions(formula, force, weight):
     record = record_of(force=force, weight=weight)
     oracle = Oracle(force, weight)
