@@ -45,11 +45,11 @@ picture: install/.package ## Draw docs/images anew: record BAG for 3 s, and BAG_
 
 ##@ Develop
 .PHONY: test
-test: install/.package install/.kernels ## Run every test; PYTEST_ARGS passes on options
+test: install/.package install/.kernels .venv/.browser ## Run every test; PYTEST_ARGS passes on options
 	@$(WITH_ENV) python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 .PHONY: test-busy
-test-busy: install/.package install/.kernels ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
+test-busy: install/.package install/.kernels .venv/.browser ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
 	@$(WITH_ENV) python test/busy.py -- python -m pytest $(PYTEST_ARGS)
 
 .PHONY: lint
@@ -137,6 +137,10 @@ help: ## Show this help
 	@touch $@
 
 .venv/.lint: toolchain/requirements/lint.lock .venv/.installed
+	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@touch $@
+
+.venv/.browser: toolchain/requirements/browser.lock .venv/.installed
 	@$(PIP_INSTALL) --only-binary :all: -r $<
 	@touch $@
 

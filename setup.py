@@ -21,7 +21,8 @@ ROS = [
     "ros-jazzy-std-msgs==5.3.6",
     "ros-jazzy-std-srvs==5.3.6",
 ]
-REPORT = ["matplotlib"]
+WEB = ["bokeh"]
+REPORT = [*WEB, "matplotlib"]
 EXPORT = ["pyarrow"]
 STUDIES = [*REPORT, *EXPORT, "scipy"]
 
@@ -54,6 +55,8 @@ setup(
     ],
     extras_require={
         "ros": [*ROS, f"rpud_msgs=={VERSION}"],
+        "web": WEB,  # watch, report, compare
+        "terminal": ["textual"],  # watch --terminal
         "report": REPORT,
         "export": EXPORT,
         "studies": STUDIES,  # sweep, sensitivity, fit, reproduce

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import rpud_sim.bag
-from rpud_sim.foundation.html_pages import render_page
 from rpud_sim.inspection.output import output_reason
 from rpud_sim.inspection.report import pictures, rows
 from rpud_sim.inspection.report.power_flow import power_flow
 from rpud_sim.inspection.report.survey import Survey, survey
 from rpud_sim.inspection.report.template import BODY, HEADINGS
 from rpud_sim.inspection.report.topic_survey import MOST_SERIES, TopicSurvey
+from rpud_sim.pages.frame import render_page
 
 _MOST_DRAWN = 20  # topics
 _MOST_PANELS = 12  # of a picture

@@ -13,11 +13,11 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from rpud_sim.foundation.html_pages import to_png
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.inspection.report.drill_topics import CHANNELS, Fault, Impacts, Waveform
 from rpud_sim.inspection.report.running_statistics import Distribution, Envelope, Intervals
 from rpud_sim.inspection.report.topic_survey import Series, TopicSurvey
+from rpud_sim.pages.frame import to_png
 
 _WIDTH = 10.0  # inches
 _RESOLUTION = 100  # dots per inch

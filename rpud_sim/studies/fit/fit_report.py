@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.foundation.html_pages import render_page, to_png
 from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.pages.frame import render_page, to_png
 from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
 from rpud_sim.studies.fit.fit_plots import plot_pairs, plot_targets
 from rpud_sim.studies.fit.folder import fit_versions

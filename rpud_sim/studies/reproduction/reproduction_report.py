@@ -10,8 +10,8 @@ from typing import Any
 from jinja2 import StrictUndefined, Template
 from matplotlib.figure import Figure
 
-from rpud_sim.foundation.html_pages import render_page, to_png
 from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.pages.frame import render_page, to_png
 from rpud_sim.studies.reproduction import findings, rows
 from rpud_sim.studies.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
 from rpud_sim.studies.reproduction.contradictions import contradiction_rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 from urllib.parse import quote
 
-from rpud_sim.foundation.html_pages import render_page
+from rpud_sim.pages.frame import render_page
 from rpud_sim.testing.campaign.outcome import COMPLETED, ENDINGS, SYSTEM
 from rpud_sim.testing.campaign.results import Cell, FlownRun, Requirement, Results
 from rpud_sim.testing.campaign.system_entry import program_words

@@ -7,7 +7,7 @@ import pytest
 from jinja2 import UndefinedError
 from matplotlib.figure import Figure
 
-from rpud_sim.foundation.html_pages import render_page, to_png
+from rpud_sim.pages.frame import render_page, to_png
 
 
 def test_texts_are_escaped_and_macros_are_html():
