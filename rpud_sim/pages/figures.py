@@ -41,8 +41,8 @@ class Drawn:
         plot: its description.
         figure: model to embed; its ``name`` is that of the host element in the page.
         sources: data of the layers, by their names. The columns are those of the layer's
-            description (``x``, ``y``, ``low``, ``high``); an envelope also has ``until``, the end of
-            each part, and bars have ``left``, ``right`` and ``top``.
+            description (``x``, ``y``, ``low``, ``high``); an envelope also has ``until``, the end
+            of each part, and bars have ``left``, ``right`` and ``top``.
         marks: times of the marks by their kind: columns ``time``, ``end``.
     """
 
@@ -141,7 +141,7 @@ def _draw(
     _dress(drawn, plot)
     for kind, source in marks.items():
         _draw_marks(drawn, kind, source)
-    sources = {}
+    sources: dict[str, ColumnDataSource] = {}
     for number, layer in enumerate(plot.layers):
         source, renderers = draw(drawn, layer, layer_color(layer), number)
         if source is not None:
@@ -166,8 +166,8 @@ def _range(plot: Plot, side: str, live: bool) -> Any:
         return DataRange1d(flipped=axis.flipped, only_visible=True)
     low, high = axis_ends(plot, side)
     if live and (axis.low is None or axis.high is None):
-        ends = {"start": axis.low, "end": axis.high}
-        given = {name: value for name, value in ends.items() if value is not None}
+        known = {"start": axis.low, "end": axis.high}
+        given = {name: value for name, value in known.items() if value is not None}
         return DataRange1d(flipped=axis.flipped, only_visible=True, **given)
     return Range1d(high, low) if axis.flipped else Range1d(low, high)
 
