@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
@@ -35,3 +36,19 @@ def find_chromium() -> str | None:
             raise FileNotFoundError(f"CHROMIUM={named}: no such program")
         return found
     return next(filter(None, map(shutil.which, NAMES)), None)
+
+
+def main() -> int:
+    """Print where Chromium is; return 1 where there is none."""
+    try:
+        found = find_chromium()
+    except FileNotFoundError as error:
+        print(error, file=sys.stderr)
+        return 1
+    if found is not None:
+        print(found)
+    return int(found is None)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
