@@ -31,6 +31,7 @@ from rpud_sim.pages.plot import (
     Stems,
     Zone,
 )
+from rpud_sim.pages.pointing import is_cloud
 from rpud_sim.pages.theme import PALETTE
 
 _BAND = 0.3  # opacity
@@ -147,7 +148,7 @@ def _points(figure: Figure, layer: Points, color: str, number: int) -> Drawing:
     if layer.values is None:
         _paint_glyph(dots, color, filled=True)
     else:
-        mapper = _mapper(layer.values, None, None)
+        mapper = _mapper(layer.values, *(layer.values_ends or (None, None)))
         dots.glyph.fill_color = dots.glyph.line_color = {"field": "values", "transform": mapper}
         _color_bar(figure, mapper, layer.values_label)
     read = {"x": "x", "y": "y"}
@@ -162,7 +163,8 @@ def _points(figure: Figure, layer: Points, color: str, number: int) -> Drawing:
             paint(head, line_color=color)
         figure.add_layout(whisker)
         read |= {"low": "low", "high": "high"}
-    _read_out(source, number, "nearest", **read)
+    if not is_cloud(layer):
+        _read_out(source, number, "nearest", **read)
     return source, drawn
 
 

@@ -110,6 +110,7 @@ class Points:
         across: whether intervals are along x, not along y.
         values: that colour the points, shape (n,), or None.
         values_label: what they are, with their unit.
+        values_ends: of the scale of colours; from the values if None.
         marker: a marker of Bokeh, such as circle, x or square.
         size: of a point [pixels].
         color: number of its colour, or the name of one in ``theme``.
@@ -128,6 +129,7 @@ class Points:
     size: float = 6.0
     color: int | str = 0
     joined: bool = False
+    values_ends: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

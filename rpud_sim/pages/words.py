@@ -21,6 +21,7 @@ from rpud_sim.pages.plot import (
     Zone,
 )
 
+_ZERO = 1e-9  # of the greatest value: what is smaller comes of rounding
 _FEW = 12  # points up to which a line is told by its ends
 
 
@@ -35,10 +36,11 @@ def described(plot: Plot) -> Plot:
 
 def _seen(layer: Layer, plot: Plot) -> str:
     """Return what is seen of a layer; empty where its name says it."""
+    named = any(sign.isdigit() for sign in layer.name)
     if isinstance(layer, Rule):
-        return "" if any(sign.isdigit() for sign in layer.name) else number(layer.value)
+        return "" if named else number(layer.value)
     if isinstance(layer, Zone):
-        return f"{number(layer.low)} to {number(layer.high)}"
+        return "" if named else f"{number(layer.low)} to {number(layer.high)}"
     if isinstance(layer, Bars):
         return _bars(layer)
     if isinstance(layer, Band | Envelope):
@@ -89,7 +91,8 @@ def _extent(values: np.ndarray, axis: Axis) -> str:
     values = values[np.isfinite(values) & ((values > 0.0) | (not axis.log))]
     if not len(values):
         return "nothing"
-    low, high = number(values.min()), number(values.max())
+    nothing = _ZERO * np.abs(values).max()
+    low, high = (number(0.0 if abs(end) < nothing else end) for end in (values.min(), values.max()))
     return low if low == high else f"{low} to {high}"
 
 

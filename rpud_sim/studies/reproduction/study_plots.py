@@ -101,8 +101,8 @@ def readings_plots(fits: Sequence[Fit]) -> tuple[Plot, ...]:
     places = np.arange(len(NUMBERS))  # from the top
     paper = np.array([number.paper for number in NUMBERS])
     layers: list[Layer] = [
-        Zone("within 15 %", 1.0 - CLOSE, 1.0 + CLOSE, False, "series4"),
-        Zone("within 10 %", 1.0 - NEAR, 1.0 + NEAR, False, "series2"),
+        Zone("within 15 %", 1.0 - CLOSE, 1.0 + CLOSE, False, "gap"),
+        Zone("within 10 %", 1.0 - NEAR, 1.0 + NEAR, False, "muted"),
         Rule("the paper's number", 1.0, False, dash="solid"),
     ]
     for color, fit in enumerate(fits):
@@ -135,7 +135,8 @@ def search_plots(ridges: dict[str, tuple[np.ndarray, np.ndarray]]) -> tuple[Plot
             1e6 * points[order, 0],
             points[order, 2],
             values=np.minimum(misfits[order], 1.0),
-            values_label="misfit in the rock, 1 and more as 1",
+            values_label="misfit in the rock",
+            values_ends=(0.0, 1.0),
             size=8,
         )
         title = f"e_1: {tool}, least {misfits.min():.2f}"
@@ -166,7 +167,13 @@ def _bar_contact(study: BarStudy) -> tuple[Plot, ...]:
     title = "displacement of the upper end"
     return (
         Plot(title, tuple(displacements), y=Axis(unit="µm"), x=across, height=240),
-        Plot("contact force", tuple(forces), y=Axis(unit="N", log=True), x=across, height=240),
+        Plot(
+            "contact force",
+            tuple(forces),
+            y=Axis(unit="N", log=True, low=10.0),
+            x=across,
+            height=240,
+        ),
     )
 
 

@@ -211,7 +211,8 @@ In the rock: {{ item.reading.rock|string }}.</p>
 {{ table(headings.tools, tools, caption="Drill tools") }}
 <h2 id="search">The search</h2>
 <p>Each point is one of the design, with its best weight on bit, gravity and energy. Low A with
-high e_1 and high A with low e_1 fit alike: these numbers do not tell the two apart.</p>
+high e_1 and high A with low e_1 fit alike: these numbers do not tell the two apart. Misfits of
+1 and more have the color of 1.</p>
 {{ grid("search", plots.search, 16) }}
 <h2 id="contradictions">Where the paper contradicts itself</h2>
 {{ table(headings.contradictions, contradictions, false, "Statements and the model") }}

@@ -10,7 +10,7 @@ import numpy as np
 
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.pages.frame import render_page
-from rpud_sim.pages.words import described, number
+from rpud_sim.pages.words import number
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.point_plots import point_plots
 from rpud_sim.studies.sweep.specification import Range, Specification, Values
@@ -73,8 +73,7 @@ def sweep_page(
         failures: number of simulations without figures.
     """
     sections = [
-        {"name": name, "plots": [described(plot) for plot in plots]}
-        for name, plots in point_plots(specification, points).items()
+        {"name": name, "plots": plots} for name, plots in point_plots(specification, points).items()
     ]
     count = len(points["point"])
     return render_page(
