@@ -125,7 +125,7 @@ class Embedding:
             json_element(content, "plot-group", name) for name, content in self._groups.items()
         ]
         parts += [
-            json_element(json_item(drawn.figure), "plot-data", drawn.figure.name)  # type: ignore[arg-type]
+            json_element(json_item(drawn.figure), "plot-data", drawn.figure.name)
             for drawn in self._drawn
         ]
         parts.append(_theme_element())

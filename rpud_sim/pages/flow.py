@@ -35,7 +35,7 @@ def flow_picture(
     """
     whole = max(sum(into.values()), sum(out.values()), 1e-300)
     parts = []
-    height = _TOP + _WHOLE
+    height = float(_TOP + _WHOLE)
     first = 0
     for side, group in ((-1, into), (1, out)):
         shown = {name: value for name, value in group.items() if value > _SHOWN * whole}
@@ -51,7 +51,8 @@ def flow_picture(
     )
     return Markup(
         '<div class="wide" tabindex="0" role="region" aria-label="flow">'
-        '<svg class="flow" role="img" aria-label="{}" viewBox="0 0 {} {}" font-size="14" fill="var(--text)">{}{}</svg></div>'
+        '<svg class="flow" role="img" aria-label="{}" viewBox="0 0 {} {}" font-size="14"'
+        ' fill="var(--text)">{}{}</svg></div>'
     ).format(printable(alt), _WIDTH, round(height + 8), Markup("").join(parts), bar)
 
 
