@@ -28,6 +28,7 @@ from rpud_sim.pages.plot import (
     Line,
     Points,
     Rule,
+    Spans,
     Stems,
     Zone,
 )
@@ -62,6 +63,8 @@ def draw(figure: Figure, layer: Layer, color: str, number: int) -> Drawing:
         return _stems(figure, layer, color, number)
     if isinstance(layer, Cells):
         return _cells(figure, layer)
+    if isinstance(layer, Spans):
+        return _spans(figure, layer, color)
     return _straight(figure, layer, color)
 
 
@@ -194,6 +197,15 @@ def _stems(figure: Figure, layer: Stems, color: str, number: int) -> Drawing:
     _paint_glyph(stems, color)
     _read_out(source, number, "nearest", x="x", y="y")
     return source, [stems]
+
+
+def _spans(figure: Figure, layer: Spans, color: str) -> Drawing:
+    source = _source(layer, x=layer.begin, until=layer.end, y=layer.row)
+    bars = figure.hbar(
+        left="x", right="until", y="y", height=0.7, source=source, fill_alpha=0.75, line_width=1.5
+    )
+    _paint_glyph(bars, color, filled=True)
+    return source, [bars]
 
 
 def _cells(figure: Figure, layer: Cells) -> Drawing:

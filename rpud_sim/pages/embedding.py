@@ -80,7 +80,9 @@ class Embedding:
         self._drawn += draw_column(column, names)
         html = Markup("")
         if column.name not in self._groups:
-            self._groups[column.name] = group_content(column.begin, column.end, column.marks)
+            self._groups[column.name] = group_content(
+                column.begin, column.end, column.marks, column.unit
+            )
             html = controls(column.name)
         for plot, name in zip(column.plots, names, strict=True):
             html += host(plot, name, column.name)

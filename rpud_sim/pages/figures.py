@@ -78,7 +78,7 @@ def draw_column(
             page's script links the ranges.
     """
     end = max(column.end, column.begin + 1e-9)
-    time = Axis(column.label, "s", low=column.begin, high=end)
+    time = Axis(column.label, column.unit, low=column.begin, high=end)
     shared = Range1d(column.begin, end)
     marks = mark_sources(column.marks, end)
     return tuple(

@@ -225,7 +225,26 @@ class Zone:
     color: int | str = "muted"
 
 
-Layer: TypeAlias = Line | Envelope | Band | Points | Bars | Stems | Cells | Rule | Zone
+@dataclass(frozen=True)
+class Spans:
+    """Horizontal bars from a beginning to an end, each in a row, such as faults over time.
+
+    Args:
+        name: in the legend.
+        begin: left end of each bar, shape (n,).
+        end: right end of each bar, shape (n,).
+        row: place of each bar along y, the number of a category, shape (n,).
+        color: number of its colour, or the name of one in ``theme``.
+    """
+
+    name: str
+    begin: np.ndarray
+    end: np.ndarray
+    row: np.ndarray
+    color: int | str = 0
+
+
+Layer: TypeAlias = Line | Envelope | Band | Points | Bars | Stems | Spans | Cells | Rule | Zone
 
 
 @dataclass(frozen=True)
@@ -285,6 +304,7 @@ class TimeColumn:
         marks: on every plot.
         name: of the group of plots that zoom together.
         label: of the time axis, without its unit.
+        unit: of the time axis.
     """
 
     plots: tuple[Plot, ...]
@@ -293,3 +313,4 @@ class TimeColumn:
     marks: Sequence[Mark] = ()
     name: str = "time"
     label: str = "time"
+    unit: str = "s"

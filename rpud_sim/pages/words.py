@@ -17,6 +17,7 @@ from rpud_sim.pages.plot import (
     Plot,
     Points,
     Rule,
+    Spans,
     Stems,
     Zone,
 )
@@ -47,6 +48,8 @@ def _seen(layer: Layer, plot: Plot) -> str:
         return _extent(np.concatenate([layer.low, layer.high]), plot.y)
     if isinstance(layer, Cells):
         return _extent(np.ravel(layer.values), Axis())
+    if isinstance(layer, Spans):
+        return f"{len(layer.begin)} from {_place(float(np.min(layer.begin)), plot.x)} on"
     if isinstance(layer, Points) and layer.values is not None:
         return _least(layer, layer.values, plot)
     return _track(layer, plot)
