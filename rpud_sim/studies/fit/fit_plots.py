@@ -55,7 +55,7 @@ def pair_plots(fit: Fit) -> tuple[Plot, ...]:
         x, y = names[column], names[row]
         correlation = fit.identifiability.correlation[row][column]
         factors = _unit(fit, x)[0], _unit(fit, y)[0]
-        best = np.array([[factors[0] * fit.best[x]], [factors[1] * fit.best[y]]])
+        best_x, best_y = np.array([[factors[0] * fit.best[x]], [factors[1] * fit.best[y]]])
         layers = (
             Points(
                 "posterior",
@@ -64,7 +64,7 @@ def pair_plots(fit: Fit) -> tuple[Plot, ...]:
                 size=2.5,
                 color=_POSTERIOR,
             ),
-            Points("best point", *best, marker="x", size=11, color=_BEST),
+            Points("best point", best_x, best_y, marker="x", size=11, color=_BEST),
         )
         alt = f"Rank correlation {correlation:.2f}."
         plots.append(Plot(y, layers, alt, _axis(fit, y), _axis(fit, x), 220))
