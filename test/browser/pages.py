@@ -18,12 +18,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import BrowserContext, ConsoleMessage, Page
-from playwright.sync_api import Error as BrowserError
 from support import PATIENCE
+
+if TYPE_CHECKING:  # where they are not installed, the tests are skipped
+    from playwright.sync_api import BrowserContext, ConsoleMessage, Page
 
 WIDE, PHONE = 1400, 375
 SCHEMES = ("light", "dark")
@@ -137,6 +138,8 @@ class BrowserPage:
 
     def assert_accessible(self) -> None:
         """Fail where axe-core finds what is serious or critical, or a page without landmarks."""
+        from axe_playwright_python.sync_playwright import Axe
+
         found = Axe().run(self.tab).response["violations"]
         worst = [one for one in found if one["impact"] in _SERIOUS or one["id"] in _ALWAYS]
         lines = [f"{one['impact']}: {one['help']} ({one['helpUrl']})" for one in worst]
@@ -157,6 +160,3 @@ class BrowserPage:
     def close(self) -> None:
         """Close the page and all that belongs to it."""
         self._context.close()
-
-
-__all__ = ["HEIGHT", "PHONE", "SCHEMES", "WIDE", "BrowserError", "BrowserPage"]
