@@ -123,7 +123,8 @@ def test_junit_counts_and_names_what_it_holds(campaign):
 def test_the_page_escapes_names_and_links_to_bags(campaign):
     named = dataclasses.replace(campaign, name="<script>alert(1)</script>")
     page = campaign_page(flown(named))
-    assert "<script>" not in page
+    assert "<script>alert" not in page
+    assert "&lt;script&gt;alert(1)" in page
     assert 'href="runs/0001_nominal' in page
 
 
