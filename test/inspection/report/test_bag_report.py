@@ -28,6 +28,7 @@ from rpud_sim.bag.manifest import Manifest
 from rpud_sim.inspection.report import rows
 from rpud_sim.inspection.report.bag_report import ReportError, render, write_report
 from rpud_sim.inspection.report.run_marks import run_marks
+from rpud_sim.inspection.report.running_statistics import Envelope
 from rpud_sim.inspection.report.survey import survey
 from rpud_sim.pages.embedding import bokeh_script, plots_script
 from rpud_sim.pages.plot import COMMAND, GAP
@@ -164,6 +165,25 @@ def test_a_command_begins_a_segment_and_is_marked(tmp_path):
         "Weight on bit: between 10 and 40 N; 10 N at first, 40 N at last."
     )
     assert "with the command weight on bit 40 N" in plots["reacting force [N]"]
+
+
+def test_the_page_of_an_hour_is_small(drilled):
+    """However long the run, a series has at most so many parts: here each has all of them."""
+    seen = surveyed(drilled)
+    parts = 0.5 + np.arange(1000.0)
+    for topic in seen.topics.values():
+        for series in topic.series:
+            if not series.values.count:
+                continue
+            series.values.add(np.array([1.0, 2.0]))
+            series.envelope = Envelope(1000.0)
+            series.changing.add(np.arange(2000.0), np.arange(2000.0))
+            for value in np.random.default_rng(1).random((3, len(parts))):
+                series.envelope.add(parts, value)
+    text = render(seen)
+    assert text.count('class="plot-data"') > 60
+    assert len(text.encode()) < 6_000_000
+    print(len(text.encode()))
 
 
 def test_the_figures_are_those_of_the_simulation(seen, drilled):
