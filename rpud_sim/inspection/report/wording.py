@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rpud_sim.inspection.report.running_statistics import Distribution, Envelope
-from rpud_sim.pages.plot import COMMAND, FAULT, Mark
+from rpud_sim.pages.plot import COMMAND, FAULT, Line, Mark
+from rpud_sim.pages.words import number
 
 _LEAST_CHANGE = 0.1  # of the greater mean: a smaller change is not worth a word
 _LEAST_SCORE = 4.0  # errors of the means: a smaller change may be chance
@@ -96,6 +97,23 @@ def of_faults(marks: Sequence[Mark]) -> str:
     return f"{len(faults)} {noun}: {'; '.join(texts)}{more}."
 
 
+def of_lines(lines: Sequence[Line], unit: str) -> str:
+    """Return the range of each line of a plot.
+
+    Args:
+        lines: of the plot.
+        unit: of their values.
+    """
+    texts = []
+    for line in lines:
+        found = line.y[np.isfinite(line.y)]
+        ends = "no values"
+        if len(found):
+            ends = f"between {_number(float(found.min()))} and {_number(float(found.max()), unit)}"
+        texts.append(f"{line.name[:1].upper()}{line.name[1:]}: {ends}.")
+    return " ".join(texts)
+
+
 def of_flow(into: dict[str, float], out: dict[str, float]) -> str:
     """Return from where most power comes, and where most of it goes."""
     if not into or not out:
@@ -108,7 +126,7 @@ def of_flow(into: dict[str, float], out: dict[str, float]) -> str:
 
 
 def _number(value: float, unit: str = "") -> str:
-    return f"{value:.4g} {unit}".rstrip()
+    return f"{number(value)} {unit}".rstrip()
 
 
 def _greatest_change(envelope: Envelope, marks: Sequence[Mark]) -> _Change | None:
