@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import re
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -105,7 +106,12 @@ class BrowserPage:
 
     def until(self, condition: str) -> None:
         """Wait until an expression of JavaScript is true; Playwright's TimeoutError otherwise."""
-        self.tab.wait_for_function(condition, timeout=PATIENCE * 1e3)
+        # Playwright's own wait compiles a text in the page, which the policy of our pages forbids.
+        end = time.monotonic() + PATIENCE
+        while not self.tab.evaluate(condition):
+            if time.monotonic() > end:
+                raise TimeoutError(f"after {PATIENCE} s it is still not true that {condition}")
+            self.tab.wait_for_timeout(50)
 
     def settle(self) -> None:
         """Wait until all is drawn: fonts, and Bokeh where the page has it."""
