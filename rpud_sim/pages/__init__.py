@@ -6,10 +6,13 @@ A page is one HTML file. It needs no network; its policy allows no request and n
 module            what it holds
 ================  =================================================================================
 ``frame``         ``render_page``: a page from a template of jinja2, with ``table``, ``plot``,
-                  ``column``
+                  ``column``, ``grid``
 ``plot``          descriptions of plots: ``Plot``, its layers (``Line``, ``Envelope``, ``Band``,
                   ``Points``, ``Bars``, ``Stems``, ``Spans``, ``Cells``, ``Rule``, ``Zone``),
                   ``Axis``, ``TimeColumn``, ``Mark``
+``grid``          plots side by side: those over one quantity zoom together
+``words``         ``described``: a plot with what its layers show, in words
+``pointing``      values of a point in a cloud, beside the pointer
 ``flow``          ``flow_picture``: flow of power or energy, as an SVG
 ``extent``        ``readable_unit``: 3.5e-05 m as 35 µm
 ``theme``         colours for light and dark, by name

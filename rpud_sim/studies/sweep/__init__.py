@@ -2,5 +2,5 @@
 
 A specification gives a design, and the design a sequence of chunks. The results of each chunk are
 written to a file. The finished files are joined to one table of simulations and one of points, from
-which the pictures are drawn. The files do not depend on which worker runs a chunk, nor when.
+which the page is made. The files do not depend on which worker runs a chunk, nor when.
 """
