@@ -12,7 +12,7 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagReader
-from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
 from rpud_sim.inspection.compare.changes import (
     Event,
     Setting,
@@ -182,6 +182,24 @@ class Comparison:
             return not found or any(each in (UNDECIDED, TOO_FEW) for each in found)
         return all(each == TOO_FEW for each in found)
 
+    @property
+    def verdict(self) -> str:
+        """The result in one line."""
+        count = len(self.differences)
+        differing = sum(each.decision == DIFFERS for each in self.differences)
+        percent = f"{100.0 * self.tolerance:g} %"
+        if self.equal_bits:
+            return "equal bits: the runs are the same"
+        if differing:
+            beyond = f" by more than {percent}" if self.tolerance else ""
+            return f"{differing} of {count} figures differ{beyond}"
+        if self.undecided:
+            reach = ", or an interval reaches beyond the tolerance" if self.tolerance else ""
+            return f"not decided: too few values{reach}"
+        if self.tolerance:
+            return f"equivalent: all {count} figures are within {percent}"
+        return f"no difference found in {count} figures"
+
 
 def compare(
     paths: Sequence[str | os.PathLike[str]],
@@ -192,6 +210,7 @@ def compare(
     tolerance: float = 0.0,
     run_numbers: Sequence[int | None] = (),
     namespaces: Sequence[str | None] = (),
+    quantities: Sequence[str] = (),
     report: Callable[[int], object] = lambda messages: None,
 ) -> Comparison:
     """Compare runs in bags with the first one.
@@ -204,6 +223,7 @@ def compare(
         tolerance: relative difference that does not matter, such as 0.05; 0 for none.
         run_numbers: number of the run in each bag, or one for all; None for the first.
         namespaces: of the drill in each bag, or one for all; None where there is a single one.
+        quantities: names of those to compare, as in ``quantities.QUANTITIES``; all if empty.
         report: called with the number of messages that were read since its last call.
 
     Returns:
@@ -215,6 +235,7 @@ def compare(
         BagError: if a bag cannot be read.
     """
     _check(paths, begin, end, settle, tolerance)
+    wanted = _chosen(quantities)
     numbers = _for_each(run_numbers, len(paths), "run")
     spaces = _for_each(namespaces, len(paths), "namespace")
     with ExitStack() as opened:
@@ -249,7 +270,9 @@ def compare(
         changed,
         failed,
         bits,
-        _decided([_compare_window(runs, window, tolerance) for window in chosen], tolerance),
+        _decided(
+            [_compare_window(runs, window, wanted, tolerance) for window in chosen], tolerance
+        ),
         tuple(_timing(run) for run in runs),
         tolerance,
         tuple(dict.fromkeys(warnings)),
@@ -269,6 +292,17 @@ def _check(
         raise ParameterError(f"end = {end:g} s is not after begin = {begin:g} s")
     if not (math.isfinite(tolerance) and 0.0 <= tolerance < 1.0):
         raise ParameterError(f"tolerance = {tolerance!r} is outside its range [0, 1)")
+
+
+def _chosen(names: Sequence[str]) -> tuple[Quantity, ...]:
+    """Return the quantities of these names, or all."""
+    known = {quantity.name: quantity for quantity in QUANTITIES}
+    for name in names:
+        if name not in known:
+            raise ParameterError(
+                f"{shown_name(name)} is not a quantity; {did_you_mean(name, known)}"
+            )
+    return tuple(known[name] for name in dict.fromkeys(names)) if names else QUANTITIES
 
 
 def _for_each(given: Sequence, count: int, name: str) -> list:
@@ -320,15 +354,20 @@ def _no_time(
 
 
 def _compare_window(
-    runs: Sequence[RecordedValues], window: Window, tolerance: float
+    runs: Sequence[RecordedValues],
+    window: Window,
+    quantities: Sequence[Quantity],
+    tolerance: float,
 ) -> WindowComparison:
     found = []
-    for quantity in QUANTITIES:
+    for quantity in quantities:
         series = [
             series_of(run, quantity.name, begin, end)
             for run, begin, end in zip(runs, window.begins, window.ends, strict=True)
         ]
-        figures = tuple(None if values is None else _figures(values) for values in series)
+        figures = tuple(
+            None if values is None else _figures(values, quantity.resolution) for values in series
+        )
         if all(each is None for each in figures):
             continue
         differences = tuple(
@@ -365,10 +404,10 @@ def _differences(
     )
 
 
-def _figures(values: np.ndarray) -> RunFigures:
+def _figures(values: np.ndarray, resolution: float) -> RunFigures:
     values = values[np.isfinite(values)]
     greatest = float(values.max()) if len(values) else math.nan
-    return RunFigures({f: estimate(values, f) for f in _FIGURES}, greatest, len(values))
+    return RunFigures({f: estimate(values, f, resolution) for f in _FIGURES}, greatest, len(values))
 
 
 def _decided(found: Sequence[WindowComparison], tolerance: float) -> tuple[WindowComparison, ...]:

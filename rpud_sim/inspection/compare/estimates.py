@@ -81,7 +81,7 @@ class Difference:
     decision: str
 
 
-def estimate(values: np.ndarray, figure: str) -> Estimate:
+def estimate(values: np.ndarray, figure: str, resolution: float = 0.0) -> Estimate:
     """Return a figure of a series with its interval.
 
     The interval of a quantile is that of the share of values below it (Woodruff 1952): so it needs
@@ -90,6 +90,7 @@ def estimate(values: np.ndarray, figure: str) -> Estimate:
     Args:
         values: finite, in their order, shape (n,).
         figure: mean, median or p95.
+        resolution: size of the rounding of the values, in their unit.
     """
     count = len(values)
     if not count:
@@ -97,7 +98,7 @@ def estimate(values: np.ndarray, figure: str) -> Estimate:
     value = float(values.mean() if figure == MEAN else np.quantile(values, _SHARES[figure]))
     if count < 4:
         return Estimate(value, math.nan, 0.0, math.nan, math.nan, count)
-    floor = _ROUNDING * abs(value)
+    floor = max(_ROUNDING * abs(value), resolution)
     if figure == MEAN:
         found = mean_error(values)
         error = math.hypot(found.error, floor)
@@ -134,22 +135,22 @@ def difference(
         figure: mean, median or p95.
         reference: the figure of the first run.
         other: that of the run beside it.
-        tolerance: relative difference that does not matter; 0 for none.
+        tolerance: relative difference that does not matter; 0 for none. It says nothing of a
+            figure that may be zero: such a one is tested without it.
         equal: whether all values of both are equal, so that there is nothing to estimate.
     """
     value = other.value - reference.value
-    nan = math.nan
     found = Difference(quantity.name, figure, reference, other, value, *(math.nan,) * 6, TOO_FEW)
     if any(e.count < quantity.fewest or math.isnan(e.error) for e in (reference, other)):
         return found
     if equal:
-        ends = dict.fromkeys(("low", "high", "relative", "relative_low", "relative_high"), 0.0)
-        return replace(found, **ends, chance=1.0, decision=UNDECIDED)
+        nothing = (0.0,) * 5
+        return Difference(quantity.name, figure, reference, other, value, *nothing, 1.0, UNDECIDED)
     error = math.hypot(reference.error, other.error)
     freedom = _freedom((reference.error, other.error), (reference.blocks, other.blocks))
     reach = float(stdtrit(freedom, 0.5 + 0.5 * LEVEL))
     ratio, ratio_error = _log_ratio(reference, other)
-    if tolerance > 0.0:
+    if tolerance > 0.0 and math.isfinite(ratio):
         edge = abs(math.log1p(math.copysign(tolerance, ratio)))
         excess, spread = abs(ratio) - edge, ratio_error
     else:
@@ -162,7 +163,7 @@ def difference(
         relative=_ratio_minus_one(ratio),
         relative_low=_ratio_minus_one(ratio - reach * ratio_error),
         relative_high=_ratio_minus_one(ratio + reach * ratio_error),
-        chance=math.nan if math.isnan(excess) else chance,
+        chance=chance,
         decision=UNDECIDED,
     )
 
@@ -220,7 +221,7 @@ def decide(found: Difference, chance: float, tolerance: float) -> str:
         return TOO_FEW
     if chance < 1.0 - LEVEL:
         return DIFFERS
-    if not tolerance > 0.0:
+    if not tolerance > 0.0 or math.isnan(found.relative):
         return SAME
     within = -tolerance <= found.relative_low and found.relative_high <= tolerance
     return EQUIVALENT if within else UNDECIDED

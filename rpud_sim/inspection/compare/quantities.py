@@ -22,6 +22,7 @@ class Quantity:
         column: of the topic's table; empty if it is computed from impacts.
         tested: figures that are compared; others would only repeat them.
         fewest: number of values below which nothing is decided.
+        resolution: size of the rounding of its values; smaller differences mean nothing.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Quantity:
     column: str = ""
     tested: tuple[str, ...] = _ALL
     fewest: int = 40
+    resolution: float = 0.0
 
 
 IMPACTS = "contact_force"
@@ -50,15 +52,15 @@ QUANTITIES = (
     Quantity("reacting_force", "reacting force", "N", "reacting_force", "force"),
     Quantity("nodal_plane_position", "nodal plane position", "m", "nodal_plane", "position"),
     *(
-        Quantity(name, title, unit, STATUS, name, (MEAN,), fewest=16)
-        for name, title, unit in (
-            ("penetration_rate", "penetration rate", "m/s"),
-            ("electrical_power", "electrical power", "W"),
-            ("actuator_power", "power of the actuator on the free mass", "W"),
-            ("weight_power", "power of weight on bit and gravity", "W"),
-            ("load_damper_power", "power lost in the load damper", "W"),
-            ("collision_power", "power lost in collisions", "W"),
-            ("absorbed_power", "power that tool and rock absorb", "W"),
+        Quantity(name, title, unit, STATUS, name, (MEAN,), fewest=16, resolution=resolution)
+        for name, title, unit, resolution in (
+            ("penetration_rate", "penetration rate", "m/s", 1e-12),
+            ("electrical_power", "electrical power", "W", 1e-9),
+            ("actuator_power", "power of the actuator on the free mass", "W", 1e-9),
+            ("weight_power", "power of weight on bit and gravity", "W", 1e-9),
+            ("load_damper_power", "power lost in the load damper", "W", 1e-9),
+            ("collision_power", "power lost in collisions", "W", 1e-9),
+            ("absorbed_power", "power that tool and rock absorb", "W", 1e-9),
         )
     ),
 )

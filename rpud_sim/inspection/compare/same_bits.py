@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -53,6 +53,12 @@ class TopicBits:
     reference: str = ""
     other: str = ""
     note: str = ""
+
+
+def first_different(run: Sequence[TopicBits]) -> TopicBits | None:
+    """Return the topic that differs first; None if none does."""
+    found = [topic for topic in run if topic.state == DIFFERENT]
+    return min(found, key=lambda topic: topic.time or 0.0, default=None)
 
 
 @dataclass(frozen=True)
