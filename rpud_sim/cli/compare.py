@@ -227,8 +227,8 @@ def _figure_lines(found: Comparison) -> Iterator[str]:
 def _row(title: str, unit: str, letter: str, each: Difference) -> tuple[str, ...]:
     known, relative = (value == value for value in (each.low, each.relative))
     if relative:
-        difference = f"{100.0 * each.relative:+.2f} %"
-        interval = f"{100.0 * each.relative_low:+.2f} to {100.0 * each.relative_high:+.2f} %"
+        difference = f"{100.0 * each.relative:+.3g} %"
+        interval = f"{100.0 * each.relative_low:+.3g} to {100.0 * each.relative_high:+.3g} %"
     else:
         difference = f"{each.value:+.3g}"
         interval = f"{each.low:+.3g} to {each.high:+.3g}" if known else "-"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from rpud_sim.inspection.compare.comparison import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.estimates import DIFFERS, EQUIVALENT, SAME, UNDECIDED, Estimate
 from rpud_sim.inspection.compare.page_plots import (
     distribution_plots,
@@ -15,6 +14,7 @@ from rpud_sim.inspection.compare.page_plots import (
 )
 from rpud_sim.inspection.compare.quantities import COUNTERS, MEAN, MEDIAN, P95, TIMING
 from rpud_sim.inspection.compare.recorded_drill import CompareError
+from rpud_sim.inspection.compare.results import Comparison, QuantityComparison, WindowComparison
 from rpud_sim.inspection.compare.same_bits import EQUAL, TopicBits, first_different
 from rpud_sim.inspection.compare.template import BODY, HEADINGS
 from rpud_sim.inspection.output import output_reason
@@ -180,7 +180,9 @@ def _values(quantity: QuantityComparison, letters: list[str]) -> list[tuple[str,
         if run is None:
             rows.append((quantity.title, quantity.unit, letter, "0", *([_UNSET] * 8)))
             continue
-        cells = [cell for name in (MEAN, MEDIAN, P95) for cell in _estimate(run.estimates[name])]
+        cells = [
+            cell for name in (MEAN, MEDIAN, P95) for cell in _estimate(run.estimates.get(name))
+        ]
         rows.append(
             (
                 quantity.title,
@@ -195,7 +197,9 @@ def _values(quantity: QuantityComparison, letters: list[str]) -> list[tuple[str,
     return rows
 
 
-def _estimate(each: Estimate) -> tuple[str, str]:
+def _estimate(each: Estimate | None) -> tuple[str, str]:
+    if each is None:
+        return _UNSET, _UNSET
     return show(each.value), _interval(each.low, each.high)
 
 
@@ -205,7 +209,7 @@ def show(value: float, digits: int = 4) -> str:
 
 
 def _percent(value: float) -> str:
-    return f"{100.0 * value:+.2f}" if value == value else _UNSET
+    return f"{100.0 * value:+.3g}" if value == value else _UNSET
 
 
 def _interval(low: float, high: float) -> str:

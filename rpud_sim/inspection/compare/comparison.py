@@ -1,4 +1,4 @@
-"""Comparison of runs: settings, bits, and the distributions of what they did."""
+"""Comparing runs in bags: their settings, their bits, and the distributions of what they did."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,19 +14,13 @@ import rpud_sim.bag
 from rpud_sim.bag import BagReader
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
 from rpud_sim.inspection.compare.changes import (
-    Event,
-    Setting,
     commands,
     faults,
     parameter_settings,
     version_settings,
 )
 from rpud_sim.inspection.compare.estimates import (
-    DIFFERS,
-    TOO_FEW,
-    UNDECIDED,
     Difference,
-    Estimate,
     corrected,
     decide,
     difference,
@@ -44,11 +38,15 @@ from rpud_sim.inspection.compare.quantities import (
 from rpud_sim.inspection.compare.quantities import STATUS as STATUS_TOPIC
 from rpud_sim.inspection.compare.recorded_drill import CompareError, RecordedDrill, find_drill
 from rpud_sim.inspection.compare.recorded_values import RecordedValues, read_values, series_of
+from rpud_sim.inspection.compare.results import (
+    Comparison,
+    QuantityComparison,
+    RunFigures,
+    Timing,
+    WindowComparison,
+)
 from rpud_sim.inspection.compare.same_bits import (
-    DIFFERENT,
-    EQUAL,
     Side,
-    TopicBits,
     compare_bits,
 )
 from rpud_sim.inspection.compare.windows import Choice, Window, windows
@@ -56,149 +54,6 @@ from rpud_sim.inspection.damages import Damages
 
 MOST_RUNS = 6
 """Number of runs that are compared with each other."""
-
-_FIGURES = (MEAN, MEDIAN, P95)
-
-
-@dataclass(frozen=True)
-class RunFigures:
-    """Figures of one quantity of one run in one window.
-
-    Args:
-        estimates: of mean, median and 95 % quantile, by their names.
-        greatest: greatest value; it has no interval, for it grows with the length of the run.
-        count: number of values.
-    """
-
-    estimates: dict[str, Estimate]
-    greatest: float
-    count: int
-
-
-@dataclass(frozen=True)
-class QuantityComparison:
-    """Comparison of one quantity in one window.
-
-    Args:
-        quantity: its name.
-        title: as a reader calls it.
-        unit: SI unit.
-        runs: figures of each run; None where a run has no values.
-        differences: of each run after the first from the first, for each tested figure.
-    """
-
-    quantity: str
-    title: str
-    unit: str
-    runs: tuple[RunFigures | None, ...]
-    differences: tuple[tuple[Difference, ...], ...]
-
-
-@dataclass(frozen=True)
-class WindowComparison:
-    """Comparison of all quantities in one window."""
-
-    window: Window
-    quantities: tuple[QuantityComparison, ...]
-
-
-@dataclass(frozen=True)
-class Timing:
-    """Timing of a run by its status: of the machine, not of the drill.
-
-    Args:
-        greatest: greatest value of each field in ``quantities.TIMING``, by name; NaN if unknown.
-        median: median of the same.
-        counters: last value of each field in ``quantities.COUNTERS``; None if unknown.
-    """
-
-    greatest: dict[str, float]
-    median: dict[str, float]
-    counters: dict[str, int | None]
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Result of ``compare``; the first run is the reference.
-
-    Args:
-        names: short name of each run.
-        drills: the runs.
-        values: what was read of each.
-        parameters, versions: that differ.
-        commands, faults: aligned over the runs.
-        bits: of each run after the first, by topic.
-        windows: comparisons of the distributions.
-        timing: of each run.
-        tolerance: relative difference that does not matter; 0 for none.
-        warnings: one line each.
-        damaged: damaged parts that were skipped, by name of the run and of the part.
-    """
-
-    names: tuple[str, ...]
-    drills: tuple[RecordedDrill, ...]
-    values: tuple[RecordedValues, ...]
-    parameters: tuple[Setting, ...]
-    versions: tuple[Setting, ...]
-    commands: tuple[Event, ...]
-    faults: tuple[Event, ...]
-    bits: tuple[tuple[TopicBits, ...], ...]
-    windows: tuple[WindowComparison, ...]
-    timing: tuple[Timing, ...]
-    tolerance: float
-    warnings: tuple[str, ...]
-    damaged: dict[str, dict[str, str]]
-
-    @property
-    def differences(self) -> tuple[Difference, ...]:
-        """All differences of all windows and runs."""
-        return tuple(
-            found
-            for window in self.windows
-            for quantity in window.quantities
-            for run in quantity.differences
-            for found in run
-        )
-
-    @property
-    def equal_bits(self) -> bool:
-        """Whether every compared message of every run is equal to that of the reference."""
-        return all(
-            any(topic.state == EQUAL for topic in run)
-            and not any(topic.state == DIFFERENT for topic in run)
-            for run in self.bits
-        )
-
-    @property
-    def differs(self) -> bool:
-        """Whether a figure differs, beyond the tolerance if there is one."""
-        return any(found.decision == DIFFERS for found in self.differences)
-
-    @property
-    def undecided(self) -> bool:
-        """Whether it is open: nothing could be tested, or an equivalence is not shown."""
-        found = [each.decision for each in self.differences]
-        if self.tolerance > 0.0:
-            return not found or any(each in (UNDECIDED, TOO_FEW) for each in found)
-        return all(each == TOO_FEW for each in found)
-
-    @property
-    def verdict(self) -> str:
-        """The result in one line."""
-        count = len(self.differences)
-        differing = sum(each.decision == DIFFERS for each in self.differences)
-        percent = f"{100.0 * self.tolerance:g} %"
-        if self.equal_bits:
-            return "equal bits: the runs are the same"
-        if differing:
-            beyond = f" by more than {percent}" if self.tolerance else ""
-            return f"{differing} of {count} figures differ{beyond}"
-        if self.undecided:
-            reach = ", or an interval reaches beyond the tolerance" if self.tolerance else ""
-            return f"not decided: too few values{reach}"
-        if self.tolerance:
-            return f"equivalent: all {count} figures are within {percent}"
-        return f"no difference found in {count} figures"
 
 
 def compare(
@@ -353,6 +208,24 @@ def _no_time(
     )
 
 
+def compare_values(
+    runs: Sequence[RecordedValues],
+    windows: Sequence[Window],
+    quantities: Sequence[Quantity] = QUANTITIES,
+    tolerance: float = 0.0,
+) -> tuple[WindowComparison, ...]:
+    """Return the comparison of the distributions of runs with those of the first.
+
+    Args:
+        runs: their values.
+        windows: parts of the time.
+        quantities: to compare.
+        tolerance: relative difference that does not matter; 0 for none.
+    """
+    found = [_compare_window(runs, window, quantities, tolerance) for window in windows]
+    return _decided(found, tolerance)
+
+
 def _compare_window(
     runs: Sequence[RecordedValues],
     window: Window,
@@ -365,9 +238,7 @@ def _compare_window(
             series_of(run, quantity.name, begin, end)
             for run, begin, end in zip(runs, window.begins, window.ends, strict=True)
         ]
-        figures = tuple(
-            None if values is None else _figures(values, quantity.resolution) for values in series
-        )
+        figures = tuple(None if values is None else _figures(values, quantity) for values in series)
         if all(each is None for each in figures):
             continue
         differences = tuple(
@@ -404,10 +275,11 @@ def _differences(
     )
 
 
-def _figures(values: np.ndarray, resolution: float) -> RunFigures:
-    values = values[np.isfinite(values)]
-    greatest = float(values.max()) if len(values) else math.nan
-    return RunFigures({f: estimate(values, f, resolution) for f in _FIGURES}, greatest, len(values))
+def _figures(values: np.ndarray, quantity: Quantity) -> RunFigures:
+    names = (MEAN,) if quantity.averaged else (MEAN, MEDIAN, P95)
+    greatest = float(values.max()) if len(values) and not quantity.averaged else math.nan
+    estimates = {name: estimate(values, name, quantity.resolution) for name in names}
+    return RunFigures(estimates, greatest, len(values))
 
 
 def _decided(found: Sequence[WindowComparison], tolerance: float) -> tuple[WindowComparison, ...]:

@@ -6,13 +6,13 @@ import math
 from typing import Any
 
 from rpud_sim.inspection.compare.changes import Event, Setting
-from rpud_sim.inspection.compare.comparison import (
+from rpud_sim.inspection.compare.estimates import Difference, Estimate
+from rpud_sim.inspection.compare.results import (
     Comparison,
     QuantityComparison,
     RunFigures,
     WindowComparison,
 )
-from rpud_sim.inspection.compare.estimates import Difference, Estimate
 from rpud_sim.inspection.compare.same_bits import TopicBits
 
 

@@ -8,14 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from rpud_sim.inspection.compare.comparison import (
+from rpud_sim.inspection.compare.estimates import DIFFERS
+from rpud_sim.inspection.compare.quantities import QUANTITIES, STATUS, Quantity
+from rpud_sim.inspection.compare.recorded_values import RecordedValues, series_of
+from rpud_sim.inspection.compare.results import (
     Comparison,
     QuantityComparison,
     WindowComparison,
 )
-from rpud_sim.inspection.compare.estimates import DIFFERS
-from rpud_sim.inspection.compare.quantities import QUANTITIES, STATUS, Quantity
-from rpud_sim.inspection.compare.recorded_values import RecordedValues, series_of
 from rpud_sim.inspection.report.running_statistics import Envelope as RunningEnvelope
 from rpud_sim.pages.extent import readable_unit
 from rpud_sim.pages.plot import (
@@ -117,7 +117,12 @@ def label(found: Comparison, number: int) -> str:
 def distribution_plots(
     found: Comparison, window: WindowComparison, quantity: QuantityComparison
 ) -> list[Plot]:
-    """Return histogram and cumulative distribution of a quantity of all runs; none if constant."""
+    """Return histogram and cumulative distribution of a quantity of all runs.
+
+    There are none of a constant, and of a quantity that is averaged over the time.
+    """
+    if any(known.name == quantity.quantity and known.averaged for known in QUANTITIES):
+        return []
     series = []
     for number, run in enumerate(found.values):
         span = window.window.begins[number], window.window.ends[number]

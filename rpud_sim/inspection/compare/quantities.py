@@ -34,11 +34,17 @@ class Quantity:
     fewest: int = 40
     resolution: float = 0.0
 
+    @property
+    def averaged(self) -> bool:
+        """Whether its values are means over parts of the time, so that only their mean counts."""
+        return self.tested == (MEAN,)
+
 
 IMPACTS = "contact_force"
 """Topic of the impacts."""
 
 STATUS = "status"
+"""Topic of the powers and the timing."""
 
 QUANTITIES = (
     # The mean of the intervals is one over the rate, so it is not tested again.

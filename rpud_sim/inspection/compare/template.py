@@ -17,8 +17,8 @@ HEADINGS = {
 
 BODY = """\
 <nav aria-label="sections"><a href="#runs">Runs</a><a href="#settings">Settings</a>
-<a href="#bits">Bits</a><a href="#figures">Figures</a><a href="#distributions">Distributions</a>
-<a href="#time">Over time</a><a href="#timing">Timing</a></nav>
+<a href="#figures">Figures</a><a href="#distributions">Distributions</a>
+<a href="#time">Over time</a><a href="#bits">Bits</a><a href="#timing">Timing</a></nav>
 <p><b>{{ verdict }}</b></p>
 <div class="tiles">{% for name, value in tiles %}
 <div class="tile"><b>{{ value }}</b>{{ name }}</div>{% endfor %}</div>
@@ -40,15 +40,6 @@ BODY = """\
 {% if faults %}
 {{ table(headings.faults, faults, caption="Faults, aligned, from onset to end") }}
 {% else %}<p class="none">No run has a fault.</p>{% endif %}
-
-<h2 id="bits">Bits</h2>
-<p>Messages of each topic side by side, as far as both runs hold it. Times count from the beginning
-of each run.</p>
-{% for name, line, rows in bits %}
-<h3>{{ name }}</h3>
-<p>{{ line }}</p>
-{{ table(headings.bits, rows, caption="Messages beside those of A") }}
-{% endfor %}
 
 <h2 id="figures">Figures</h2>
 <p>Intervals are 95 % confidence intervals by a stationary block bootstrap, since impacts that
@@ -74,6 +65,15 @@ if the runs were of one kind, one comparison in twenty would name a difference.
 {% if over_time %}<p>Line: mean; band: least to greatest.</p>
 {{ column(over_time) }}
 {% else %}<p class="none">There are no series.</p>{% endif %}
+
+<h2 id="bits">Bits</h2>
+<p>Messages of each topic side by side, as far as both runs hold it. Times count from the beginning
+of each run.</p>
+{% for name, line, rows in bits %}
+<h3>{{ name }}</h3>
+<p>{{ line }}</p>
+{{ table(headings.bits, rows, caption="Messages beside those of A") }}
+{% endfor %}
 
 <h2 id="timing">Timing of the machine</h2>
 <p>These belong to the machine that ran the drill, not to the drill, and are not tested.</p>
