@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import false_discovery_control, ttest_ind
 
@@ -36,9 +36,9 @@ def compared(first, second, tolerance=0.0, figure=MEAN, **options):
 
 @pytest.mark.parametrize(("figure", "true"), [(MEAN, 100.0), (MEDIAN, 100.0), (P95, 116.4485)])
 def test_intervals_cover_nineteen_of_twenty(figure, true):
-    found = [estimate(values(300, seed=seed), figure) for seed in range(300)]
+    found = [estimate(values(300, seed=seed), figure) for seed in range(200)]
     share = np.mean([each.low <= true <= each.high for each in found])
-    assert 0.91 <= share <= 0.985
+    assert 0.9 <= share <= 0.99
     assert all(each.low <= each.value <= each.high for each in found)
 
 
@@ -110,6 +110,7 @@ def test_a_figure_that_may_be_zero_has_no_ratio_and_is_tested_without_tolerance(
     assert compared(values(500, 0.0), values(500, 5.0, seed=1), 0.01)[1] == DIFFERS
 
 
+@settings(max_examples=50)
 @given(
     st.lists(st.floats(-1e12, 1e12), min_size=4, max_size=80),
     st.lists(st.floats(-1e12, 1e12), min_size=4, max_size=80),
