@@ -25,7 +25,8 @@ from bokeh.plotting import figure as Figure  # noqa: N812 - a class of that name
 from rpud_sim.pages.drawing import draw
 from rpud_sim.pages.extent import axis_ends, layer_color
 from rpud_sim.pages.paint import paint
-from rpud_sim.pages.plot import COMMAND, FAULT, GAP, Axis, Mark, Plot, TimeColumn
+from rpud_sim.pages.plot import COMMAND, FAULT, GAP, Axis, Mark, Plot, Points, TimeColumn
+from rpud_sim.pages.pointing import is_cloud, pointing_tool
 
 _LEFT, _RIGHT, _TOP = 62, 14, 8  # pixels beside the frame, equal for all plots of a column
 _AXIS = 42  # pixels of the axis below the frame
@@ -77,7 +78,7 @@ def draw_column(
             page's script links the ranges.
     """
     end = max(column.end, column.begin + 1e-9)
-    time = Axis(column.label, "s", low=column.begin, high=end)
+    time = Axis(column.label, column.unit, low=column.begin, high=end)
     shared = Range1d(column.begin, end)
     marks = mark_sources(column.marks, end)
     return tuple(
@@ -134,6 +135,7 @@ def _draw(
         min_border_bottom=_AXIS,
         match_aspect=plot.square,
         lod_threshold=None,
+        border_line_color=None,
     )
     zoom = BoxZoomTool(dimensions="both" if plot.square else "width")
     drawn.add_tools(zoom)
@@ -146,6 +148,8 @@ def _draw(
         source, renderers = draw(drawn, layer, layer_color(layer), number)
         if source is not None:
             sources[layer.name] = source
+            if isinstance(layer, Points) and is_cloud(layer):
+                drawn.add_tools(pointing_tool(plot, layer, source, renderers))
         for renderer in renderers:
             if live and isinstance(drawn.y_range, DataRange1d):
                 drawn.y_range.renderers = [*_renderers(drawn.y_range), renderer]
@@ -174,12 +178,9 @@ def _range(plot: Plot, side: str, live: bool) -> Any:
 
 def _dress(drawn: Figure, plot: Plot) -> None:
     """Set fonts, colours and formats of a figure's frame."""
-    paint(
-        drawn,
-        background_fill_color="paper",
-        border_fill_color="paper",
-        outline_line_color="rule",
-    )
+    # The page shows through.
+    drawn.background_fill_color = drawn.border_fill_color = None
+    paint(drawn, outline_line_color="rule")
     for axis, side in ((drawn.xaxis[0], plot.x), (drawn.yaxis[0], plot.y)):
         axis.major_label_text_font_size = _FONT
         axis.axis_label_text_font_size = _FONT
@@ -219,12 +220,15 @@ def _draw_marks(drawn: Figure, kind: str, source: ColumnDataSource) -> None:
             source=source,
             fill_alpha=0.14,
             line_color=None,
+            line_width=1,
             hatch_pattern="/" if kind == GAP else " ",
             hatch_alpha=0.5,
             hatch_weight=0.5,
             name=f"mark {kind}",
         )
         paint(area.glyph, fill_color=kind, hatch_color=kind)
+        if kind == GAP:  # one that is shorter than a pixel is a line
+            paint(area.glyph, line_color=kind)
     if kind != GAP:
         places = ("time", "end") if kind == FAULT else ("time",)
         for place in places:
