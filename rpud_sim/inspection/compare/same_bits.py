@@ -200,7 +200,9 @@ class _Pair:
             if not self._began and first[0].time != second[0].time:
                 # A recorder may have begun later: nothing is missing before its first message.
                 early, late = (first, second) if first[0].time < second[0].time else (second, first)
-                if len(early) > 1 and early[1].time <= late[0].time:
+                if len(early) == 1:
+                    break  # the next one shows whether the other recorder began later
+                if early[1].time <= late[0].time:
                     early.popleft()
                     continue
             self._began = True
