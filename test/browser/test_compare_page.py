@@ -31,16 +31,14 @@ def compared(tmp_path_factory):
 def test_the_page_is_whole(page_of, compared, width, scheme):
     found, path = compared
     page = page_of(path, width=width, scheme=scheme, reduced_motion=True)
-    page.settle()
-    page.check()
     assert "taken" not in page.tab.title()
     plots = page.tab.locator("figure.plot")
     assert plots.count() > 15
     for number in (0, plots.count() - 1):
         plots.nth(number).scroll_into_view_if_needed()
-        name = plots.nth(number).get_attribute("data-plot")
-        page.until(f"!!document.querySelector('[data-plot=\"{name}\"] .plot-drawing').firstChild")
+        plots.nth(number).locator(".plot-drawing > *").first.wait_for(state="attached")
     assert found.verdict in page.tab.locator("main p").first.inner_text().lower()
+    page.check()
     page.keep(f"compare_{width}_{scheme}")
 
 
