@@ -55,7 +55,7 @@ setup(
     ],
     extras_require={
         "ros": [*ROS, f"rpud_msgs=={VERSION}"],
-        "web": WEB,  # watch, report, compare, test: whatever writes or serves a page
+        "web": [*WEB, "scipy"],  # watch, report, compare, test: whatever writes or serves a page
         "terminal": ["textual"],  # watch --terminal
         "report": WEB,  # the same by its former name
         "export": EXPORT,

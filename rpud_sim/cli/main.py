@@ -36,6 +36,7 @@ COMMANDS = (
     "fork",
     "export",
     "report",
+    "compare",
     "sweep",
     "sensitivity",
     "fit",

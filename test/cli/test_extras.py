@@ -51,6 +51,7 @@ def bag(lacking):
     [
         (("export", "bag", "--out", "out"), r"needs pyarrow: pip install 'rpud_sim\[export\]'"),
         (("report", "bag"), r"needs bokeh: pip install 'rpud_sim\[report\]'"),
+        (("compare", "bag", "bag"), r"needs scipy: pip install 'rpud_sim\[web\]'"),
     ],
 )
 def test_a_command_on_a_bag_names_its_extra(lacking, bag, words, line):

@@ -1,0 +1,161 @@
+"""Results of a comparison of runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rpud_sim.inspection.compare.changes import Event, Setting
+from rpud_sim.inspection.compare.estimates import (
+    DIFFERS,
+    TOO_FEW,
+    UNDECIDED,
+    Difference,
+    Estimate,
+)
+from rpud_sim.inspection.compare.recorded_drill import RecordedDrill
+from rpud_sim.inspection.compare.recorded_values import RecordedValues
+from rpud_sim.inspection.compare.same_bits import DIFFERENT, EQUAL, TopicBits
+from rpud_sim.inspection.compare.windows import Window
+
+
+@dataclass(frozen=True)
+class RunFigures:
+    """Figures of one quantity of one run in one window.
+
+    Args:
+        estimates: of mean, median and 95 % quantile, by their names; of a quantity that is averaged
+            over the time, of the mean alone.
+        greatest: greatest value, NaN if it is averaged; it has no interval, for it grows with the
+            length of the run.
+        count: number of values.
+    """
+
+    estimates: dict[str, Estimate]
+    greatest: float
+    count: int
+
+
+@dataclass(frozen=True)
+class QuantityComparison:
+    """Comparison of one quantity in one window.
+
+    Args:
+        quantity: its name.
+        title: as a reader calls it.
+        unit: SI unit.
+        runs: figures of each run; None where a run has no values.
+        differences: of each run after the first from the first, for each tested figure.
+    """
+
+    quantity: str
+    title: str
+    unit: str
+    runs: tuple[RunFigures | None, ...]
+    differences: tuple[tuple[Difference, ...], ...]
+
+
+@dataclass(frozen=True)
+class WindowComparison:
+    """Comparison of all quantities in one window."""
+
+    window: Window
+    quantities: tuple[QuantityComparison, ...]
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Timing of a run by its status: of the machine, not of the drill.
+
+    Args:
+        greatest: greatest value of each field in ``quantities.TIMING``, by name; NaN if unknown.
+        median: median of the same.
+        counters: last value of each field in ``quantities.COUNTERS``; None if unknown.
+    """
+
+    greatest: dict[str, float]
+    median: dict[str, float]
+    counters: dict[str, int | None]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Result of ``compare``; the first run is the reference.
+
+    Args:
+        names: short name of each run.
+        drills: the runs.
+        values: what was read of each.
+        parameters, versions: that differ.
+        commands, faults: aligned over the runs.
+        bits: of each run after the first, by topic.
+        windows: comparisons of the distributions.
+        timing: of each run.
+        tolerance: relative difference that does not matter; 0 for none.
+        warnings: one line each.
+        damaged: damaged parts that were skipped, by name of the run and of the part.
+    """
+
+    names: tuple[str, ...]
+    drills: tuple[RecordedDrill, ...]
+    values: tuple[RecordedValues, ...]
+    parameters: tuple[Setting, ...]
+    versions: tuple[Setting, ...]
+    commands: tuple[Event, ...]
+    faults: tuple[Event, ...]
+    bits: tuple[tuple[TopicBits, ...], ...]
+    windows: tuple[WindowComparison, ...]
+    timing: tuple[Timing, ...]
+    tolerance: float
+    warnings: tuple[str, ...]
+    damaged: dict[str, dict[str, str]]
+
+    @property
+    def differences(self) -> tuple[Difference, ...]:
+        """All differences of all windows and runs."""
+        return tuple(
+            found
+            for window in self.windows
+            for quantity in window.quantities
+            for run in quantity.differences
+            for found in run
+        )
+
+    @property
+    def equal_bits(self) -> bool:
+        """Whether every compared message of every run is equal to that of the reference."""
+        return all(
+            any(topic.state == EQUAL for topic in run)
+            and not any(topic.state == DIFFERENT for topic in run)
+            for run in self.bits
+        )
+
+    @property
+    def differs(self) -> bool:
+        """Whether a figure differs, beyond the tolerance if there is one."""
+        return any(found.decision == DIFFERS for found in self.differences)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether it is open: nothing could be tested, or an equivalence is not shown."""
+        found = [each.decision for each in self.differences]
+        if self.tolerance > 0.0:
+            return not found or any(each in (UNDECIDED, TOO_FEW) for each in found)
+        return all(each == TOO_FEW for each in found)
+
+    @property
+    def verdict(self) -> str:
+        """The result in one line."""
+        count = len(self.differences)
+        differing = sum(each.decision == DIFFERS for each in self.differences)
+        percent = f"{100.0 * self.tolerance:g} %"
+        if self.equal_bits:
+            return "equal bits: the runs are the same"
+        if differing:
+            beyond = f" by more than {percent}" if self.tolerance else ""
+            return f"{differing} of {count} figures differ{beyond}"
+        if self.undecided:
+            reach = ", or an interval reaches beyond the tolerance" if self.tolerance else ""
+            return f"not decided: too few values{reach}"
+        if self.tolerance:
+            return f"equivalent: all {count} figures are within {percent}"
+        return f"no difference found in {count} figures"

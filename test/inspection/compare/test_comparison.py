@@ -1,0 +1,309 @@
+"""Bags side by side: which runs they are, what was done to them, their bits and their figures."""
+
+import json
+import math
+
+import pytest
+from altered_bags import altered, unchanged
+from sample_bags import write_damaged, write_offline_bag
+
+import rpud_sim.bag as bags
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.cli.main import main
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.compare import CompareError, compare
+from rpud_sim.inspection.compare.content import content
+from rpud_sim.inspection.compare.estimates import DIFFERS
+from rpud_sim.simulation import preset, read_scenario
+
+DRILLING = preset("drilling")
+DURATION = 2.0
+SHIFT = 1_700_000_000 * SECOND
+COMMANDS = (
+    "commands: [{{time: 0.5, weight_on_bit: 12}}, {{time: {later}, drive: {{enabled: false}}}}]"
+)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("compare")
+    for name, parameters, phase in (
+        ("a", DRILLING, 0.1),
+        ("again", DRILLING, 0.1),
+        ("other", DRILLING, 0.6),
+        ("heavier", DRILLING.replace(weight_on_bit=20.0), 0.6),
+    ):
+        write_offline_bag(folder / name, parameters, DURATION, phase)
+    return folder
+
+
+def states(found, number=0):
+    return {topic.topic: topic.state for topic in found.bits[number]}
+
+
+def copied(source, out, change):
+    """Write a bag anew; `change` gives topic, data, times of what to write for each message."""
+    with bags.open(source) as reader, bags.BagWriter(out) as writer:
+        for summary in reader.topics:
+            writer.add_topic(summary.topic, summary.definition)
+        for message in reader.messages():
+            writer.write(*change(message))
+    return out
+
+
+def test_a_run_made_twice_has_equal_bits(made):
+    found = compare([made / "a", made / "again"])
+    assert found.equal_bits
+    assert set(states(found).values()) == {"equal"}
+    assert (found.parameters, found.versions, found.commands, found.faults) == ((), (), (), ())
+    assert not found.differs
+    assert not found.undecided
+    assert found.verdict == "equal bits: the runs are the same"
+    assert {each.value for each in found.differences if each.low == each.low} == {0.0}
+
+
+def test_the_first_difference_is_found_to_the_field(made, tmp_path):
+    with bags.open(made / "a") as bag:
+        [force] = [s for s in bag.topics if s.topic.name == "/rpud/reacting_force"]
+    codec = Codec(force.topic.type, force.definition)
+
+    def change(message):
+        if message.topic == force.topic.name and message.log_time == SECOND:
+            fields = codec.decode(message.data)
+            header = {
+                "stamp": {"sec": 1, "nanosec": 0},
+                "frame_id": fields.header.frame_id,
+            }
+            return [codec.encode({"header": header, "force": math.nextafter(fields.force, 1e9)})]
+        return unchanged(message)
+
+    path = altered(made / "a", tmp_path / "altered", change)
+    found = compare([made / "a", path])
+    [topic] = [each for each in found.bits[0] if each.state == "different"]
+    assert (topic.topic, topic.time, topic.field) == ("reacting_force", 1.0, "force")
+    assert topic.messages == 99
+    assert float(topic.other) == math.nextafter(float(topic.reference), 1e9)
+    assert not found.equal_bits
+
+
+def test_a_missing_message_is_a_difference_and_a_late_recorder_is_none(made, tmp_path):
+    def lost(message):
+        return [] if message.log_time == SECOND and "nodal" in message.topic else [message.data]
+
+    def late(message):
+        early = message.log_time < SECOND // 2 and "journal" not in message.topic
+        return [] if early else [message.data]
+
+    found = compare([made / "a", altered(made / "a", tmp_path / "lost", lost)])
+    [topic] = [each for each in found.bits[0] if each.state == "different"]
+    assert (topic.topic, topic.time) == ("nodal_plane", 1.0)
+    assert (topic.reference, topic.other) == ("a message", "nothing at this time")
+    found = compare([made / "a", altered(made / "a", tmp_path / "late", late)])
+    assert states(found)["nodal_plane"] == "equal"
+    assert states(found)["contact_force"] == "equal"
+    assert found.windows[0].window.begins[0] >= 0.5
+
+
+def test_bits_are_equal_whatever_the_wall_clock_was(made, tmp_path):
+    """Two runs in front of ROS have other stamps: those count from the origin of each."""
+    with bags.open(made / "a") as bag:
+        codecs = {s.topic.name: Codec(s.topic.type, s.definition) for s in bag.topics}
+
+    def change(message):
+        codec = codecs[message.topic]
+        fields = codec.decode(message.data)
+        times = [fields.header.stamp]
+        if message.topic.endswith("trajectory"):
+            times.append(fields.origin)
+        for time in times:
+            time.sec += SHIFT // SECOND
+        if message.topic.endswith("journal") and fields.kind == "origin":
+            fields.content = json.dumps({**json.loads(fields.content), "origin": SHIFT})
+        data = bytes(codec._store.serialize_cdr(fields, codec.type_name))
+        return (message.topic, data, message.log_time + SHIFT, message.publish_time + SHIFT)
+
+    path = copied(made / "a", tmp_path / "shifted", change)
+    found = compare([made / "a", path])
+    assert found.equal_bits
+    assert found.values[1].end == found.values[0].end
+    assert not compare([path, made / "other"]).equal_bits
+
+
+def test_other_parameters_are_named_and_their_effect_is_found(made):
+    found = compare([made / "a", made / "heavier", made / "other"])
+    assert {(each.name, each.unit, each.values) for each in found.parameters} == {
+        ("initial_phase", "cycles", ("0.1", "0.6", "0.6")),
+        ("weight_on_bit", "N", ("10", "20", "10")),
+    }
+    by_run = [
+        [d for q in found.windows[0].quantities for d in q.differences[run]] for run in range(2)
+    ]
+    assert any(each.decision == DIFFERS and each.relative > 0.1 for each in by_run[0])
+    assert not any(each.decision == DIFFERS for each in by_run[1])
+    assert found.differs
+    rate = next(q for q in found.windows[0].quantities if q.quantity == "impact_rate")
+    with bags.open(made / "a") as bag:
+        stamps = bag.arrays("/rpud/contact_force")["header.stamp"]
+    begin, end = found.windows[0].window.begins[0], found.windows[0].window.ends[0]
+    count = ((stamps >= begin * SECOND) & (stamps < end * SECOND)).sum()
+    assert rate.runs[0].estimates["mean"].value == pytest.approx(count / (end - begin))
+
+
+def test_commands_and_faults_are_aligned_and_divide_the_time(made, tmp_path):
+    (tmp_path / "faults.yaml").write_text(
+        "faults: [{kind: bias, channel: wrench, magnitude: 3, onset: 0.2, duration: 0.1}]"
+    )
+    scenario = read_scenario(tmp_path / "faults.yaml")
+    paths = []
+    for phase in (0.1, 0.7):
+        path = tmp_path / f"faulty{phase}"
+        write_offline_bag(path, DRILLING, 1.0, phase, scenario)
+        paths.append(path)
+    found = compare(paths, settle=0.02)
+    [fault] = found.faults
+    assert fault.text == "bias of wrench magnitude 3"
+    assert (fault.times, fault.ends) == ((0.2, 0.2), (pytest.approx(0.3),) * 2)
+    ends = [(w.window.begins[0], w.window.ends[0]) for w in found.windows]
+    assert ends[0] == pytest.approx((0.02, 0.2))
+    assert ends[1] == pytest.approx((0.32, 1.0), abs=0.01)
+    found = compare([made / "a", paths[0]])
+    assert [event.times for event in found.faults] == [(None, 0.2)]
+    assert len(found.windows) == 1
+    assert any("faults differ" in text for text in found.warnings)
+
+
+def test_commands_that_differ_mix_causes(made, tmp_path):
+    paths = []
+    for number, later in enumerate((1.0, 1.2)):
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(COMMANDS.format(later=later))
+        paths.append(tmp_path / f"forked{number}")
+        words = ("--at", "0.4", "--commands", file, "--out", paths[-1])
+        with pytest.raises(SystemExit) as end:
+            main(["fork", str(made / "a"), *map(str, words)])
+        assert not end.value.code
+    found = compare(paths, settle=0.05)
+    assert [event.times for event in found.commands] == [(0.9, 0.9), (1.4, 1.6)]
+    assert len(found.windows) == 3
+    found = compare([made / "a", paths[0]])
+    assert [event.times[0] for event in found.commands] == [None, None]
+    assert any("the commands differ" in text for text in found.warnings)
+
+
+def two_runs(made, out):
+    """Write a bag with two runs, as of a drill that was started twice."""
+    with bags.BagWriter(out) as writer:
+        shift = 0
+        for number, name in enumerate(("a", "other")):
+            with bags.open(made / name) as reader:
+                for summary in reader.topics if number == 0 else ():
+                    writer.add_topic(summary.topic, summary.definition)
+                for m in reader.messages():
+                    writer.write(m.topic, m.data, m.log_time + shift, m.publish_time + shift)
+            shift += 10 * SECOND
+    return out
+
+
+def test_a_run_of_several_is_chosen(made, tmp_path):
+    path = two_runs(made, tmp_path / "two")
+    found = compare([path, made / "a"])
+    assert found.equal_bits
+    assert any("holds 2 runs: the first is compared" in text for text in found.warnings)
+    found = compare([path, path], run_numbers=[1, 2])
+    assert not found.equal_bits
+    assert found.names == (f"{path} /rpud run 1", f"{path} /rpud run 2")
+    assert found.values[1].begin < 0.1
+    with pytest.raises(CompareError, match=r"run = 3 is outside its range \[1, 2\]"):
+        compare([path, path], run_numbers=[3])
+
+
+def test_a_drill_of_several_is_chosen(made, tmp_path):
+    with bags.BagWriter(tmp_path / "both") as writer:
+        for name, space in (("a", "/left"), ("other", "/right")):
+            with bags.open(made / name) as reader:
+                for summary in reader.topics:
+                    relative = summary.topic.name.removeprefix("/rpud")
+                    topic = bags.Topic(f"{space}{relative}", summary.topic.type)
+                    writer.add_topic(topic, summary.definition)
+                for m in reader.messages():
+                    relative = m.topic.removeprefix("/rpud")
+                    writer.write(f"{space}{relative}", m.data, m.log_time, m.publish_time)
+    path = tmp_path / "both"
+    with pytest.raises(CompareError, match="several drills: choose --namespace of /left, /right"):
+        compare([path, made / "a"])
+    with pytest.raises(CompareError, match="did you mean /left"):
+        compare([path, made / "a"], namespaces=["lefd", None])
+    assert compare([path, made / "a"], namespaces=["left", None]).equal_bits
+    assert not compare([path, path], namespaces=["/left", "/right/"]).equal_bits
+
+
+def test_a_bag_without_journal_is_compared_by_its_stamps(made, tmp_path):
+    names = {f"/rpud/{name}" for name in ("contact_force", "nodal_plane")}
+    path = altered(made / "a", tmp_path / "bare", unchanged, names)
+    found = compare([path, made / "other"], settle=0.1)
+    assert any("holds no journal" in text for text in found.warnings)
+    quantities = [q.quantity for q in found.windows[0].quantities if any(q.differences)]
+    assert "peak_force" in quantities
+    assert "reacting_force" not in quantities
+    assert states(found)["waveform"] == "not compared"
+
+
+def test_too_short_a_time_decides_nothing(made):
+    found = compare([made / "a", made / "other"], begin=1.0, end=1.11, settle=0.0)
+    forces = [each for each in found.differences if each.quantity == "nodal_plane_position"]
+    assert {each.decision for each in forces} == {"too few values"}
+    assert {each.decision for each in found.differences if "power" in each.quantity} <= {
+        "too few values",
+        "no difference found",
+    }
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"begin": -1.0}, "begin = -1.0 s is outside"),
+        ({"begin": math.nan}, "begin = nan s"),
+        ({"begin": 2.0, "end": 1.0}, "end = 1 s is not after begin = 2 s"),
+        ({"tolerance": 1.0}, r"tolerance = 1.0 is outside its range \[0, 1\)"),
+        ({"quantities": ["peakforce"]}, "peakforce is not a quantity; did you mean peak_force?"),
+        ({"run_numbers": [1, 1, 1]}, "3 choices of a run for 2 bags"),
+    ],
+)
+def test_wrong_arguments_are_one_line(made, options, text):
+    with pytest.raises(ParameterError, match=text):
+        compare([made / "a", made / "a"], **options)
+
+
+def test_what_cannot_be_compared_is_one_line(made, tmp_path):
+    with pytest.raises(ParameterError, match=r"1 bags are outside the range \[2, 6\]"):
+        compare([made / "a"])
+    with pytest.raises(CompareError, match="holds no topic of a drill"):
+        compare([made / "a", write_damaged(tmp_path / "damaged")])
+    with pytest.raises(CompareError, match="no time in common from 50 s to the end"):
+        compare([made / "a", made / "other"], begin=50.0)
+
+
+def test_damaged_parts_are_counted(made, tmp_path):
+    def change(message):
+        broken = message.topic == "/rpud/reacting_force" and message.log_time == SECOND
+        return [message.data[:20] if broken else message.data]
+
+    path = altered(made / "a", tmp_path / "broken", change)
+    found = compare([made / "a", path])
+    [(part, reason)] = found.damaged["broken"].items()
+    assert part == "/rpud/reacting_force"
+    assert reason.startswith("1 of its messages: ")
+    assert states(found)["reacting_force"] == "different"
+
+
+def test_the_content_is_json_without_nan(made):
+    found = compare([made / "a", made / "heavier"])
+    text = json.dumps(content(found), allow_nan=False)
+    plain = json.loads(text)
+    assert plain["differs"] is True
+    assert plain["runs"][0]["end"] == found.values[0].end
+    first = plain["windows"][0]["quantities"][0]
+    assert first["quantity"] == "impact_rate"
+    assert first["runs"][0]["mean"]["low"] < first["runs"][0]["mean"]["high"]
+    assert {"p", "decision", "relative_low"} <= first["differences"][0][0].keys()
