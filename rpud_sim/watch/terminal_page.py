@@ -1,0 +1,338 @@
+"""Page of a drill in a terminal: lines of text with styles, made from a picture of the drill."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from rpud_sim.foundation.terminal import printable
+from rpud_sim.watch.picture import CONNECTED, DONE, WAITING, FaultView, Outcome, Picture, Series
+
+HEIGHT, WIDTH = 22, 80
+"""Size in which everything has a place: a serial console of 24 lines has two below the page."""
+
+SPAN = 60.0
+"""Simulation time that a sparkline covers [s]."""
+
+RECENT = 1.0
+"""Simulation time over which a rate or a force is given [s]."""
+
+ALARM, HEADING, STRONG, PLAIN = "bold red", "reverse", "bold", ""
+"""Styles, as Rich names them: they suit a light and a dark terminal, and one without colours."""
+
+BLOCKS, ASCII = " ▁▂▃▄▅▆▇█", " .:-=+*#@"
+"""Steps of a sparkline: for UTF-8, and for terminals that know no more than ASCII."""
+
+_LABEL, _VALUE = 16, 10  # columns before a sparkline
+_FIXED_LINES = 17  # of the page without those of faults and outcomes
+
+Line = tuple[tuple[str, str], ...]
+"""Texts of a line, each with its style."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Face:
+    """What a page looks like.
+
+    Args:
+        width: of the terminal [columns].
+        height: of the page [lines].
+        steps: of sparklines, from the lowest to the highest.
+    """
+
+    width: int = WIDTH
+    height: int = HEIGHT
+    steps: str = BLOCKS
+
+
+def line(text: str = "", style: str = PLAIN) -> Line:
+    """Return a line of one style, in which nothing steers the terminal."""
+    return ((printable(text), style),)
+
+
+def plain(content: Line) -> str:
+    """Return the text of a line."""
+    return "".join(text for text, _ in content)
+
+
+def page_of(picture: Picture, face: Face, drills: int = 1) -> list[Line]:
+    """Return the lines of a picture.
+
+    Args:
+        picture: of a drill.
+        face: to give it.
+        drills: number of drills that can be shown.
+    """
+    lines = [_header(picture, face, drills), _banner(picture)]
+    if not picture.status:
+        return lines
+    room = face.height - _FIXED_LINES
+    faults = max(1, min(max(3, len(picture.faults)), room - 2))
+    outcomes = max(1, room - faults)
+    lines += [
+        *_commands(picture.status),
+        *_condition(picture.status),
+        line(f" {'last minute':{_LABEL + _VALUE}} ", STRONG),
+        *_sparklines(picture.series, face),
+        line(" powers over the last second", STRONG),
+        *_powers(picture.status),
+        *_faults(picture, faults),
+        *_timing(picture),
+        *_outcomes(picture, outcomes),
+    ]
+    return lines
+
+
+def recent(series: Series, name: str, seconds: float = RECENT) -> np.ndarray:
+    """Return the values of the last seconds of a series, of bins that are over.
+
+    Args:
+        series: of bins.
+        name: of the column.
+        seconds: of simulation time.
+    """
+    return series.column(name)[:-1][-round(seconds / series.period) :]
+
+
+def rate(values: np.ndarray, period: float) -> float:
+    """Return the sum of bins over their time; NaN without bins.
+
+    Args:
+        values: of the bins; NaN counts as zero.
+        period: of a bin [s].
+    """
+    return float(np.nansum(values)) / (len(values) * period) if len(values) else math.nan
+
+
+def greatest(values: np.ndarray) -> float:
+    """Return the greatest value that is a number; NaN without one."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if len(known) else math.nan
+
+
+def sparkline(values: Iterable[float], steps: str = BLOCKS) -> str:
+    """Return a character for each value, from zero to the greatest; a blank for NaN.
+
+    Args:
+        values: not negative; what is negative counts as zero.
+        steps: characters, the first one for NaN.
+    """
+    numbers = list(values)
+    top = max((value for value in numbers if math.isfinite(value)), default=0.0)
+
+    def step(value: float) -> str:
+        if not math.isfinite(value):
+            return steps[0]
+        share = max(0.0, value) / top if top > 0.0 else 0.0
+        return steps[1 + min(len(steps) - 2, int(share * (len(steps) - 1)))]
+
+    return "".join(map(step, numbers))
+
+
+def columns_of(series: Series, name: str, count: int, total: bool) -> list[float]:
+    """Return a value for each column of a sparkline over the last minute.
+
+    A column always covers the same bins, so a line moves by whole columns and seldom changes.
+
+    Args:
+        series: of bins.
+        name: of the column.
+        count: of columns.
+        total: whether to give the sum over time [1/s]; the greatest value otherwise.
+    """
+    bins = max(1, math.ceil(SPAN / count / series.period))
+    values = series.column(name)[:-1]
+    end = (series.first + len(values)) // bins  # columns that are complete
+    result = []
+    for number in range(end - count, end):
+        first = number * bins - series.first
+        part = values[max(0, first) : max(0, first + bins)]
+        if not len(part):
+            result.append(math.nan)
+        else:
+            result.append(rate(part, series.period) if total else greatest(part))
+    return result
+
+
+def outcome_text(outcome: Outcome) -> str:
+    """Return what an action asked for and what became of it, in one line."""
+    given = " ".join(
+        f"{value}" if name in _UNNAMED else f"{name}={value}"
+        for name, value in outcome.arguments.items()
+        if value is not None
+    )
+    asked = f"{outcome.name} {given}".rstrip()
+    said = f": {outcome.text}" if outcome.text else ""
+    return f"{asked}: {outcome.state}{said}"
+
+
+_UNNAMED = ("force", "kind", "which", "seconds", "scope")
+
+
+def _header(picture: Picture, face: Face, drills: int) -> Line:
+    status = picture.status
+    words = [picture.namespace]
+    if status:
+        words += [status["state"], status["regime"]]
+    if picture.time is not None:
+        words.append(f"{picture.time:.1f} s")
+    if status:
+        words.append(f"x{status['real_time_factor']:.2f}")
+    left = printable(" " + "   ".join(words))
+    right = f"{drills} drills, l lists them " if drills > 1 else "rpud watch "
+    return ((f"{left:{max(0, face.width - len(right))}}{right}"[: face.width], HEADING),)
+
+
+def _banner(picture: Picture) -> Line:
+    connection = picture.connection
+    if connection.state == CONNECTED:
+        status = picture.status
+        if status and status["commands_lost"]:
+            return line(" Commands stopped arriving: the drill has made itself safe.", ALARM)
+        if any(fault.kind == "free_mass_jammed" for fault in _active(picture)):
+            return line(" The free mass is jammed: it strikes no more.", ALARM)
+        return line()
+    return line(f" {connection.state}: {connection.reason}", f"{ALARM} reverse")
+
+
+def _commands(status: Any) -> list[Line]:
+    on = status["drive_enabled"]
+    drive = f"{status['drive_voltage']:.4g} V {status['drive_frequency']:.6g} Hz" if on else "off"
+    weight = f"{status['weight_on_bit']:.4g} N"
+    commanders = status["commanders"]
+    others = f"  {commanders} publishers command" if commanders > 1 else ""
+    return [
+        (
+            (f" {'weight on bit':{_LABEL}}", PLAIN),
+            (f"{weight:22}", STRONG),
+            (f"since {status['weight_on_bit_applied']:.3f} s", PLAIN),
+            (others, ALARM),
+        ),
+        (
+            (f" {'drive':{_LABEL}}", PLAIN),
+            (f"{drive:22}", STRONG),
+            (f"since {status['drive_applied']:.3f} s", PLAIN),
+        ),
+    ]
+
+
+def _condition(status: Any) -> list[Line]:
+    texts = [
+        f"vibration {1e6 * status['vibration_amplitude']:.2f} um",
+        f"resonance {status['resonance_frequency']:.1f} Hz",
+        f"{status['actuator_temperature']:.1f} K",
+    ]
+    if math.isfinite(status["depth"]):
+        depth = f"depth {1e3 * status['depth']:.2f} mm"
+        texts.insert(0, f"{depth}, {1e3 * status['penetration_rate']:.3f} mm/s")
+    return [line(f" {'   '.join(texts)}")]
+
+
+def _sparklines(series: Series, face: Face) -> list[Line]:
+    width = max(1, face.width - _LABEL - _VALUE - 3)
+    period = series.period
+
+    def row(label: str, value: float, unit: str, name: str, total: bool) -> Line:
+        shown = f"{value:.4g} {unit}" if math.isfinite(value) else "none"
+        drawn = sparkline(columns_of(series, name, width, total), face.steps)
+        return (
+            (f" {label:{_LABEL}}", PLAIN),
+            (f"{shown:>{_VALUE}}", STRONG),
+            (f"  {drawn}", PLAIN),
+        )
+
+    impacts = rate(recent(series, "impacts"), period)
+    peak = greatest(recent(series, "peak_force_max"))
+    reacting = greatest(recent(series, "reacting_force_max"))
+    transferred = rate(recent(series, "energy_transferred"), period)
+    return [
+        row("impacts", impacts, "/s", "impacts", True),
+        row("peak force", peak, "N", "peak_force_max", False),
+        row("reacting force", reacting, "N", "reacting_force_max", False),
+        row("energy to rock", transferred, "W", "energy_transferred", True),
+    ]
+
+
+def _powers(status: Any) -> list[Line]:
+    given = f"actuator {status['actuator_power']:.2f} W   weight {status['weight_power']:.2f} W"
+    if math.isfinite(status["electrical_power"]):
+        given += f"   electrical {status['electrical_power']:.2f} W"
+    taken = (
+        f"tool and rock {status['absorbed_power']:.2f} W   "
+        f"collisions {status['collision_power']:.2f} W   "
+        f"damper {status['load_damper_power']:.2f} W   stored {status['stored_power']:.2f} W"
+    )
+    return [line(f" in   {given}"), line(f" out  {taken}")]
+
+
+def _active(picture: Picture) -> list[FaultView]:
+    return [fault for fault in picture.faults if fault.active]
+
+
+def _faults(picture: Picture, room: int) -> list[Line]:
+    active = len(_active(picture))
+    over = len(picture.faults) - active
+    heading = f" faults: {active} now, {over} over" if picture.faults else " no faults"
+    lines = [line(heading, ALARM if active else STRONG)]
+    # Those that last come first: they matter now.
+    order = sorted(picture.faults, key=lambda fault: (not fault.active, -fault.number))
+    for fault in order[:room]:
+        where = f" on {fault.channel}" if fault.channel else ""
+        end = "on" if fault.end is None else f"to {fault.end:.3f} s"
+        magnitude = f"  magnitude {fault.magnitude:.4g}" if fault.magnitude else ""
+        text = f" {fault.number} {fault.kind}{where}  from {fault.onset:.3f} s {end}{magnitude}"
+        lines.append(line(text, STRONG if fault.active else PLAIN))
+    return lines + [line()] * (room + 1 - len(lines))
+
+
+def _timing(picture: Picture) -> list[Line]:
+    status = picture.status
+    missed, dropped = status["deadlines_missed"], status["messages_dropped"]
+    lost = {topic: count for topic, count in picture.lost.items() if count}
+    timing = (
+        f"{1e3 * status['lateness_max']:.1f} ms late   lag {1e3 * status['lag']:.1f} ms   "
+        f"{missed} deadlines missed   {dropped} messages dropped"
+    )
+    missing = f"{sum(lost.values())} messages lost on the way" if lost else "no message lost"
+    where = ", ".join(f"{topic} {count}" for topic, count in sorted(lost.items()))
+    refused, reason = picture.refusals
+    refused = max(refused, status["commands_rejected"])
+    why = f", last: {reason}" if reason and refused else ""
+    return [
+        line(f" {timing}", STRONG if missed or dropped else PLAIN),
+        line(f" {missing}{f': {where}' if where else ''}", STRONG if lost else PLAIN),
+        line(
+            f" {status['commands_accepted']} commands accepted, {refused} refused{why}",
+            STRONG if refused else PLAIN,
+        ),
+    ]
+
+
+def _outcomes(picture: Picture, room: int) -> list[Line]:
+    lines: list[Line] = []
+    for outcome in picture.outcomes[-room:]:
+        good = outcome.state in (DONE, WAITING)
+        lines.append(line(f" > {outcome_text(outcome)}", PLAIN if good else ALARM))
+    return lines + [line()] * (room - len(lines))
+
+
+def choice_of(namespaces: Sequence[str], shown: str, face: Face) -> list[Line]:
+    """Return the lines of a list of drills.
+
+    Args:
+        namespaces: of the drills.
+        shown: the one that is watched; empty for none.
+        face: of the page.
+    """
+    title = f" {len(namespaces)} drills"
+    lines = [((f"{title:{face.width}}", HEADING),), line()]
+    for number, namespace in enumerate(namespaces, 1):
+        mark = "*" if namespace == shown else " "
+        lines.append(line(f" {mark}{number:3}  {namespace}"))
+    if not namespaces:
+        lines.append(line(" no drill is there: `rpud run` starts one"))
+    return lines
