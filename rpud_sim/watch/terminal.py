@@ -6,7 +6,7 @@ import asyncio
 import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 from textual.app import App, ComposeResult
 from textual.binding import Binding
@@ -16,24 +16,19 @@ from textual.widgets import Input, Static
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.ros.client.drill_finder import DrillFinder, FoundDrill
 from rpud_sim.watch.live_drill import LiveDrill
 from rpud_sim.watch.picture import Picture
-from rpud_sim.watch.terminal_page import ASCII, BLOCKS, Face, choice_of, page_of
+from rpud_sim.watch.terminal_page import ASCII, BLOCKS, Face, list_of, page_of
 from rpud_sim.watch.terminal_prompts import PROMPTS, Prompt
 from rpud_sim.watch.terminal_screen import Lines
 
-UPDATES = 4.0
-"""Updates of the terminal in a second at most."""
+UPDATES = 2.0
+"""Updates of the terminal in a second: some 1000 characters, as many as 9600 baud carry."""
 
+_KEYS = " p press  d drive  e engage  i inject  c clear  space pause  s step  r reset  q quit"
 _SEARCH_PERIOD = 1.0  # between looks at which drills there are [s]
 _PLAIN_TERMINALS = ("ansi", "vt100", "vt102", "vt220", "vt320")  # which know no block characters
-
-
-class Drills(Protocol):
-    """The drills of a ROS domain."""
-
-    def namespaces(self) -> Sequence[str]:
-        """Return the namespaces of the drills that are there now."""
 
 
 class TerminalView(App[None]):
@@ -43,17 +38,17 @@ class TerminalView(App[None]):
 
     Args:
         open_drill: opens the drill of a namespace.
-        drills: those of the domain.
+        finder: of the drills of the domain.
         namespace: of the drill to show first; None for the only one, or a list.
         updates: of the terminal in a second at most.
         environment: of the process.
     """
 
+    TITLE = "rpud watch"
     ENABLE_COMMAND_PALETTE = False
-    ANIMATIONS = False
     CSS = """
     Screen { background: ansi_default; color: ansi_default; }
-    #hint { height: 1; }
+    #hint { height: auto; min-height: 1; max-height: 4; }
     #keys { height: 1; text-style: reverse; }
     #prompt { height: 1; display: none; }
     #label { width: auto; text-style: bold; }
@@ -72,7 +67,7 @@ class TerminalView(App[None]):
     def __init__(
         self,
         open_drill: Callable[[str], LiveDrill],
-        drills: Drills,
+        finder: DrillFinder,
         namespace: str | None = None,
         updates: float = UPDATES,
         environment: Mapping[str, str] = os.environ,
@@ -81,12 +76,12 @@ class TerminalView(App[None]):
         self.theme = "ansi-dark"  # whose foreground and background are the terminal's own
         self.animation_level = "none"
         self._open = open_drill
-        self._drills = drills
+        self._finder = finder
         self._updates = updates
         self._steps = ASCII if speaks_ascii(environment) else BLOCKS
-        self._namespaces: Sequence[str] = ()
-        self._drill: LiveDrill | None = None
-        self._wanted = namespace
+        self._found: Sequence[FoundDrill] = ()
+        self._drill = None if namespace is None else open_drill(namespace)
+        self._searching = namespace is None
         self._asked: Prompt | None = None
         self._lines = Lines()
 
@@ -117,7 +112,7 @@ class TerminalView(App[None]):
     def on_mount(self) -> None:
         """Begin to look and to draw."""
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGHUP):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self.exit)  # which restores the terminal
         self.query_one(Input).can_focus = False
         self.set_focus(None)
@@ -125,8 +120,8 @@ class TerminalView(App[None]):
         self.set_interval(_SEARCH_PERIOD, self._look)
         self.set_interval(1.0 / self._updates, self._draw)
 
-    def on_unmount(self) -> None:
-        """Leave the graph."""
+    def close(self) -> None:
+        """Leave the graph; the drill goes on."""
         if self._drill is not None:
             self._drill.close()
 
@@ -163,8 +158,8 @@ class TerminalView(App[None]):
         """Choose a drill of the list by its number."""
         if self._drill is None and event.character and event.character.isdecimal():
             number = int(event.character)
-            if 1 <= number <= len(self._namespaces):
-                self._show_drill(self._namespaces[number - 1])
+            if 1 <= number <= len(self._found):
+                self._show_drill(self._found[number - 1].namespace)
 
     def on_input_submitted(self, submitted: Input.Submitted) -> None:
         """Do what was asked for."""
@@ -220,16 +215,12 @@ class TerminalView(App[None]):
 
     def _look(self) -> None:
         """Look which drills there are; the only one is shown by itself."""
-        self._namespaces = self._drills.namespaces()
-        if self._wanted is not None:
-            self._show_drill(self._wanted)
-        elif self._drill is None and len(self._namespaces) == 1:
-            self._show_drill(self._namespaces[0])
+        self._found = self._finder.drills()
+        if self._searching and self._drill is None and len(self._found) == 1:
+            self._show_drill(self._found[0].namespace)
 
     def _show_drill(self, namespace: str | None) -> None:
-        self._wanted = None
-        if self._drill is not None and self._drill.namespace == namespace:
-            return
+        self._searching = False
         before, self._drill = self._drill, None
         if before is not None:
             self.run_worker(before.close, thread=True)  # it may wait for a moment
@@ -241,13 +232,11 @@ class TerminalView(App[None]):
         face = Face(self.size.width, max(1, self._lines.size.height), self._steps)
         picture = self.picture
         if picture is None:
-            self._lines.show(choice_of(self._namespaces, "", face))
+            self._lines.show(list_of(self._found, face))
             keys = " 1-9 shows a drill   q quit"
         else:
-            self._lines.show(page_of(picture, face, len(self._namespaces)))
-            keys = (
-                " p press  d drive  e engage  i inject  c clear  space pause  s step  r reset  q quit"
-            )
+            self._lines.show(page_of(picture, face, len(self._found)))
+            keys = _KEYS
         if len(keys) > face.width:
             keys = keys.replace("  ", " ")
         bar = self.query_one("#keys", Static)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.ros.client.drill_finder import FoundDrill
 from rpud_sim.watch.picture import CONNECTED, DONE, WAITING, FaultView, Outcome, Picture, Series
 
 HEIGHT, WIDTH = 22, 80
@@ -71,7 +73,10 @@ def page_of(picture: Picture, face: Face, drills: int = 1) -> list[Line]:
     if not picture.status:
         return lines
     room = face.height - _FIXED_LINES
-    faults = max(1, min(max(3, len(picture.faults)), room - 2))
+    said = [_outcome_lines(outcome, face) for outcome in picture.outcomes]
+    most = room - (2 if picture.faults else 0)  # a long reason is worth more than old faults
+    outcomes = max(2, min(len(said[-1]), most)) if said else 2
+    faults = max(0, min(max(3, len(picture.faults)), room - outcomes))
     outcomes = max(1, room - faults)
     lines += [
         *_commands(picture.status),
@@ -81,8 +86,8 @@ def page_of(picture: Picture, face: Face, drills: int = 1) -> list[Line]:
         line(" powers over the last second", STRONG),
         *_powers(picture.status),
         *_faults(picture, faults),
-        *_timing(picture),
-        *_outcomes(picture, outcomes),
+        *_timing(picture, face),
+        *_last_lines(said, outcomes),
     ]
     return lines
 
@@ -106,6 +111,11 @@ def rate(values: np.ndarray, period: float) -> float:
         period: of a bin [s].
     """
     return float(np.nansum(values)) / (len(values) * period) if len(values) else math.nan
+
+
+def figure(value: float) -> str:
+    """Return a number with four digits, or as a whole one if it has more."""
+    return f"{value:.0f}" if abs(value) >= 1e3 else f"{value:.4g}"
 
 
 def greatest(values: np.ndarray) -> float:
@@ -170,6 +180,10 @@ def outcome_text(outcome: Outcome) -> str:
     return f"{asked}: {outcome.state}{said}"
 
 
+_POWERS = (
+    *("actuator", "weight", "change", "electrical"),
+    *("absorbed", "collision", "load_damper", "stored"),
+)
 _UNNAMED = ("force", "kind", "which", "seconds", "scope")
 
 
@@ -204,7 +218,7 @@ def _commands(status: Any) -> list[Line]:
     drive = f"{status['drive_voltage']:.4g} V {status['drive_frequency']:.6g} Hz" if on else "off"
     weight = f"{status['weight_on_bit']:.4g} N"
     commanders = status["commanders"]
-    others = f"  {commanders} publishers command" if commanders > 1 else ""
+    others = f"  {commanders} command, this view too" if commanders > 1 else ""
     return [
         (
             (f" {'weight on bit':{_LABEL}}", PLAIN),
@@ -237,7 +251,7 @@ def _sparklines(series: Series, face: Face) -> list[Line]:
     period = series.period
 
     def row(label: str, value: float, unit: str, name: str, total: bool) -> Line:
-        shown = f"{value:.4g} {unit}" if math.isfinite(value) else "none"
+        shown = f"{figure(value)} {unit}" if math.isfinite(value) else "none"
         drawn = sparkline(columns_of(series, name, width, total), face.steps)
         return (
             (f" {label:{_LABEL}}", PLAIN),
@@ -258,13 +272,15 @@ def _sparklines(series: Series, face: Face) -> list[Line]:
 
 
 def _powers(status: Any) -> list[Line]:
-    given = f"actuator {status['actuator_power']:.2f} W   weight {status['weight_power']:.2f} W"
+    watts = {name: _watts(status[f"{name}_power"]) for name in _POWERS}
+    given = f"actuator {watts['actuator']}   weight {watts['weight']}"
+    if math.isfinite(status["change_power"]) and abs(status["change_power"]) >= 0.005:
+        given += f"   changes {watts['change']}"
     if math.isfinite(status["electrical_power"]):
-        given += f"   electrical {status['electrical_power']:.2f} W"
+        given += f"   electrical {watts['electrical']}"
     taken = (
-        f"tool and rock {status['absorbed_power']:.2f} W   "
-        f"collisions {status['collision_power']:.2f} W   "
-        f"damper {status['load_damper_power']:.2f} W   stored {status['stored_power']:.2f} W"
+        f"tool and rock {watts['absorbed']}   collisions {watts['collision']}   "
+        f"damper {watts['load_damper']}   stored {watts['stored']}"
     )
     return [line(f" in   {given}"), line(f" out  {taken}")]
 
@@ -283,56 +299,72 @@ def _faults(picture: Picture, room: int) -> list[Line]:
     for fault in order[:room]:
         where = f" on {fault.channel}" if fault.channel else ""
         end = "on" if fault.end is None else f"to {fault.end:.3f} s"
-        magnitude = f"  magnitude {fault.magnitude:.4g}" if fault.magnitude else ""
+        given = math.isfinite(fault.magnitude) and fault.magnitude != 0.0
+        magnitude = f"  magnitude {fault.magnitude:.4g}" if given else ""
         text = f" {fault.number} {fault.kind}{where}  from {fault.onset:.3f} s {end}{magnitude}"
         lines.append(line(text, STRONG if fault.active else PLAIN))
     return lines + [line()] * (room + 1 - len(lines))
 
 
-def _timing(picture: Picture) -> list[Line]:
+def _timing(picture: Picture, face: Face) -> list[Line]:
     status = picture.status
     missed, dropped = status["deadlines_missed"], status["messages_dropped"]
     lost = {topic: count for topic, count in picture.lost.items() if count}
+    where = ", ".join(f"{topic} {count}" for topic, count in sorted(lost.items()))
+    missing = f"{sum(lost.values())} messages lost: {where}" if lost else "no message lost"
+    refused, reason = picture.refusals
+    refused = max(refused, status["commands_rejected"])
+    told = bool(picture.outcomes) and picture.outcomes[-1].text == reason
     timing = (
         f"{1e3 * status['lateness_max']:.1f} ms late   lag {1e3 * status['lag']:.1f} ms   "
         f"{missed} deadlines missed   {dropped} messages dropped"
     )
-    missing = f"{sum(lost.values())} messages lost on the way" if lost else "no message lost"
-    where = ", ".join(f"{topic} {count}" for topic, count in sorted(lost.items()))
-    refused, reason = picture.refusals
-    refused = max(refused, status["commands_rejected"])
-    why = f", last: {reason}" if reason and refused else ""
     return [
         line(f" {timing}", STRONG if missed or dropped else PLAIN),
-        line(f" {missing}{f': {where}' if where else ''}", STRONG if lost else PLAIN),
+        (
+            (f" {status['commands_accepted']} commands accepted, ", PLAIN),
+            (f"{refused} refused", STRONG if refused else PLAIN),
+            (f"   {printable(missing)}", STRONG if lost else PLAIN),
+        ),
         line(
-            f" {status['commands_accepted']} commands accepted, {refused} refused{why}",
-            STRONG if refused else PLAIN,
+            _cut(f" last refusal: {reason}", face.width) if refused and reason and not told else ""
         ),
     ]
 
 
-def _outcomes(picture: Picture, room: int) -> list[Line]:
-    lines: list[Line] = []
-    for outcome in picture.outcomes[-room:]:
-        good = outcome.state in (DONE, WAITING)
-        lines.append(line(f" > {outcome_text(outcome)}", PLAIN if good else ALARM))
+def _outcome_lines(outcome: Outcome, face: Face) -> list[Line]:
+    style = PLAIN if outcome.state in (DONE, WAITING) else ALARM
+    text = printable(outcome_text(outcome))
+    width = max(10, face.width)
+    parts = textwrap.wrap(text, width, initial_indent=" > ", subsequent_indent="   ")
+    return [line(part, style) for part in parts]
+
+
+def _last_lines(parts: Sequence[Sequence[Line]], room: int) -> list[Line]:
+    """Return the last lines of all parts, and blank ones for the rest of the room."""
+    lines = [each for part in parts[-room:] for each in part][-room:]
     return lines + [line()] * (room - len(lines))
 
 
-def choice_of(namespaces: Sequence[str], shown: str, face: Face) -> list[Line]:
-    """Return the lines of a list of drills.
+def _cut(text: str, width: int) -> str:
+    return text if len(text) <= width else f"{text[: width - 3]}..."
 
-    Args:
-        namespaces: of the drills.
-        shown: the one that is watched; empty for none.
-        face: of the page.
-    """
-    title = f" {len(namespaces)} drills"
+
+def _watts(power: float) -> str:
+    return f"{power + 0.0 if abs(power) >= 0.005 else 0.0:.2f} W"
+
+
+def list_of(drills: Sequence[FoundDrill], face: Face) -> list[Line]:
+    """Return the lines of a list of drills."""
+    title = f" {len(drills)} drill{'' if len(drills) == 1 else 's'}"
     lines = [((f"{title:{face.width}}", HEADING),), line()]
-    for number, namespace in enumerate(namespaces, 1):
-        mark = "*" if namespace == shown else " "
-        lines.append(line(f" {mark}{number:3}  {namespace}"))
-    if not namespaces:
+    for number, drill in enumerate(drills, 1):
+        texts = [f"{number:3}  {drill.namespace:24}", f"{drill.state:9}", f"{drill.regime:9}"]
+        if drill.weight_on_bit is not None:
+            texts.append(f"{drill.weight_on_bit:8.4g} N")
+        if drill.active_faults:
+            texts.append(f"{drill.active_faults} faults")
+        lines.append(line(" ".join(texts), ALARM if drill.active_faults else PLAIN))
+    if not drills:
         lines.append(line(" no drill is there: `rpud run` starts one"))
     return lines
