@@ -367,7 +367,7 @@ class DrillClient:
             patience: time limit for the topic [s]; None for that of the client.
 
         Raises:
-            NoAnswerError: if nobody publishes the topic, and no type is given.
+            NoAnswerError: if the topic has no publisher, and no type is given.
             UnknownTypeError: if the type is not installed.
         """
         return self._drill.listen(topic, kind, qos, patience)
