@@ -198,12 +198,12 @@ class Guard(AuthProvider):
         return None
 
     @property
-    def get_user_async(self) -> Callable[[RequestHandler], Any]:
+    def get_user_async(self) -> Callable[[Any], Any]:
         """Function that Bokeh calls at each request, also for a WebSocket."""
         return self._check
 
     @property
-    def get_login_url(self) -> Callable[[RequestHandler], str]:
+    def get_login_url(self) -> Callable[[Any], str]:
         """Nowhere to log in."""
         return lambda handler: "/"
 
