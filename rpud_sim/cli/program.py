@@ -19,8 +19,8 @@ TRACEBACK = "RPUD_TRACEBACK"
 
 _RETRY_DELAY = 0.01  # s
 # What only some commands need comes with an extra: these have one each, the others share one.
-_EXTRA_MODULES = ("matplotlib", "pyarrow", "rich", "scipy", "textual")
-_EXTRAS = {"rpud export": "export", "rpud report": "report"}
+_EXTRA_MODULES = ("bokeh", "matplotlib", "pyarrow", "rich", "scipy", "textual", "tornado")
+_EXTRAS = {"rpud export": "export", "rpud report": "report", "rpud watch": "web"}
 _STUDIES = "studies"
 _MODULE_EXTRAS = {"rich": "terminal", "textual": "terminal"}  # of one extra, whatever the command
 # Of pip alone, so that a ROS package cannot depend on them. Any other missing module is of ROS.
