@@ -49,6 +49,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="address to listen on; others than this machine's own need the printed token "
         "(default: %(default)s)",
     )
+    parser.add_argument(
+        "--terminal",
+        action="store_true",
+        help="show the drill in this terminal, not in a browser; the only drill, or a list of them",
+    )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument(
         "--namespace",
@@ -67,7 +72,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Serve until a signal; return the exit code."""
+    if arguments.terminal:
+        return watch_terminal(arguments)
     return watch_drills(arguments)
+
+
+def watch_terminal(arguments: argparse.Namespace) -> int:
+    """Show a drill in the terminal until the user quits; return the exit code."""
+    from rpud_sim.ros.starting import StartError
+    from rpud_sim.watch.terminal_session import NoTerminalError, watch_in_terminal
+
+    chosen = arguments.namespace != RecordOptions.namespace
+    with failing(NoTerminalError, StartError, code=ExitCode.USAGE):
+        return watch_in_terminal(arguments.namespace if chosen else None, arguments.domain)
 
 
 def watch_drills(arguments: argparse.Namespace) -> ExitCode:
