@@ -12,7 +12,12 @@ import time
 
 from support import PATIENCE
 
-_STEERING = re.compile(rb"\x1b\[[0-9;?<>=$ ]*[a-zA-Z]|\x1b[()][A-Z0-9]|\x1b[=>]")
+_STEERING = re.compile(r"\x1b\[[0-9;?<>=$ ]*[a-zA-Z]|\x1b[()][A-Z0-9]|\x1b[=>]")
+
+
+def without_steering(text):
+    """Return a text without what moves a cursor or changes a colour."""
+    return _STEERING.sub("", text)
 
 
 class PseudoTerminal:
@@ -47,7 +52,7 @@ class PseudoTerminal:
     @property
     def text(self):
         """What it has drawn, without what steers the terminal."""
-        return _STEERING.sub(b"", self.drawn).decode(errors="replace")
+        return without_steering(self.drawn.decode(errors="replace"))
 
     @property
     def modes(self):

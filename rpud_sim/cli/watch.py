@@ -79,11 +79,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def watch_terminal(arguments: argparse.Namespace) -> int:
     """Show a drill in the terminal until the user quits; return the exit code."""
+    from rpud_sim.watch.terminal_check import NoTerminalError, check_terminal
+
+    with failing(NoTerminalError, code=ExitCode.USAGE):
+        check_terminal()
     from rpud_sim.ros.starting import StartError
-    from rpud_sim.watch.terminal_session import NoTerminalError, watch_in_terminal
+    from rpud_sim.watch.terminal_session import watch_in_terminal
 
     chosen = arguments.namespace != RecordOptions.namespace
-    with failing(NoTerminalError, StartError, code=ExitCode.USAGE):
+    with failing(StartError, code=ExitCode.USAGE):
         return watch_in_terminal(arguments.namespace if chosen else None, arguments.domain)
 
 

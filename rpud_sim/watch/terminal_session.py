@@ -1,4 +1,4 @@
-"""Session of the view in a terminal: the terminal is checked before it, and restored after it."""
+"""Session of the view in a terminal: logs wait until its end, and the terminal is restored."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import sys
 import tempfile
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import closing, contextmanager
 
 from rpud_sim.foundation.terminal import printable
@@ -17,23 +17,6 @@ from rpud_sim.watch.terminal import TerminalView
 _LOG_LINES = 20  # of what was logged meanwhile, shown at the end
 
 
-class NoTerminalError(RuntimeError):
-    """No terminal to draw on; the message is one line that says what to use instead."""
-
-
-def check_terminal(environment: Mapping[str, str] = os.environ) -> None:
-    """Check that there is a terminal to draw on.
-
-    Raises:
-        NoTerminalError: if input or output is none, or it cannot move its cursor.
-    """
-    instead = "use `rpud watch` in a browser, or `rpud echo status`"
-    if not (os.isatty(0) and os.isatty(1)):
-        raise NoTerminalError(f"--terminal needs a terminal for input and output: {instead}")
-    if (kind := environment.get("TERM", "")) in ("", "dumb", "unknown"):
-        raise NoTerminalError(f"TERM = {kind!r} is no terminal that can be drawn on: {instead}")
-
-
 def watch_in_terminal(namespace: str | None = None, domain_id: int | None = None) -> int:
     """Show a drill in this terminal until the user quits; return the exit code.
 
@@ -42,10 +25,8 @@ def watch_in_terminal(namespace: str | None = None, domain_id: int | None = None
         domain_id: ROS domain; None for that of the environment.
 
     Raises:
-        NoTerminalError: if there is no terminal to draw on.
         StartError: if ROS cannot start, or does not allow the namespace.
     """
-    check_terminal()
     with closing(DrillFinder(domain_id)) as finder:
         view = TerminalView(lambda name: LiveDrill(name, domain_id), finder, namespace)
         with closing(view), _undisturbed():

@@ -3,6 +3,7 @@
 import asyncio
 import os
 import subprocess
+import sys
 import time
 from contextlib import ExitStack
 
@@ -273,3 +274,16 @@ def test_where_nothing_can_be_drawn_one_line_says_what_to_use_instead():
         assert terminal.wait() == 2
         assert terminal.text.count("\n") == 1
         assert "TERM = 'dumb'" in terminal.text
+
+
+def test_without_textual_it_names_the_extra():
+    script = """
+import sys
+sys.modules["textual"] = None
+from rpud_sim.cli.main import main
+main(["watch", "--terminal"])
+"""
+    with PseudoTerminal(sys.executable, "-c", script, TERM="xterm") as terminal:
+        assert terminal.wait() == 1
+        expected = "rpud watch: needs textual: pip install 'rpud_sim[terminal]'"
+        assert terminal.text.strip() == expected
