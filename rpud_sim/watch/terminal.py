@@ -239,6 +239,7 @@ class TerminalView(App[None]):
             keys = _KEYS
         if len(keys) > face.width:
             keys = keys.replace("  ", " ")
+        keys = f"{keys:{face.width}}"
         bar = self.query_one("#keys", Static)
         if keys != bar.content:
             bar.update(keys)

@@ -248,10 +248,12 @@ def _condition(status: Any) -> list[Line]:
 
 def _sparklines(series: Series, face: Face) -> list[Line]:
     width = max(1, face.width - _LABEL - _VALUE - 3)
-    period = series.period
 
-    def row(label: str, value: float, unit: str, name: str, total: bool) -> Line:
-        shown = f"{figure(value)} {unit}" if math.isfinite(value) else "none"
+    def row(label: str, unit: str, name: str, total: bool) -> Line:
+        values = recent(series, name)
+        value = rate(values, series.period) if total else greatest(values)
+        nothing = "none" if len(values) else "no data"
+        shown = f"{figure(value)} {unit}" if math.isfinite(value) else nothing
         drawn = sparkline(columns_of(series, name, width, total), face.steps)
         return (
             (f" {label:{_LABEL}}", PLAIN),
@@ -259,15 +261,11 @@ def _sparklines(series: Series, face: Face) -> list[Line]:
             (f"  {drawn}", PLAIN),
         )
 
-    impacts = rate(recent(series, "impacts"), period)
-    peak = greatest(recent(series, "peak_force_max"))
-    reacting = greatest(recent(series, "reacting_force_max"))
-    transferred = rate(recent(series, "energy_transferred"), period)
     return [
-        row("impacts", impacts, "/s", "impacts", True),
-        row("peak force", peak, "N", "peak_force_max", False),
-        row("reacting force", reacting, "N", "reacting_force_max", False),
-        row("energy to rock", transferred, "W", "energy_transferred", True),
+        row("impacts", "/s", "impacts", True),
+        row("peak force", "N", "peak_force_max", False),
+        row("reacting force", "N", "reacting_force_max", False),
+        row("energy to rock", "W", "energy_transferred", True),
     ]
 
 

@@ -2,10 +2,12 @@
 
 import asyncio
 import os
+import re
 import subprocess
 import sys
 import time
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 from drill_client import SECOND, nanoseconds, stamps
@@ -218,6 +220,37 @@ def test_a_drill_that_vanishes_and_returns_has_a_banner(start_drill):
         await seat.until(lambda: "vanished" not in seat.page, "the return")
 
     seated("/lost", look)
+
+
+def test_the_page_of_the_documentation_is_what_is_shown(client):
+    client.begin()
+    page = (Path(__file__).parents[2] / "docs/how-to/watch-in-a-terminal.md").read_text()
+    (block,) = re.findall("```text\n(.*?)```", page, re.DOTALL)
+
+    async def act(seat):
+        await seat.sees("paused")
+        await seat.key("p", "20")
+        await seat.sees("press 20.0: done")
+        await seat.key("s", "3")
+        await seat.sees("step 3.0: done")
+        await seat.key("i", "hard_rock magnitude=2")
+        await seat.sees("1 hard_rock")
+        await seat.key("s", "1")
+        await seat.sees("step 1.0: done")
+        await seat.key("p", "-5")
+        await seat.sees("press -5.0: refused")
+        await seat.sees("1 refused")
+        await seat.until(lambda: seat.view.picture.time == 4.0)
+        keys = str(seat.view.query_one("#keys").content)
+        await seat.until(lambda: shape(f"{seat.page}\n{keys}") == shape(block), shape(block))
+
+    seated("/desk", act)
+
+
+def shape(page):
+    """Return a page with every number, course and width alike."""
+    words = [re.sub(r"-?\d+(\.\d+)?", "0", word) for word in re.sub("[▁-█]", "", page).split()]
+    return " ".join(words)
 
 
 def test_of_several_drills_there_is_a_list_and_a_number_chooses(paused, start_drill):

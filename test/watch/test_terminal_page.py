@@ -202,6 +202,7 @@ def test_rates_and_forces_are_those_of_the_last_second_of_bins_that_are_over():
     assert "impacts 40 /s" in text
     assert "peak force 6543 N" in text
     assert "reacting force none" in text
+    assert "reacting force no data" in " ".join(text_of(picture(), Face()).split())
 
 
 def test_a_sparkline_has_a_gap_where_nothing_is_known():
