@@ -19,7 +19,8 @@ from rpud_sim.foundation.terminal import printable
 from rpud_sim.ros.client.drill_finder import DrillFinder, FoundDrill
 from rpud_sim.watch.live_drill import LiveDrill
 from rpud_sim.watch.picture import Picture
-from rpud_sim.watch.terminal_page import ASCII, BLOCKS, Face, list_of, page_of
+from rpud_sim.watch.terminal_course import ASCII, BLOCKS
+from rpud_sim.watch.terminal_page import Face, list_of, page_of
 from rpud_sim.watch.terminal_prompts import PROMPTS, Prompt
 from rpud_sim.watch.terminal_screen import Lines
 

@@ -24,21 +24,23 @@ from rpud_sim.watch.picture import (
     Picture,
     Series,
 )
-from rpud_sim.watch.terminal_page import (
+from rpud_sim.watch.terminal_course import (
     ASCII,
     BLOCKS,
+    columns_of,
+    greatest,
+    rate,
+    recent,
+    sparkline,
+)
+from rpud_sim.watch.terminal_page import (
     HEIGHT,
     WIDTH,
     Face,
-    columns_of,
-    greatest,
     list_of,
     outcome_text,
     page_of,
     plain,
-    rate,
-    recent,
-    sparkline,
 )
 from rpud_sim.watch.terminal_screen import changed_columns
 
