@@ -25,13 +25,9 @@ from rpud_sim.watch.picture import (
     Series,
 )
 from rpud_sim.watch.terminal_course import (
-    ASCII,
-    BLOCKS,
-    columns_of,
     greatest,
     rate,
     recent,
-    sparkline,
 )
 from rpud_sim.watch.terminal_page import (
     HEIGHT,
@@ -42,7 +38,6 @@ from rpud_sim.watch.terminal_page import (
     page_of,
     plain,
 )
-from rpud_sim.watch.terminal_screen import changed_columns
 
 PERIOD = 0.05
 STATUS = {
@@ -207,41 +202,6 @@ def test_rates_and_forces_are_those_of_the_last_second_of_bins_that_are_over():
     assert "reacting force no data" in " ".join(text_of(picture(), Face()).split())
 
 
-def test_a_sparkline_has_a_gap_where_nothing_is_known():
-    assert sparkline([math.nan, 0.0, 1.0, 4.0, 8.0], BLOCKS) == " ▁▂▅█"
-    assert sparkline([math.nan, 0.0, 0.0], ASCII) == " .."
-    assert sparkline([]) == ""
-
-
-@given(
-    values=st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=50),
-    steps=st.sampled_from((BLOCKS, ASCII)),
-)
-def test_a_sparkline_has_one_character_for_each_value_and_rises_with_it(values, steps):
-    drawn = sparkline(values, steps)
-    assert len(drawn) == len(values)
-    assert set(drawn) <= set(steps)
-    known = sorted((v, steps.index(c)) for v, c in zip(values, drawn, strict=True) if c != steps[0])
-    assert [level for _, level in known] == sorted(level for _, level in known)
-
-
-@given(first=st.integers(0, 5000), length=st.integers(1, 1200), count=st.integers(1, 100))
-def test_the_columns_of_a_sparkline_cover_whole_bins_that_stay_together(first, length, count):
-    """A column that is shown has the same value as long as its bins are there."""
-    numbers = np.arange(first, first + length, dtype=float)
-    bins = max(1, math.ceil(60.0 / count / PERIOD))
-    drawn = columns_of(series(first, impacts=numbers), "impacts", count, total=False)
-    assert len(drawn) == count
-    end = (first + length - 1) // bins
-    for place, value in enumerate(drawn):
-        number = end - count + place
-        whole = [n for n in range(number * bins, (number + 1) * bins) if n >= first]
-        if number >= 0 and whole:
-            assert value == whole[-1]
-        else:
-            assert math.isnan(value)
-
-
 HOSTILE = st.text(max_size=200)
 
 
@@ -286,29 +246,3 @@ def test_it_fits_a_serial_console():
     assert len(lines) == HEIGHT
     assert max(cell_len(plain(line)) for line in lines) <= WIDTH
     assert len(page_of(busy, Face(height=50))) == 50
-
-
-LINES = st.lists(st.tuples(st.text("ab 鑽", max_size=5), st.sampled_from(("", "bold")))).map(tuple)
-
-
-@given(before=LINES, after=LINES)
-def test_only_columns_that_differ_are_drawn_and_all_of_them(before, after):
-    def cells(line, length):
-        cells = [(character, style) for text, style in line for character in text]
-        return cells + [(" ", "")] * (length - len(cells))
-
-    length = max(len(plain(before)), len(plain(after)))
-    old, new = cells(before, length), cells(after, length)
-    span = changed_columns(before, after)
-    if span is None:
-        assert old == new
-        return
-    first, end = span
-    wide = "鑽" in plain(before) + plain(after)
-    if wide:
-        assert (first, end) == (0, 2 * length)
-    else:
-        assert old[:first] == new[:first]
-        assert old[end:] == new[end:]
-        assert old[first] != new[first]
-        assert old[end - 1] != new[end - 1]
