@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 from typing import TYPE_CHECKING
 
+from rpud_sim.cli.live_line import logging_above
 from rpud_sim.cli.options import (
     POSITIVE_SECONDS,
     SECONDS,
@@ -180,6 +181,9 @@ def _live(arguments: argparse.Namespace, changes: Changes) -> int:
         failing(NamesakeError),
         failing(StartError, code=ExitCode.USAGE),
         StopRequest() as stop,
-        open_drill(start.settings.values(), namespace, arguments.duration, start=start) as node,
+        logging_above(
+            not arguments.quiet,
+            open_drill(start.settings.values(), namespace, arguments.duration, start=start),
+        ) as node,
     ):
         return drill(node, stop, "rpud fork", record=arguments.out, live=not arguments.quiet)

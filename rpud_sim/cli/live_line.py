@@ -1,17 +1,39 @@
-"""Live line and summary of ``rpud run``: rate of impacts, forces and timing."""
+"""Live line and summary of ``rpud run``: what the drill does, and how well."""
 
 from __future__ import annotations
 
+import math
+import os
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from typing import TYPE_CHECKING, TypeVar
+
+from rpud_sim.foundation.terminal import columns, printable
 
 if TYPE_CHECKING:
     from rpud_sim.ros.drill.report import Report
     from rpud_sim.simulation.ensemble import Figures
+    from rpud_sim.simulation.ledger import FaultRecord
+
+Opened = TypeVar("Opened")
+
+_JAMMED = "free_mass_jammed"
+_FAULTS_LISTED = 10  # in the summary
+
+_LOG_FORMAT = "RCUTILS_CONSOLE_OUTPUT_FORMAT"
+_ROS_LOG_FORMAT = "[{severity}] [{time}] [{name}]: {message}"
+_ERASE = "\r\x1b[K"
+
+# Parts of the live line that get shorter where the terminal is narrow, step by step in this order.
+_SHORTENED = (
+    *("reacting", "contact", "factor", "contact", "reacting", "late", "weight", "impacts"),
+    *("contact", "depth", "faults", "faults", "dropped"),
+)
 
 
 class LiveLine:
-    """Rate and forces of the last second: one line that a terminal sees rewritten.
+    """State, forces and timing of the last second: one line that a terminal sees rewritten.
 
     Args:
         shown: whether to write anything.
@@ -21,52 +43,189 @@ class LiveLine:
         self._shown = shown
         self._terminal = sys.stderr.isatty()
         self._last: Report | None = None
+        self._printed: Report | None = None
 
     def show(self, report: Report | None) -> None:
-        """Show a report, unless it was the last one shown."""
+        """Show a report, unless it was the last one shown.
+
+        On a terminal each report rewrites the line. Elsewhere there is a line for each second in
+        which the drill moved, and none while simulation time stands still.
+        """
         if not self._shown or report is None or report is self._last:
             return
         self._last = report
-        if report.figures["duration"]:
-            start, end = ("\r\x1b[K", "") if self._terminal else ("", "\n")
-            print(start + live_text(report), end=end, file=sys.stderr, flush=True)
+        moved = bool(report.figures["duration"])
+        if self._terminal:
+            # Before the first block there is nothing to tell, unless it waits.
+            if moved or self._printed is not None or report.status["state"] == "paused":
+                self._printed = report
+                text = live_text(report, columns(sys.stderr))
+                print(f"{_ERASE}{text}", end="", file=sys.stderr, flush=True)
+        elif moved and (self._printed is None or report.figures is not self._printed.figures):
+            self._printed = report
+            print(live_text(report), file=sys.stderr, flush=True)
 
     def end(self) -> None:
         """Begin a new line after the last report."""
-        if self._terminal and self._last is not None:
+        if self._terminal and self._printed is not None:
             print(file=sys.stderr, flush=True)
 
 
-def live_text(report: Report) -> str:
-    """Return the live line of a report."""
-    timing = report.timing
-    return (
-        f"{report.time / 1e9:7.1f} s  {_figures_text(report.figures)}  "
-        f"late {1e3 * timing.lateness_max:.1f} ms  x{timing.real_time_factor:.3f}"
-    )
+@contextmanager
+def logging_above(live: bool, opening: AbstractContextManager[Opened]) -> Iterator[Opened]:
+    """Enter a context that starts ROS, whose log lines erase a live line first.
+
+    A refused command is logged with its reason. Without this the text would continue the live
+    line. Processes that are started later do not inherit it.
+
+    Args:
+        live: whether there is a live line.
+        opening: to enter.
+    """
+    with ExitStack() as stack:
+        before = os.environ.get(_LOG_FORMAT)
+        if live and sys.stderr.isatty():
+            os.environ[_LOG_FORMAT] = r"\r\x1b[K" + (before or _ROS_LOG_FORMAT)
+        try:
+            opened = stack.enter_context(opening)
+        finally:
+            if before is not None:
+                os.environ[_LOG_FORMAT] = before
+            else:
+                os.environ.pop(_LOG_FORMAT, None)
+        yield opened
 
 
-def summary_text(figures: Figures, report: Report | None) -> str:
-    """Return the summary of a run of the drill."""
-    text = f"drilled {figures['duration']:.2f} s: {_figures_text(figures)}"
+def live_text(report: Report, width: int | None = None) -> str:
+    """Return the live line of a report.
+
+    Args:
+        report: to tell.
+        width: of the terminal in columns; None for no limit. Less important parts get shorter or
+            are left out where the line is as long: a longer one would wrap, and scroll.
+    """
+    parts = _parts(report)
+    if width is None:
+        return _joined(parts)
+    for name in _SHORTENED:
+        if len(_joined(parts)) < width:
+            break
+        parts[name] = parts[name][1:] or parts[name]
+    return _joined(parts)[: max(0, width - 1)]
+
+
+def summary_text(
+    figures: Figures, report: Report | None, faults: Sequence[FaultRecord] = ()
+) -> str:
+    """Return the summary of a run of the drill.
+
+    Args:
+        figures: of the whole run.
+        report: the last one; None if there was none.
+        faults: of the whole run.
+    """
+    jammed = any(record.fault.kind == _JAMMED for record in faults)
+    rate = _rate_text(figures, jammed, "impacts/s")
+    lines = [
+        f"drilled {figures['duration']:.2f} s: {_joined({'rate': (rate,), **_forces(figures)})}"
+    ]
     if report is None:
-        return text
-    counts = report.bookkeeping
-    return (
-        f"{text}\n{report.status['impacts']} impacts, {counts.deadlines_missed} deadlines missed, "
+        return lines[0]
+    counts, status = report.bookkeeping, report.status
+    lines.append(
+        f"{status['impacts']} impacts, {counts.deadlines_missed} deadlines missed, "
         f"{counts.commands_accepted} commands accepted, {counts.commands_rejected} refused, "
         f"{counts.messages_dropped} messages dropped"
     )
+    if math.isfinite(status["depth"]):
+        lines.append(f"depth {_depth_text(status['depth'])}")
+    if report.requests_refused:
+        lines.append(f"{report.requests_refused} requests refused")
+    if report.last_refusal:
+        lines.append(f"last refusal: {printable(report.last_refusal)}")
+    lines += [_fault_line(record) for record in faults[-_FAULTS_LISTED:]]
+    if len(faults) > _FAULTS_LISTED:
+        lines.append(f"{len(faults) - _FAULTS_LISTED} earlier faults")
+    return "\n".join(lines)
 
 
-def _figures_text(figures: Figures) -> str:
-    def rounded(name: str, places: int) -> str:
-        value = figures[name]
-        return "-" if value is None else f"{value:.{places}f}"
+def _parts(report: Report) -> dict[str, tuple[str, ...]]:
+    """Return the parts of the live line, each from its longest text to its shortest."""
+    status, counts, timing = report.status, report.bookkeeping, report.timing
+    kinds = [record.fault.kind for record in report.faults]
+    weight = f"{status['weight_on_bit']:.4g} N"
+    drive = "" if status["drive_enabled"] else "drive off"
+    jammed = _JAMMED in kinds
+    depth = _depth_text(status["depth"]) if math.isfinite(status["depth"]) else ""
+    refused = counts.commands_rejected + report.requests_refused
+    dropped = counts.messages_dropped
+    return {
+        "time": (f"{report.time / 1e9:7.1f} s",),
+        "state": (status["state"],),
+        "weight": (f"{weight} on bit", weight),
+        "drive": (drive,),
+        "lost": ("commands lost" if counts.commands_lost else "",),
+        "impacts": (
+            _rate_text(report.figures, jammed, "impacts/s"),
+            _rate_text(report.figures, jammed, "/s"),
+        ),
+        **_forces(report.figures),
+        "depth": (depth and f"depth {depth}", depth),
+        "faults": _faults_texts(kinds),
+        "refused": (f"{refused} refused" if refused else "",),
+        "dropped": (f"{dropped} messages dropped", f"{dropped} dropped") if dropped else ("",),
+        "late": (f"late {1e3 * timing.lateness_max:.1f} ms", ""),
+        "factor": (f"x{timing.real_time_factor:.3f}", ""),
+    }
 
-    return (
-        f"{rounded('drill_tool_impact_rate', 0)} impacts/s  "
-        f"contact force {rounded('contact_force_mean', 0)} N mean "
-        f"{rounded('contact_force_max', 0)} N max  "
-        f"reacting force {rounded('reacting_force_mean', 1)} N"
+
+def _forces(figures: Figures) -> dict[str, tuple[str, ...]]:
+    mean, most, reacting = (
+        figures[name] for name in ("contact_force_mean", "contact_force_max", "reacting_force_mean")
     )
+    forces: dict[str, tuple[str, ...]] = {"contact": ("",), "reacting": ("",)}
+    if mean is not None and most is not None:
+        forces["contact"] = (
+            f"contact force {mean:.0f} N mean {most:.0f} N max",
+            f"contact {mean:.0f} N, max {most:.0f} N",
+            f"contact {mean:.0f} N",
+            "",
+        )
+    if reacting is not None:
+        texts = (f"reacting force {reacting:.1f} N", f"reacting {reacting:.1f} N", "")
+        forces["reacting"] = texts
+    return forces
+
+
+def _rate_text(figures: Figures, jammed: bool, unit: str) -> str:
+    """Return the rate of impacts; why there are none, if there are none."""
+    rate = figures["drill_tool_impact_rate"]
+    if rate:
+        separator = "" if unit.startswith("/") else " "
+        return f"{rate:.0f}{separator}{unit}"
+    return "jammed" if jammed else "no impacts"
+
+
+def _faults_texts(kinds: Sequence[str]) -> tuple[str, ...]:
+    if not kinds:
+        return ("",)
+    names = ", ".join(dict.fromkeys(kinds))
+    count = "1 fault" if len(kinds) == 1 else f"{len(kinds)} faults"
+    first = kinds[0] if len(kinds) == 1 else f"{kinds[0]} +{len(kinds) - 1}"
+    return (f"faults: {names}", first, count)
+
+
+def _depth_text(depth: float) -> str:
+    return f"{1e3 * depth:.2f} mm"
+
+
+def _fault_line(record: FaultRecord) -> str:
+    end = "on" if record.clear is None else f"to {record.clear / 1e9:.3f} s"
+    channel = f" on {record.fault.channel}" if record.fault.channel else ""
+    return (
+        f"fault {record.number}: {record.fault.kind}{channel} from {record.onset / 1e9:.3f} s {end}"
+    )
+
+
+def _joined(parts: dict[str, tuple[str, ...]]) -> str:
+    return "  ".join(texts[0] for texts in parts.values() if texts[0])

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rpud_sim.cli.drill_command import add_drill_arguments, connected_drill
-from rpud_sim.cli.program import ExitCode
+from rpud_sim.cli.drill_command import add_drill_arguments, print_state_after
 
 HELP = "let the time of a paused drill pass"
 EXAMPLE = "rpud play"
@@ -18,8 +17,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Let simulation time pass; return the exit code."""
-    with connected_drill(arguments) as drill:
-        drill.play()
-        status = drill.status
-    print(f"state: {status.state}")
-    return ExitCode.DONE
+    return print_state_after(arguments, lambda drill: drill.play())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.live_line import LiveLine, summary_text
+from rpud_sim.cli.live_line import LiveLine, logging_above, summary_text
 from rpud_sim.cli.options import (
     POSITIVE_SECONDS,
     Number,
@@ -14,6 +14,8 @@ from rpud_sim.cli.options import (
 )
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.recorder_process import RecorderProcess
+from rpud_sim.cli.watch import DEFAULT_PORT, PORT
+from rpud_sim.cli.watch_process import watching
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.record.record_options import RecordOptions
 
@@ -50,6 +52,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: %(default)g)",
     )
     parser.add_argument(
+        "--watch",
+        action=Number,
+        quantity=PORT,
+        nargs="?",
+        const=str(DEFAULT_PORT),
+        metavar="PORT",
+        help="also serve the page of the drill, by a process of its own; 0 is a free port "
+        f"(default: {DEFAULT_PORT})",
+    )
+    parser.add_argument(
         "--namespace",
         default=RecordOptions.namespace,
         help="namespace of the node (default: %(default)s)",
@@ -73,11 +85,15 @@ def run(arguments: argparse.Namespace) -> int:
         failing(NamesakeError),
         failing(StartError, code=ExitCode.USAGE),
         StopRequest() as stop,
-        open_drill(
-            values,
-            arguments.namespace,
-            arguments.duration,
-            allow_duplicate=arguments.allow_duplicate,
+        watching(arguments.watch, arguments.namespace, stop),
+        logging_above(
+            not arguments.quiet,
+            open_drill(
+                values,
+                arguments.namespace,
+                arguments.duration,
+                allow_duplicate=arguments.allow_duplicate,
+            ),
         ) as node,
     ):
         return drill(
@@ -112,7 +128,7 @@ def drill(
     if record:
         return _drill_and_record(node, stop, program, record, max_loss, live)
     drilled = _drill(node, stop, program, live)
-    print(summary_text(node.totals.figures(), node.report), flush=True)
+    _print_summary(node)
     return ExitCode.DONE if drilled else ExitCode.FAILED
 
 
@@ -136,10 +152,14 @@ def _drill_and_record(
     for line in recorder.missing(node.sent) if recorded else ():
         recorded = False
         complain(program, line)
-    print(summary_text(node.totals.figures(), node.report), flush=True)
+    _print_summary(node)
     if recorded:
         print(f"bag: {printable(record)}", flush=True)
     return ExitCode.DONE if drilled and recorded else ExitCode.FAILED
+
+
+def _print_summary(node: DrillNode) -> None:
+    print(summary_text(node.totals.figures(), node.report, node.faults), flush=True)
 
 
 def _drill(node: DrillNode, stop: StopRequest, program: str, live: bool) -> bool:

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
+from typing import TextIO
 
 # What moves a cursor, changes the direction of writing, or has no encoding.
 _STEERING = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+
+_USUAL_WIDTH = 80
 
 
 def printable(text: object) -> str:
     r"""Return a text with escapes such as ``\x1b`` for what a terminal would obey."""
     return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), str(text))
+
+
+def columns(stream: TextIO) -> int:
+    """Return the width of the terminal of a stream in columns; 80 where it is unknown."""
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or _USUAL_WIDTH
+    except (OSError, ValueError):  # a serial console may know no size, a test may have no file
+        return _USUAL_WIDTH
 
 
 def complain(program: str, reason: object) -> None:

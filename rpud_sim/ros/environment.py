@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import MutableMapping
+from collections.abc import Mapping, MutableMapping
 from pathlib import Path
 
 _WHEELS = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
-_LOOPBACK = "share/rpud_sim/config/fastdds_loopback.xml"
+
+PROFILE = Path("config", "fastdds_loopback.xml")
+"""Profile that keeps Fast DDS on loopback, in the folder that this package shares."""
 
 
 def complete_environment(environment: MutableMapping[str, str], prefix: str = sys.prefix) -> None:
@@ -25,14 +27,23 @@ def complete_environment(environment: MutableMapping[str, str], prefix: str = sy
     if _WHEELS not in environment:  # Python sets it at its start where ROS's wheels are
         return
     environment.setdefault("AMENT_PREFIX_PATH", prefix)
-    discovery = environment.setdefault(_RANGE, "LOCALHOST")
-    profile = Path(prefix, _LOOPBACK)
-    if (
-        discovery == "LOCALHOST"
-        and environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
-        and environment.get(_PROFILES, str(profile)) == str(profile)
-        and profile.is_file()
-    ):
+    if environment.setdefault(_RANGE, "LOCALHOST") == "LOCALHOST":
+        environment.update(loopback_variables(environment, Path(prefix, "share/rpud_sim", PROFILE)))
+
+
+def loopback_variables(environment: Mapping[str, str], profile: Path | None) -> dict[str, str]:
+    """Return the variables that keep ROS on loopback.
+
+    Fast DDS gets a profile without other network interfaces, unless the environment has a profile
+    of its own; every other middleware gets the discovery range LOCALHOST.
+
+    Args:
+        environment: of the process.
+        profile: that is installed; None for none.
+    """
+    fast_dds = environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
+    given = Path(environment.get(_PROFILES, profile or ""))
+    if fast_dds and given.name == PROFILE.name and given.is_file():
         # LOCALHOST opens sockets on every interface; SYSTEM_DEFAULT leaves that to the profile.
-        environment[_PROFILES] = str(profile)
-        environment[_RANGE] = "SYSTEM_DEFAULT"
+        return {_PROFILES: str(given), _RANGE: "SYSTEM_DEFAULT"}
+    return {_RANGE: "LOCALHOST"}

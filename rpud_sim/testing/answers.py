@@ -141,7 +141,7 @@ class Answers:
     def _lack(self, answer: _Answer, stamp: int) -> str:
         topic = answer.topic
         if topic is None:
-            return f"{answer.name}, which nobody publishes"
+            return f"{answer.name}, which has no publisher"
         if not len(topic):
             return f"{answer.name}, which has published nothing"
         if not topic.stamped:

@@ -88,7 +88,7 @@ class Collector:
         return self._topics[self.resolve(name)]
 
     def subscribe(self, name: str, kind: str = "") -> HeardTopic | None:
-        """Subscribe to a topic, and return it; None if nobody publishes it and it has no type.
+        """Subscribe to a topic, and return it; None if it has no publisher and no type.
 
         Args:
             name: relative or absolute.

@@ -11,11 +11,12 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from rpud_sim.ros.environment import PROFILE, loopback_variables
+
 # 101 is the last domain whose ports lie below those that Linux gives to outgoing connections.
 _LAST_DOMAIN = 101
 _DEFAULT_DOMAINS = (0, 42)  # of ROS, and of env.bash: people use them without a lock
 _PARTICIPANTS = 8  # of another program that are looked for in a domain
-_PROFILE = Path("config", "fastdds_loopback.xml")
 _ELSEWHERE = ("ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER")
 
 
@@ -61,8 +62,7 @@ class DomainClaim:
 def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -> dict[str, str]:
     """Return an environment in which ROS stays on loopback, in a domain.
 
-    It is that of ``env.bash``: Fast DDS gets a profile without other network interfaces, unless the
-    environment has a profile of its own; every other middleware the discovery range LOCALHOST.
+    It is that of ``env.bash``.
 
     Args:
         domain: of ROS.
@@ -70,14 +70,7 @@ def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -
     """
     environment = {name: value for name, value in environ.items() if name not in _ELSEWHERE}
     environment["ROS_DOMAIN_ID"] = str(domain)
-    environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    profile = find_profile(environ)
-    fast_dds = environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
-    given = environ.get("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
-    if profile and fast_dds and Path(given).name == profile.name:
-        environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = given
-        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
-    return environment
+    return environment | loopback_variables(environ, find_profile(environ))
 
 
 def find_profile(environ: Mapping[str, str] = os.environ) -> Path | None:
@@ -85,7 +78,7 @@ def find_profile(environ: Mapping[str, str] = os.environ) -> Path | None:
     prefixes = [*filter(None, environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)), sys.prefix]
     places = [Path(prefix, "share", "rpud_sim") for prefix in prefixes]
     places.append(Path(__file__).resolve().parents[2])  # a clone
-    return next((place / _PROFILE for place in places if (place / _PROFILE).is_file()), None)
+    return next((place / PROFILE for place in places if (place / PROFILE).is_file()), None)
 
 
 @contextlib.contextmanager

@@ -223,13 +223,11 @@ class Drill:
             kind: type such as ``std_msgs/msg/String``; may be empty if somebody publishes it.
 
         Raises:
-            ParameterError: if nobody publishes the topic, and no type is given.
+            ParameterError: if the topic has no publisher, and no type is given.
         """
         heard = self._collector.subscribe(topic, kind)
         if heard is None:
-            raise ParameterError(
-                f"nobody publishes {self._collector.resolve(topic)}; give its type"
-            )
+            raise ParameterError(f"no publisher on {self._collector.resolve(topic)}; give its type")
         if topic in TOPICS:
             self.await_connections()
             if heard.number is None:

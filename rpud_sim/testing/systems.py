@@ -151,7 +151,7 @@ class Systems:
         if self._ended or not answers.declared or answers.introduced:
             return
         if not self._collector.until(answers.connect, _START, self.check, _POLL_PERIOD):
-            text = f"nobody publishes on all of {', '.join(answers.names)} within {_START:g} s"
+            text = f"no publisher on {' and '.join(answers.names)} within {_START:g} s"
             raise SystemUnderTestError(", ".join(answers.names), "silent", self._with_output(text))
 
     def await_answers(self, stamp: int) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from rpud_sim.ros.environment import complete_environment
+from rpud_sim.testing.domains import loopback_environment
 
 WHEELS = {"_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
 
@@ -87,3 +88,17 @@ def test_the_package_completes_the_environment_before_ros_starts():
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("ROS_", "FASTRTPS_"))}
     output = subprocess.check_output([sys.executable, "-c", script], env=environment | WHEELS)
     assert output.decode().strip() == "LOCALHOST"  # the profile lies in the clone, not in .venv
+
+
+def test_a_profile_that_is_not_there_does_not_replace_the_range(prefix):
+    """With SYSTEM_DEFAULT and no profile, Fast DDS would use every network interface."""
+    gone = {"FASTRTPS_DEFAULT_PROFILES_FILE": "/nowhere/fastdds_loopback.xml"}
+    assert completed(prefix, **gone)["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+    assert loopback_environment(7, gone)["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
+
+
+def test_the_drill_of_a_test_and_a_program_without_env_bash_find_each_other(prefix):
+    names = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+    ours = completed(prefix)
+    theirs = loopback_environment(7, {"AMENT_PREFIX_PATH": prefix})
+    assert [ours[name] for name in names] == [theirs[name] for name in names]

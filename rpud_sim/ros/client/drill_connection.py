@@ -206,7 +206,7 @@ class DrillConnection:
         name = absolute_name(self.node, topic)
         if kind is None:
             types = self.until(
-                lambda: types_of_topic(self.node, name), f"nobody published {name}", patience
+                lambda: types_of_topic(self.node, name), f"no publisher on {name}", patience
             )
             kind = message_class(types[0])
         if qos is None:

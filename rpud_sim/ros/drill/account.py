@@ -131,6 +131,7 @@ class Account:
         self._last = Report(
             time=run.time,
             status=status[2],
+            faults=run.simulation.faults.active,
             bookkeeping=bookkeeping,
             requests_refused=self._inbox.requests_refused,
             last_refusal=self._inbox.last_refusal,

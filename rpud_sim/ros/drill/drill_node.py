@@ -55,6 +55,7 @@ from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.resumption import Start
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.simulation.topics import TOPICS
@@ -121,6 +122,11 @@ class DrillNode(ManagedNode):
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
         return self._drill.account.totals if self._drill else Statistics()
+
+    @property
+    def faults(self) -> tuple[FaultRecord, ...]:
+        """Faults since the start; to be read when it has stopped."""
+        return self.drilling.run.simulation.faults.records if self.drilling else ()
 
     @property
     def finished(self) -> bool:

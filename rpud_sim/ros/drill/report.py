@@ -12,6 +12,7 @@ from std_msgs.msg import Header
 from rpud_sim.ros.drill.pacer import Timing
 from rpud_sim.simulation.ensemble import Figures
 from rpud_sim.simulation.fields import Bookkeeping, Fields
+from rpud_sim.simulation.ledger import FaultRecord
 
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
@@ -23,6 +24,7 @@ class Report:
     Args:
         time: simulation time [ns].
         status: the fields of its ``rpud_msgs/Status``.
+        faults: that last.
         bookkeeping: counts and timing, as in the status.
         requests_refused: of services, since the start.
         last_refusal: why the latest command or request was refused.
@@ -37,6 +39,7 @@ class Report:
 
     time: int
     status: Fields
+    faults: tuple[FaultRecord, ...]
     bookkeeping: Bookkeeping
     requests_refused: int
     last_refusal: str

@@ -128,7 +128,7 @@ def _fly(drill: Drill, job: Job) -> tuple[str, str]:
     try:
         _start(drill, system)
         for topic in job_topics(job):
-            with contextlib.suppress(ParameterError):  # nobody publishes it: it stays undecided
+            with contextlib.suppress(ParameterError):  # no publisher: it stays undecided
                 drill.listen(topic)
         duration = job.run.scenario.duration
         for number in range(1, math.ceil(duration / system.period - 1e-9) + 1):

@@ -51,6 +51,7 @@ def made(**counts):
     return Report(
         time=run.time,
         status=run.status("running", bookkeeping)[2],
+        faults=run.simulation.faults.active,
         bookkeeping=bookkeeping,
         requests_refused=3,
         last_refusal="there is no fault 9 to clear",

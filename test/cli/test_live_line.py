@@ -1,0 +1,232 @@
+"""The live line of `rpud run` tells what the drill does, and fits the terminal."""
+
+import dataclasses
+import io
+import math
+import os
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
+from rpud_sim.ros.drill.pacer import Timing
+from rpud_sim.ros.drill.report import Report
+from rpud_sim.simulation.commands import WeightOnBit
+from rpud_sim.simulation.configuration import Settings, to_configuration
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.statistics import Statistics
+
+MILLISECOND = 1_000_000
+TIMING = Timing(
+    blocks=300,
+    deadlines_missed=0,
+    lateness=0.0002,
+    lateness_max=0.0013,
+    lateness_p50=0.0001,
+    lateness_p99=0.0011,
+    lateness_p999=0.0012,
+    lag=0.0,
+    real_time_factor=1.0,
+)
+
+
+class Drill:
+    """A run and the report of what it did since the report before."""
+
+    def __init__(self, **parameters):
+        self.statistics = Statistics()
+        beginning = Beginning(Settings(to_configuration(parameters)))
+        self.run = Run(beginning, on_block=self._add)
+        self.simulation = self.run.simulation
+
+    def _add(self, block):
+        self.statistics.add(block)
+
+    def report(self, until=100 * MILLISECOND, state="running", requests=0, refusal="", **counts):
+        self.statistics = Statistics()
+        list(self.run.advance_to(until))
+        bookkeeping = Bookkeeping(**counts)
+        return Report(
+            time=self.run.time,
+            status=self.run.status(state, bookkeeping)[2],
+            faults=self.simulation.faults.active,
+            bookkeeping=bookkeeping,
+            requests_refused=requests,
+            last_refusal=refusal,
+            namesakes=0,
+            scheduling="time-sharing",
+            timing=TIMING,
+            figures=self.statistics.figures(),
+            published={},
+            subscribers={},
+            acknowledged=True,
+        )
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    return Drill(rock_model="specific_energy").report()
+
+
+def test_it_tells_state_weight_on_bit_impacts_forces_depth_and_timing(healthy):
+    text = live_text(healthy)
+    assert text.startswith("    0.1 s  running  10 N on bit  ")
+    assert f"{healthy.figures['drill_tool_impact_rate']:.0f} impacts/s" in text
+    assert f"contact force {healthy.figures['contact_force_mean']:.0f} N mean" in text
+    assert f"reacting force {healthy.figures['reacting_force_mean']:.1f} N" in text
+    assert f"depth {1e3 * healthy.status['depth']:.2f} mm" in text
+    assert text.endswith("late 1.3 ms  x1.000")
+    assert "fault" not in text
+    assert "refused" not in text
+
+
+def test_without_rock_there_is_no_depth():
+    report = Drill(rock_model="none").report()
+    assert math.isnan(report.status["depth"])
+    assert "depth" not in live_text(report)
+
+
+def test_a_jammed_drill_is_jammed_and_one_without_drive_has_no_impacts():
+    drill = Drill()
+    drill.report()
+    drill.simulation.inject(Fault("free_mass_jammed"))
+    drill.report(200 * MILLISECOND)  # the free mass strikes once more, and stays
+    text = live_text(drill.report(300 * MILLISECOND))
+    assert "  jammed  " in text
+    assert "faults: free_mass_jammed" in text
+    assert "  -" not in text
+    assert "contact" not in text
+    off = live_text(Drill(drive_enabled=False, regime="free").report())
+    assert "drive off  no impacts" in off
+    assert "jammed" not in off
+
+
+def test_faults_and_refused_commands_and_requests_are_told():
+    drill = Drill(rock_model="specific_energy")
+    drill.simulation.inject(Fault("hard_rock"))
+    drill.simulation.inject(Fault("off", "wrench"))
+    report = drill.report(commands_rejected=2, requests=1, messages_dropped=4, commands_lost=True)
+    text = live_text(report)
+    assert "faults: hard_rock, off" in text
+    assert "3 refused" in text
+    assert "4 messages dropped" in text
+    assert "commands lost" in text
+
+
+def test_in_80_columns_all_that_matters_is_there():
+    drill = Drill(rock_model="specific_energy")
+    for fault in (Fault("hard_rock"), Fault("lost_preload"), Fault("off", "wrench")):
+        drill.simulation.inject(fault)
+    drill.simulation.apply(WeightOnBit(123.4))
+    text = live_text(drill.report(commands_rejected=123), 80)
+    assert len(text) < 80
+    assert "123.4 N" in text
+    assert "/s" in text
+    assert "mm" in text
+    assert "hard_rock +2" in text
+    assert "123 refused" in text
+
+
+@given(
+    width=st.integers(1, 300),
+    refused=st.integers(0, 10**9),
+    dropped=st.integers(0, 10**9),
+    late=st.floats(0.0, 1e6),
+    lost=st.booleans(),
+)
+def test_it_never_reaches_the_last_column(healthy, width, refused, dropped, late, lost):
+    counts = Bookkeeping(commands_rejected=refused, messages_dropped=dropped, commands_lost=lost)
+    timing = dataclasses.replace(TIMING, lateness_max=late)
+    report = dataclasses.replace(healthy, bookkeeping=counts, timing=timing)
+    text = live_text(report, width)
+    assert len(text) < width
+    assert text.isprintable()
+    assert len(live_text(report)) >= len(text)
+
+
+class Terminal(io.StringIO):
+    """Standard error that is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_sees_each_report_in_the_same_line_and_also_a_pause(monkeypatch):
+    drill = Drill()
+    reports = [drill.report(), drill.report(state="paused")]
+    monkeypatch.setattr("sys.stderr", stream := Terminal())
+    line = LiveLine(True)
+    for report in (None, reports[0], reports[0], reports[1]):
+        line.show(report)
+    line.end()
+    printed = stream.getvalue()
+    assert printed.endswith("\n")
+    assert printed.count("\n") == 1
+    lines = printed.split("\r\x1b[K")[1:]
+    assert ["running" in lines[0], "paused" in lines[1], len(lines)] == [True, True, 2]
+    assert all(len(text.rstrip("\n")) < 80 for text in lines)
+
+
+def test_elsewhere_it_is_a_line_for_each_second_in_which_the_drill_moves(monkeypatch):
+    drill = Drill()
+    first = drill.report()
+    on_change = dataclasses.replace(first, requests_refused=1)  # between two seconds
+    still = drill.report(state="paused")
+    second = drill.report(200 * MILLISECOND)
+    monkeypatch.setattr("sys.stderr", stream := io.StringIO())
+    line = LiveLine(True)
+    for report in (first, on_change, still, second):
+        line.show(report)
+    line.end()
+    assert [text[:9] for text in stream.getvalue().splitlines()] == ["    0.1 s", "    0.2 s"]
+    assert "\x1b" not in stream.getvalue()
+
+
+def test_the_summary_has_faults_depth_and_the_last_refusal(healthy):
+    drill = Drill(rock_model="specific_energy")
+    number = drill.simulation.inject(Fault("hard_rock"))
+    report = drill.report(
+        commands_rejected=1, requests=2, refusal="there is no fault 9\x1b to clear"
+    )
+    drill.simulation.clear(number)
+    drill.simulation.inject(Fault("off", "wrench"))
+    text = summary_text(report.figures, report, drill.simulation.faults.records)
+    assert text.splitlines()[0].startswith("drilled 0.10 s: ")
+    assert "0 commands accepted, 1 refused, 0 messages dropped" in text
+    assert "2 requests refused" in text
+    assert r"last refusal: there is no fault 9\x1b to clear" in text
+    assert f"depth {1e3 * report.status['depth']:.2f} mm" in text
+    assert "fault 1: hard_rock from 0.000 s to 0.100 s" in text
+    assert text.endswith("fault 2: off on wrench from 0.100 s on")
+    assert summary_text(healthy.figures, None).count("\n") == 0
+
+
+def test_log_lines_erase_the_live_line_and_later_processes_do_not_inherit_it(monkeypatch):
+    variable = "RCUTILS_CONSOLE_OUTPUT_FORMAT"
+    seen = []
+
+    class Opening:
+        def __enter__(self):
+            seen.append(os.environ.get(variable))
+            return "opened"
+
+        def __exit__(self, *_):
+            seen.append("closed")
+
+    monkeypatch.setattr("sys.stderr", Terminal())
+    monkeypatch.delenv(variable, raising=False)
+    with logging_above(True, Opening()) as opened:
+        assert opened == "opened"
+        assert variable not in os.environ
+    assert seen[0].startswith(r"\r\x1b[K[{severity}]")
+    monkeypatch.setenv(variable, "{message}")
+    with logging_above(True, Opening()):
+        assert os.environ[variable] == "{message}"
+    assert seen[2] == r"\r\x1b[K{message}"
+    with logging_above(False, Opening()):
+        pass
+    assert seen[4] == "{message}"
+    assert seen.count("closed") == 3
