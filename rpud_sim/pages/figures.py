@@ -222,12 +222,15 @@ def _draw_marks(drawn: Figure, kind: str, source: ColumnDataSource) -> None:
             source=source,
             fill_alpha=0.14,
             line_color=None,
+            line_width=1,
             hatch_pattern="/" if kind == GAP else " ",
             hatch_alpha=0.5,
             hatch_weight=0.5,
             name=f"mark {kind}",
         )
         paint(area.glyph, fill_color=kind, hatch_color=kind)
+        if kind == GAP:  # one that is shorter than a pixel is a line
+            paint(area.glyph, line_color=kind)
     if kind != GAP:
         places = ("time", "end") if kind == FAULT else ("time",)
         for place in places:
