@@ -147,7 +147,7 @@ def campaign_page(results: Results) -> str:
         margins=margin_plots(results),
         reactions=reaction_plots(results),
         durations=duration_plots(results),
-        runs=[_run(flown) for flown in results.runs],
+        runs=[_run(number, flown) for number, flown in enumerate(results.runs, 1)],
     )
 
 
@@ -191,13 +191,13 @@ def _failures(flown: FlownRun) -> list[str]:
 def _failed_runs(results: Results) -> list[tuple[Any, ...]]:
     return [
         (
-            flown.run.number,
+            number,
             flown.run.scenario.name,
             ", ".join(f"{name} = {value}" for name, value in flown.run.parameters.items()),
             flown.run.setup.seed,
             ", ".join(names),
         )
-        for flown in results.runs
+        for number, flown in enumerate(results.runs, 1)
         if (names := _failures(flown))
     ]
 
@@ -213,14 +213,14 @@ def _seeds(results: Results) -> list[tuple[Any, ...]]:
     return rows
 
 
-def _run(flown: FlownRun) -> dict[str, Any]:
+def _run(number: int, flown: FlownRun) -> dict[str, Any]:
     outcome = flown.outcome
     counts = [
         sum(each.outcome == name for each in outcome.verdicts)
         for name in ("passed", "failed", "undecided")
     ]
     return {
-        "number": flown.run.number,
+        "number": number,
         "name": flown.run.name,
         "ending": COMPLETED if outcome.ending == COMPLETED else ENDINGS[outcome.ending],
         "reached": f"{outcome.reached:.3f}",

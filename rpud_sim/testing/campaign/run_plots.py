@@ -51,7 +51,7 @@ def reaction_plots(results: Results) -> tuple[Plot, ...]:
 
 def duration_plots(results: Results) -> tuple[Plot, ...]:
     """Return simulated and real durations over the runs."""
-    numbers = np.array([flown.run.number for flown in results.runs], float)
+    numbers = np.arange(1.0, len(results.runs) + 1.0)
     found = []
     for title, times in (
         ("simulated time", [flown.outcome.reached for flown in results.runs]),
@@ -76,10 +76,10 @@ def _expectations(results: Results) -> list[str]:
 def _verdicts(
     runs: Sequence[FlownRun], name: str, value: Callable[[Verdict], float | None]
 ) -> tuple[list[int], list[Verdict]]:
-    """Return the runs' numbers and their verdicts on one expectation that have a value."""
+    """Return places of runs, from 1 on, and their verdicts on one expectation that have a value."""
     pairs = [
-        (flown.run.number, verdict)
-        for flown in runs
+        (number, verdict)
+        for number, flown in enumerate(runs, 1)
         for verdict in flown.outcome.verdicts
         if verdict.name == name and value(verdict) is not None
     ]
