@@ -30,6 +30,7 @@ WIDE, PHONE = 1400, 375
 SCHEMES = ("light", "dark")
 HEIGHT = 900
 
+_HIGHEST = 8000  # a screenshot [px]: of a higher page, that of the window
 _LOCAL = ("", "127.0.0.1", "localhost")
 _SERIOUS = ("serious", "critical")
 _ALWAYS = ("landmark-one-main", "page-has-heading-one", "region")  # axe says moderate
@@ -117,6 +118,7 @@ class BrowserPage:
 
     def keep(self, name: str, *, whole: bool = True) -> Path:
         """Write a screenshot among the artefacts of the test, and return its path."""
+        whole = whole and self.tab.evaluate("document.body.scrollHeight") < _HIGHEST
         path = self._artefacts / f"{re.sub(r'[^-+=.a-zA-Z0-9_]+', '_', name)}.png"
         self.tab.screenshot(path=path, full_page=whole)
         return path

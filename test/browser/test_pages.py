@@ -110,7 +110,7 @@ def file(request, tmp_path_factory):
         patch.setattr(branches, "PARTICLES", 512)
         patch.setattr(rounds, "CANDIDATES", 4)
         patch.setattr(rounds, "CANDIDATE_RUNS", 4)
-        patch.setattr(reproduction, "QUICK", reproduction.Effort(4, 2, 2, 2, 2, 0.5, 3, 4))
+        patch.setattr(reproduction, "QUICK", reproduction.Effort(2, 1, 2, 2, 2, 0.2, 3, 4))
         with pytest.raises(SystemExit) as end:
             main([str(word) for word in PAGES[request.param](folder)])
     assert end.value.code in (0, 1)
