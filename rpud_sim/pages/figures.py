@@ -135,6 +135,7 @@ def _draw(
         min_border_bottom=_AXIS,
         match_aspect=plot.square,
         lod_threshold=None,
+        border_line_color=None,
     )
     zoom = BoxZoomTool(dimensions="both" if plot.square else "width")
     drawn.add_tools(zoom)

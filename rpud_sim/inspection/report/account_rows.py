@@ -9,6 +9,7 @@ from rpud_sim.inspection.report.drill_topics import Powers
 from rpud_sim.inspection.report.periods import Periods
 from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS
 from rpud_sim.inspection.report.rows import Rows, show
+from rpud_sim.pages.words import number
 
 PERIOD_HEADING = (
     "begin [s]", "end [s]", "commands in force", "active faults", "impacts", "impact rate [1/s]",
@@ -27,14 +28,14 @@ def period_rows(periods: Periods) -> Rows:
             period.commands or "not known",
             period.faults or "none",
             str(period.impacts),
-            show(period.impact_rate),
-            show(period.peak_force.mean),
-            show(period.peak_force.quantile(0.5)),
-            show(period.peak_force.quantile(0.95)),
-            show(period.peak_force.greatest),
-            show(period.reacting_force.mean),
-            show(period.energy),
-            show(period.power),
+            _short(period.impact_rate),
+            _short(period.peak_force.mean),
+            _short(period.peak_force.quantile(0.5)),
+            _short(period.peak_force.quantile(0.95)),
+            _short(period.peak_force.greatest),
+            _short(period.reacting_force.mean),
+            _short(period.energy),
+            _short(period.power),
         )
         for period in periods.all
         if period.duration > 0.0 or period.impacts
@@ -73,3 +74,7 @@ def account_rows(powers: Powers, electrical: float) -> Rows:
 
 def _total(means: Mapping[str, float], names: Mapping[str, str]) -> float:
     return sum(means[name] for name in names)
+
+
+def _short(value: float) -> str:
+    return number(value) if math.isfinite(value) else show(None)

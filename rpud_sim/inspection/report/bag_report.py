@@ -175,20 +175,16 @@ def _impacts(seen: Survey, name: str, plots: TimePlots) -> dict[str, Any]:
 
 def _beside(seen: Survey, name: str, plots: TimePlots) -> Iterator[Plot]:
     """Yield the plots of the reacting force and of the weight on bit beside those of impacts."""
-    for kinds, text in (
-        (FORCES, "reacting force"),
-        (((rows.STATUS, "weight_on_bit"),), "weight on bit in force"),
-    ):
-        for kind, column in kinds:
-            topic = seen.sibling(name, kind)
-            found = [
-                item
-                for item in (topic.series if topic is not None else ())
-                if item.column.name == column and item.values.count
-            ]
-            if found:
-                yield plots.series(found[0], text)
-                break
+    for kind, column in FORCES:
+        topic = seen.sibling(name, kind)
+        series = topic.series if topic is not None else ()
+        found = [item for item in series if item.column.name == column and item.values.count]
+        if found:
+            yield plots.series(found[0], "reacting force")
+            break
+    for journal_name, journal in seen.journals.items():
+        if namespace(journal_name) == namespace(name):
+            yield from plots.weight_on_bit(journal.changes)
 
 
 def _segments(seen: Survey) -> Iterator[dict[str, Any]]:

@@ -23,11 +23,13 @@ class Change:
         time: since the bag began [s].
         text: what the command asks for.
         in_force: commands that are in force from then on.
+        weight_on_bit: that is in force from then on [N]; None if it is not known.
     """
 
     time: float
     text: str
     in_force: str
+    weight_on_bit: float | None = None
 
 
 class CommandsInForce:
@@ -36,6 +38,7 @@ class CommandsInForce:
     def __init__(self) -> None:
         self._texts: dict[str, str] = {}
         self._parameters: dict[str, Any] = {}
+        self._weight: float | None = None
 
     def take(self, time: float, kind: str, content: str) -> Change | None:
         """Return the change that an entry makes; None if it makes none.
@@ -52,7 +55,7 @@ class CommandsInForce:
             text = self._text(kind, found if isinstance(found, dict) else {})
         except (KeyError, RecursionError, TypeError, ValueError):  # another program wrote it
             text = kind
-        return Change(time, text[:_LENGTH], self.text)
+        return Change(time, text[:_LENGTH], self.text, self._weight)
 
     @property
     def text(self) -> str:
@@ -61,9 +64,7 @@ class CommandsInForce:
 
     def _text(self, kind: str, content: Mapping[str, Any]) -> str:
         if kind == "weight_on_bit":
-            text = f"weight on bit {float(content['force']):.4g} N"
-            self._texts[kind] = text
-            return text
+            return self._press(float(content["force"]))
         if kind == "drive":
             text = _drive(content)
             self._texts[kind] = text
@@ -71,13 +72,18 @@ class CommandsInForce:
         if kind == "configure":
             return self._configure(dict(content["parameters"]))
         if kind == "restore":
+            self._weight = None  # the checkpoint has its own
+            self._texts.clear()
             return f"restore of {content['name']!s:.60}"
         self._texts.clear()
         self._parameters = dict(content["parameters"])
-        self._texts["weight_on_bit"] = (
-            f"weight on bit {float(self._parameters['weight_on_bit']):.4g} N"
-        )
+        self._press(float(self._parameters["weight_on_bit"]))
         return "a simulation begins"
+
+    def _press(self, weight: float) -> str:
+        self._weight = weight
+        self._texts["weight_on_bit"] = f"weight on bit {weight:.4g} N"
+        return self._texts["weight_on_bit"]
 
     def _configure(self, parameters: dict[str, Any]) -> str:
         changed = [

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from rpud_sim.inspection.report import wording
+from rpud_sim.inspection.report.changes import Change
 from rpud_sim.inspection.report.drill_topics import Impacts, Waveform
 from rpud_sim.inspection.report.run_marks import exact_steps, series_steps
 from rpud_sim.inspection.report.running_statistics import Distribution, Envelope
@@ -14,11 +15,11 @@ from rpud_sim.inspection.report.topic_survey import Series, TopicSurvey
 from rpud_sim.pages.extent import readable_unit
 from rpud_sim.pages.plot import FAULT, Axis, Bars, Layer, Line, Mark, Plot, Spans, Stems, TimeColumn
 from rpud_sim.pages.plot import Envelope as EnvelopeLayer
-from rpud_sim.pages.words import described
+from rpud_sim.pages.words import described, number
 
 LABEL = "time since the bag began"
 
-_DECADES = 1000.0  # greatest over least value, from which an axis is logarithmic
+_DECADES = 100.0  # greatest over least mean, from which an axis is logarithmic
 _NAME = 60  # characters
 _PARTS = 200  # of the time, for rates
 _MOST_FAULTS = 60
@@ -70,6 +71,27 @@ class TimePlots:
         )
         return self._plot(name, item.values, item.envelope, scale, layer)
 
+    def weight_on_bit(self, changes: Sequence[Change]) -> Iterator[Plot]:
+        """Yield the weight on bit that was commanded, if the journal says it.
+
+        Args:
+            changes: by commands, in order.
+        """
+        known = [(max(c.time, 0.0), c.weight_on_bit) for c in changes if c.time <= self._span]
+        if not any(weight is not None for _, weight in known):
+            return
+        times = np.array([*(time for time, _ in known), self._span])
+        weights = np.array([*(weight for _, weight in known), known[-1][1]], float)
+        first, last = (number(float(weights[place])) for place in (0, -1))
+        ends = f"{number(float(np.nanmin(weights)))} and {number(float(np.nanmax(weights)))} N"
+        yield Plot(
+            "weight on bit",
+            (Line("commanded", times, weights, steps=True),),
+            f"Weight on bit: between {ends}; {first} N at first, {last} N at last.",
+            Axis(unit="N"),
+            height=120,
+        )
+
     def delay(self, topic: TopicSurvey) -> Plot:
         """Return the time from the stamps of a topic's messages to their log times."""
         timing = topic.timing
@@ -96,13 +118,10 @@ class TimePlots:
         self, name: str, values: Distribution, envelope: Envelope, scale: tuple[float, str],
         layer: Layer,
     ) -> Plot:  # fmt: skip
-        log = values.least > 0.0 and values.greatest > _DECADES * values.least
         alt = wording.over_time(
             f"{name[:1].upper()}{name[1:]}", values, envelope, scale, self._span, self._marks
         )
-        return Plot(
-            name, (layer,), alt, Axis(unit=scale[1], log=log and not isinstance(layer, Stems))
-        )
+        return Plot(name, (layer,), alt, Axis(unit=scale[1], log=_asks_for_log(layer)))
 
     def _bars(
         self, name: str, unit: str, edges: np.ndarray, heights: np.ndarray, color: int
@@ -157,6 +176,15 @@ def closer(waveform: Waveform, name: str) -> TimeColumn:
     label = f"time after {begin:.6g} s"
     end = float(times[-1]) if len(times) > 1 else 1.0
     return TimeColumn(tuple(map(described, plots)), 0.0, end, (), name, label, "ms")
+
+
+def _asks_for_log(layer: Layer) -> bool:
+    """Whether the values or means that are drawn span decades; then all have to be positive."""
+    if not isinstance(layer, Line | EnvelopeLayer):
+        return False
+    values = layer.y[np.isfinite(layer.y)]
+    low = layer.low[np.isfinite(layer.low)] if isinstance(layer, EnvelopeLayer) else values
+    return bool(len(values) and low.min() > 0.0 and values.max() > _DECADES * values.min())
 
 
 def _peaks(item: Series, scale: tuple[float, str]) -> Layer:

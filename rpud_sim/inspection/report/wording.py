@@ -10,6 +10,7 @@ import numpy as np
 
 from rpud_sim.inspection.report.running_statistics import Distribution, Envelope
 from rpud_sim.pages.plot import COMMAND, FAULT, Mark
+from rpud_sim.pages.words import number
 
 _LEAST_CHANGE = 0.1  # of the greater mean: a smaller change is not worth a word
 _LEAST_SCORE = 4.0  # errors of the means: a smaller change may be chance
@@ -108,7 +109,7 @@ def of_flow(into: dict[str, float], out: dict[str, float]) -> str:
 
 
 def _number(value: float, unit: str = "") -> str:
-    return f"{value:.4g} {unit}".rstrip()
+    return f"{number(value)} {unit}".rstrip()
 
 
 def _greatest_change(envelope: Envelope, marks: Sequence[Mark]) -> _Change | None:
