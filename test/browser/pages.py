@@ -68,6 +68,17 @@ _OVERFLOWING = """() => {
 }"""
 
 
+_SCROLLING = """async () => {
+  const frame = () => new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+  for (let top = 0; top < document.body.scrollHeight; top += innerHeight) {
+    scrollTo(0, top);
+    await frame();
+    await frame();
+  }
+  scrollTo(0, 0);
+}"""
+
+
 class BrowserPage:
     """A page as one reader sees it: a window, a colour scheme, and all that it complained of.
 
@@ -116,6 +127,11 @@ class BrowserPage:
         )
         self.tab.evaluate("() => new Promise((f) => requestAnimationFrame(() => setTimeout(f)))")
 
+    def see_all(self) -> None:
+        """Scroll to the end and back: plots are drawn when they come into view."""
+        self.tab.evaluate(_SCROLLING)
+        self.settle()
+
     def keep(self, name: str, *, whole: bool = True) -> Path:
         """Write a screenshot among the artefacts of the test, and return its path."""
         whole = whole and self.tab.evaluate("document.body.scrollHeight") < _HIGHEST
@@ -154,6 +170,7 @@ class BrowserPage:
     def check(self) -> None:
         """Check all that every page of the project has to keep."""
         self.settle()
+        self.see_all()
         self.assert_fits()
         self.assert_described()
         self.assert_accessible()

@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 from playwright.sync_api import Error as BrowserError
 
 from rpud_sim.foundation.terminal import complain
@@ -30,7 +30,7 @@ def report(browser: Browser, out: Path, folder: Path) -> None:
     scenario = f"scenario={CONFIG / 'faults.yaml'}"
     rpud("run", "--duration", "12", "--set", scenario, "--record", bag)
     rpud("report", bag, "--out", page)
-    shoot(browser, page.as_uri(), out, WIDE)
+    shoot(browser, page.as_uri(), out, WIDE, lambda page: scroll_to(page, "#impacts"))
 
 
 DRAWINGS: dict[str, Callable[[], str]] = {
@@ -46,6 +46,11 @@ FILES = [
     *(f"{name}{ending}.png" for name in PAGES for ending in SCHEMES.values()),
 ]
 """Names of all pictures."""
+
+
+def scroll_to(page: Page, selector: str) -> None:
+    """Bring an element to the top of the window."""
+    page.locator(selector).evaluate("(element) => element.scrollIntoView()")
 
 
 def rpud(*words: object) -> None:
