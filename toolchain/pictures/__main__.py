@@ -7,10 +7,12 @@ that are made for it.
 from __future__ import annotations
 
 import argparse
+import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from playwright.sync_api import Browser, Page
@@ -18,10 +20,11 @@ from playwright.sync_api import Error as BrowserError
 
 from rpud_sim.foundation.terminal import complain
 from toolchain.pictures.diagrams import draw_blocks, draw_drill, draw_events
-from toolchain.pictures.screenshots import SCHEMES, chromium, shoot
+from toolchain.pictures.screenshots import SCHEMES, chromium, open_in_both, save
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 WIDE = (1200, 900)
+TALL = (1200, 1250)
 
 
 def report(browser: Browser, out: Path, folder: Path) -> None:
@@ -30,7 +33,26 @@ def report(browser: Browser, out: Path, folder: Path) -> None:
     scenario = f"scenario={CONFIG / 'faults.yaml'}"
     rpud("run", "--duration", "12", "--set", scenario, "--record", bag)
     rpud("report", bag, "--out", page)
-    shoot(browser, page.as_uri(), out, WIDE, lambda page: scroll_to(page, "#impacts"))
+    pages = open_in_both(browser, page.as_uri(), WIDE)
+    for each in pages:
+        show_plots(each, 5.0)
+    save(pages, out)
+
+
+def live(browser: Browser, out: Path, folder: Path) -> None:
+    """Take the page of `rpud watch`, of a drill that was pressed harder and then jammed."""
+    with background("run", "--duration", "600"), background("watch", "--port", "0") as watch:
+        url = printed_url(watch)
+        pages = open_in_both(browser, url, TALL)
+        for page in pages:
+            page.wait_for_function("document.querySelector('#state').textContent === 'drilling'")
+        pages[0].wait_for_timeout(6_000)
+        pages[0].get_by_label("weight on bit").fill("25")
+        pages[0].get_by_role("button", name="Press").click()
+        pages[0].wait_for_timeout(7_000)
+        rpud("inject", "free_mass_jammed")
+        pages[0].wait_for_timeout(3_000)
+        save(pages, out)
 
 
 DRAWINGS: dict[str, Callable[[], str]] = {
@@ -39,6 +61,7 @@ DRAWINGS: dict[str, Callable[[], str]] = {
     "events": draw_events,
 }
 PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {
+    "live": live,
     "report": report,
 }
 FILES = [
@@ -48,9 +71,36 @@ FILES = [
 """Names of all pictures."""
 
 
-def scroll_to(page: Page, selector: str) -> None:
-    """Bring an element to the top of the window."""
-    page.locator(selector).evaluate("(element) => element.scrollIntoView()")
+def show_plots(page: Page, share: float) -> None:
+    """Bring the plots over time to the top of the window, and the cursor onto them."""
+    page.locator(".plot-controls").first.evaluate("(element) => element.scrollIntoView()")
+    plot = page.locator(".plot-drawing").first
+    plot.scroll_into_view_if_needed()
+
+
+@contextmanager
+def background(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """Run a command of `rpud` meanwhile; its output is a pipe."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rpud_sim.cli.main", *words], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.communicate()
+
+
+def printed_url(process: subprocess.Popen[str]) -> str:
+    """Return the first address that a command prints.
+
+    Raises:
+        OSError: if it ends without one.
+    """
+    for line in process.stdout or ():
+        if found := re.search(r"http://\S+", line):
+            return found[0]
+    raise OSError(f"{' '.join(process.args[3:])} printed no address")
 
 
 def rpud(*words: object) -> None:
