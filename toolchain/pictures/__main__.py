@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urljoin
 
 from playwright.sync_api import Browser, Page
 from playwright.sync_api import Error as BrowserError
@@ -24,7 +25,7 @@ from toolchain.pictures.screenshots import SCHEMES, chromium, open_in_both, save
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 WIDE = (1200, 900)
-TALL = (1200, 1250)
+TALL = (1200, 1670)
 
 
 def report(browser: Browser, out: Path, folder: Path) -> None:
@@ -40,17 +41,19 @@ def report(browser: Browser, out: Path, folder: Path) -> None:
 
 
 def live(browser: Browser, out: Path, folder: Path) -> None:
-    """Take the page of `rpud watch`, of a drill that was pressed harder and then jammed."""
+    """Take the page of `rpud watch`, of a drill that was pressed harder and jammed for a while."""
     with background("run", "--duration", "600"), background("watch", "--port", "0") as watch:
-        url = printed_url(watch)
+        url = urljoin(printed_url(watch), "/drill?namespace=/rpud")
         pages = open_in_both(browser, url, TALL)
         for page in pages:
-            page.wait_for_function("document.querySelector('#state').textContent === 'drilling'")
+            page.wait_for_function("document.querySelector('#state').textContent === 'running'")
         pages[0].wait_for_timeout(6_000)
-        pages[0].get_by_label("weight on bit").fill("25")
+        pages[0].get_by_role("spinbutton", name="weight on bit").fill("25")
         pages[0].get_by_role("button", name="Press").click()
         pages[0].wait_for_timeout(7_000)
         rpud("inject", "free_mass_jammed")
+        pages[0].wait_for_timeout(3_000)
+        rpud("clear")
         pages[0].wait_for_timeout(3_000)
         save(pages, out)
 
