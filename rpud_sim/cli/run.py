@@ -14,6 +14,8 @@ from rpud_sim.cli.options import (
 )
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.recorder_process import RecorderProcess
+from rpud_sim.cli.watch import DEFAULT_PORT, PORT
+from rpud_sim.cli.watch_process import watching
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.record.record_options import RecordOptions
 
@@ -50,6 +52,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: %(default)g)",
     )
     parser.add_argument(
+        "--watch",
+        action=Number,
+        quantity=PORT,
+        nargs="?",
+        const=str(DEFAULT_PORT),
+        metavar="PORT",
+        help="also serve the page of the drill, by a process of its own; 0 is a free port "
+        f"(default: {DEFAULT_PORT})",
+    )
+    parser.add_argument(
         "--namespace",
         default=RecordOptions.namespace,
         help="namespace of the node (default: %(default)s)",
@@ -73,6 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
         failing(NamesakeError),
         failing(StartError, code=ExitCode.USAGE),
         StopRequest() as stop,
+        watching(arguments.watch, arguments.namespace, stop),
         open_drill(
             values,
             arguments.namespace,

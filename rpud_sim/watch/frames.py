@@ -174,7 +174,9 @@ def _fault(fault: Any) -> dict[str, Any]:
 
 
 def _outcome(outcome: Any) -> dict[str, Any]:
-    arguments = ", ".join(f"{name} {value}" for name, value in outcome.arguments.items())
+    arguments = ", ".join(
+        f"{name} {value}" for name, value in outcome.arguments.items() if value != ""
+    )
     return {
         "number": outcome.number,
         "name": outcome.name,

@@ -66,8 +66,11 @@ var rpudLive = (() => {
     }
   }
 
+  /* Draws what is in view alone: a page that follows the drill does it several times a second. */
   function draw() {
-    const [fast, slow] = tables;
+    const [{ first: start, rows: all }, slow] = tables;
+    const from = follow && mine ? Math.max(0, Math.floor(mine[0] / BIN) - start - 1) : 0;
+    const fast = { first: start + from, rows: all.slice(from) };
     const x = Float64Array.from(fast.rows, (_, row) => (fast.first + row) * BIN);
     const until = x.map((value) => value + BIN);
     for (const [name, [column, scale]] of Object.entries(ENVELOPES)) {
@@ -128,8 +131,8 @@ var rpudLive = (() => {
     Object.assign(state, { values: frame.values, impact: frame.impact, time: frame.time });
     merge(tables[0], frame.series);
     merge(tables[1], frame.statuses);
-    draw();
     range();
+    draw();
     showMarks(frame);
     showValues(frame);
     showFaults(frame.faults);

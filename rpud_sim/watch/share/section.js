@@ -7,8 +7,8 @@
 var rpudSection = (() => {
   const find = (id) => document.getElementById(id);
   const PIXEL = 0.0254 / 96; // of CSS [m]
-  const TOUCH = 230, MASS = 26, PLANE = 98; // places at rest: tip, height of the mass, nodal plane
-  const ROOM = 125; // pixels that the farthest motion may take
+  const TOUCH = 290, MASS = 26, PLANE = 178; // places at rest: tip, height of the mass, nodal plane
+  const ROOM = 115; // pixels that the farthest motion may take
   const FLASH = 350; // ms
   const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
   const still = window.matchMedia("(prefers-reduced-motion: reduce)");
@@ -105,7 +105,7 @@ var rpudSection = (() => {
     find("s-horn").setAttribute("d",
       `M95 ${top} C112 ${top + 30} 118 ${end - 40} 118 ${end} H142 C142 ${end - 40} 148 ${top + 30} 165 ${top} Z`);
     const coils = [];
-    const bottom = 70 + plane;
+    const bottom = PLANE - 28 + plane;
     for (let each = 0; each <= 8; each += 1)
       coils.push(`${each === 0 || each === 8 ? 130 : each % 2 ? 112 : 148},${(10 + (bottom - 10) * each / 8).toFixed(1)}`);
     find("s-spring").setAttribute("points", coils.join(" "));
