@@ -178,12 +178,9 @@ def _range(plot: Plot, side: str, live: bool) -> Any:
 
 def _dress(drawn: Figure, plot: Plot) -> None:
     """Set fonts, colours and formats of a figure's frame."""
-    paint(
-        drawn,
-        background_fill_color="paper",
-        border_fill_color="paper",
-        outline_line_color="rule",
-    )
+    # The page shows through.
+    drawn.background_fill_color = drawn.border_fill_color = None
+    paint(drawn, outline_line_color="rule")
     for axis, side in ((drawn.xaxis[0], plot.x), (drawn.yaxis[0], plot.y)):
         axis.major_label_text_font_size = _FONT
         axis.axis_label_text_font_size = _FONT

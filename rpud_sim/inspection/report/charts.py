@@ -29,7 +29,9 @@ def distributions(impacts: Impacts, topic: TopicSurvey) -> list[Plot]:
         ("energy of the arriving free mass", topic.find("energy"), "J"),
         ("interval between impacts", impacts.intervals, "s"),
     ):
-        scale = readable_unit(unit, max(abs(values.least), abs(values.greatest)))
+        # Of intervals, one that is far longer than the others would set the unit.
+        greatest = values.mean if isinstance(values, Intervals) else values.greatest
+        scale = readable_unit(unit, max(abs(values.least), abs(greatest)))
         counts, edges = values.classes(_CLASSES)
         edges = scale[0] * edges
         mean = scale[0] * values.mean

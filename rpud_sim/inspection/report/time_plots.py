@@ -15,7 +15,7 @@ from rpud_sim.inspection.report.topic_survey import Series, TopicSurvey
 from rpud_sim.pages.extent import readable_unit
 from rpud_sim.pages.plot import FAULT, Axis, Bars, Layer, Line, Mark, Plot, Spans, Stems, TimeColumn
 from rpud_sim.pages.plot import Envelope as EnvelopeLayer
-from rpud_sim.pages.words import described, number
+from rpud_sim.pages.words import number
 
 LABEL = "time since the bag began"
 
@@ -162,20 +162,19 @@ def closer(waveform: Waveform, name: str) -> TimeColumn:
         ("drill tool", "drill_tool_displacement", "text"),
     )
     length, length_unit = _prefix("m", *(found[body] for _, body, _ in bodies))
-    plots = [
-        Plot(
-            "positions, the rock is below",
-            tuple(line(title, body, length, color) for title, body, color in bodies),
-            y=Axis(unit=length_unit, flipped=True),
-            height=260,
-        )
-    ]
+    pictures = [("positions, the rock is below", bodies, length, length_unit)]
     for title, column in (("contact force", "contact_force"), ("reacting force", "reacting_force")):
-        factor, unit = _prefix("N", found[column])
-        plots.append(Plot(title, (line(title, column, factor, 0),), y=Axis(unit=unit)))
+        pictures.append((title, ((title, column, 0),), *_prefix("N", found[column])))
+    plots = []
+    for title, columns, factor, unit in pictures:
+        lines = tuple(line(text, column, factor, color) for text, column, color in columns)
+        alt = wording.of_lines(lines, unit)
+        flipped = columns is bodies
+        height = 260 if flipped else 170
+        plots.append(Plot(title, lines, alt, Axis(unit=unit, flipped=flipped), height=height))
     label = f"time after {begin:.6g} s"
     end = float(times[-1]) if len(times) > 1 else 1.0
-    return TimeColumn(tuple(map(described, plots)), 0.0, end, (), name, label, "ms")
+    return TimeColumn(tuple(plots), 0.0, end, (), name, label, "ms")
 
 
 def _asks_for_log(layer: Layer) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rpud_sim.inspection.report.running_statistics import Distribution, Envelope
-from rpud_sim.pages.plot import COMMAND, FAULT, Mark
+from rpud_sim.pages.plot import COMMAND, FAULT, Line, Mark
 from rpud_sim.pages.words import number
 
 _LEAST_CHANGE = 0.1  # of the greater mean: a smaller change is not worth a word
@@ -95,6 +95,23 @@ def of_faults(marks: Sequence[Mark]) -> str:
     more = f"; and {len(faults) - 4} more" if len(faults) > 4 else ""
     noun = "fault" if len(faults) == 1 else "faults"
     return f"{len(faults)} {noun}: {'; '.join(texts)}{more}."
+
+
+def of_lines(lines: Sequence[Line], unit: str) -> str:
+    """Return the range of each line of a plot.
+
+    Args:
+        lines: of the plot.
+        unit: of their values.
+    """
+    texts = []
+    for line in lines:
+        found = line.y[np.isfinite(line.y)]
+        ends = "no values"
+        if len(found):
+            ends = f"between {_number(float(found.min()))} and {_number(float(found.max()), unit)}"
+        texts.append(f"{line.name[:1].upper()}{line.name[1:]}: {ends}.")
+    return " ".join(texts)
 
 
 def of_flow(into: dict[str, float], out: dict[str, float]) -> str:
