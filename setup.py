@@ -38,6 +38,7 @@ setup(
         PACKAGE: ["py.typed"],
         f"{PACKAGE}.bag": ["share/*/msg/*.msg"],
         f"{PACKAGE}.kernels": ["compiled/*.kernel"],
+        f"{PACKAGE}.pages": ["share/*.css", "share/*.js"],
     },
     python_requires=">=3.10",
     # What every command needs. Where an extra is missing, the program says which.

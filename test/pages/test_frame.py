@@ -13,7 +13,7 @@ from rpud_sim.pages.frame import render_page, to_png
 def test_texts_are_escaped_and_macros_are_html():
     page = render_page("{{ table(('<a>',), [('<b>', 'c\x1b\u202e')]) }}", "<title>")
     assert "<title>&lt;title&gt;</title>" in page
-    assert "<th>&lt;a&gt;</th>" in page
+    assert '<th scope="col">&lt;a&gt;</th>' in page
     assert "<td>&lt;b&gt;</td><td>c\\x1b\\u202e</td>" in page
     assert page.startswith("<!DOCTYPE html>")
     assert page.endswith("</body></html>\n")

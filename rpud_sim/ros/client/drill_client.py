@@ -36,6 +36,7 @@ from rpud_sim.ros.client.arguments import (
 from rpud_sim.ros.client.confirmation import stamp_of
 from rpud_sim.ros.client.drill_connection import DrillConnection
 from rpud_sim.ros.client.errors import RefusedError
+from rpud_sim.ros.client.telemetry import Telemetry
 
 PATIENCE = 10.0
 """Time limit of a client, unless it is given another one [s]."""
@@ -389,6 +390,39 @@ class DrillClient:
         """
         self.found()
         return self._drill.until(condition, what, patience)
+
+    def observe(self, observer: Callable[[str, Any], object]) -> None:
+        """Call a function with the topic and each message of ``status``, ``faults``, ``journal``.
+
+        They are latched: what came before is not repeated. Observe before the client has waited.
+        """
+        self._drill.watch.observer = observer
+
+    def telemetry(self, sinks: Mapping[str, Callable[[int, tuple[Any, ...]], object]]) -> Telemetry:
+        """Subscribe to fast topics, whose messages are decoded in a few microseconds.
+
+        Args:
+            sinks: by topic, a function of the stamp [ns] and the values, as ``Telemetry`` has them.
+        """
+        return Telemetry(self._drill.listening, sinks)
+
+    def take(self) -> None:
+        """Take all messages that have arrived, without a wait; responses and events stay."""
+        self._drill.listening.settle()
+
+    def spin(self, seconds: float = 0.0) -> None:
+        """Take messages, responses and events that have arrived, or wait for the next one [s]."""
+        self._drill.listening.spin(seconds)
+
+    @property
+    def publishers(self) -> list[str]:
+        """Full names of the nodes that publish the drill's status; no node, no drill."""
+        return self._drill.watch.publishers
+
+    @property
+    def last_refusal(self) -> tuple[int, str]:
+        """Count of the commands that the drill has refused, and its reason for the latest."""
+        return self._drill.watch.last_refusal
 
     def _active(self, which: int | str) -> list[int]:
         """Return the numbers of the active faults that are meant."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -32,6 +33,8 @@ class DrillWatch:
         status: the latest, None before the first.
         faults: the latest, None before the first.
         statuses: count of the statuses that came.
+        observer: called with the name of a topic (``status``, ``faults``, ``journal``) and each of
+            its messages.
 
     Args:
         listening: node in the drill's namespace.
@@ -41,6 +44,7 @@ class DrillWatch:
         self.status: Status | None = None
         self.faults: Faults | None = None
         self.statuses = 0
+        self.observer: Callable[[str, Any], object] = lambda topic, message: None
         self._listening = listening
         self._sequence: deque[int] = deque(maxlen=100)  # publication numbers of the statuses
         self._refusals: dict[str, tuple[int, str]] = {}  # by name: count and latest reason
@@ -60,6 +64,11 @@ class DrillWatch:
         """Full names of the nodes that publish the status."""
         node = self._listening.node
         return publisher_names(node, node.resolve_topic_name("status"), _STATUS)
+
+    @property
+    def last_refusal(self) -> tuple[int, str]:
+        """Count of the commands that the drill has refused, and why it refused the latest."""
+        return max((self._refusals.get(name, (0, "")) for name in self.publishers), default=(0, ""))
 
     def check_alone(self) -> None:
         """Check that one drill alone is there; one that was killed counts for nothing.
@@ -126,11 +135,14 @@ class DrillWatch:
             self._sequence.append(info["publication_sequence_number"])
         if self._confirmation is not None:
             self._confirmation.see_status(status)
+        self.observer("status", status)
 
     def _on_faults(self, faults: Faults) -> None:
         self.faults = faults
+        self.observer("faults", faults)
 
     def _on_entry(self, entry: JournalEntry) -> None:
+        self.observer("journal", entry)
         if self._confirmation is not None:
             self._confirmation.see_entry(entry)
 

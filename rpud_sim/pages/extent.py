@@ -1,0 +1,113 @@
+"""Extent of plots: ends of their axes, and units in which their numbers are short."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from rpud_sim.pages.plot import (
+    Axis,
+    Band,
+    Bars,
+    Cells,
+    Envelope,
+    Layer,
+    Line,
+    Plot,
+    Points,
+    Rule,
+    Stems,
+    Zone,
+)
+from rpud_sim.pages.theme import series_color
+
+_MARGIN = 0.05  # of the range
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n"}
+_SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "ohm", "F", "H")
+
+
+def layer_color(layer: Layer) -> str:
+    """Return the name of a layer's colour; empty for a heat map."""
+    if isinstance(layer, Cells):
+        return ""
+    return series_color(layer.color) if isinstance(layer.color, int) else layer.color
+
+
+def readable_unit(unit: str, greatest: float) -> tuple[float, str]:
+    """Return a factor and a unit with a prefix, in which a quantity has one to three digits.
+
+    Args:
+        unit: of the quantity, in SI.
+        greatest: of its absolute values.
+    """
+    if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
+        return 1.0, unit
+    exponent = min(max(3 * math.floor(math.log10(greatest) / 3.0 + 1e-12), -9), 9)
+    if unit == "s":
+        exponent = min(exponent, 0)
+    return 10.0**-exponent, _PREFIXES[exponent] + unit
+
+
+def axis_ends(plot: Plot, side: str) -> tuple[float, float]:
+    """Return the ends of an axis that its data need, with a margin.
+
+    Args:
+        plot: the plot.
+        side: ``x`` or ``y``.
+    """
+    axis: Axis = getattr(plot, side)
+    parts = [values[np.isfinite(values)] for layer in plot.layers for values in _held(layer, side)]
+    found = np.concatenate([np.empty(0), *parts])
+    found = found[found > 0.0] if axis.log else found
+    low, high = (float(found.min()), float(found.max())) if len(found) else (1.0, 1.0)
+    touching = not found.size or _rests_on_zero(plot, side)
+    if axis.log:
+        low, high = _log_ends(low, high)
+    else:
+        width = high - low
+        margin = _MARGIN * width if width > 1e-9 * max(abs(low), abs(high)) else 0.5 * abs(high)
+        margin = margin or 0.5
+        low, high = (low if touching and low == 0.0 else low - margin), high + margin
+    low = axis.low if axis.low is not None else low
+    high = axis.high if axis.high is not None else high
+    return low, high if high > low else low + 1.0
+
+
+def _log_ends(low: float, high: float) -> tuple[float, float]:
+    margin = (high / low) ** _MARGIN if high > low else 2.0
+    return low / margin, high * margin
+
+
+def _rests_on_zero(plot: Plot, side: str) -> bool:
+    return any(
+        isinstance(layer, Stems | Bars) and (getattr(layer, "across", False) == (side == "x"))
+        for layer in plot.layers
+    )
+
+
+def _held(layer: Layer, side: str) -> Iterator[np.ndarray]:
+    """Yield the numbers of a layer along an axis."""
+    if isinstance(layer, Rule):
+        if layer.across == (side == "y"):
+            yield np.array([layer.value])
+    elif isinstance(layer, Zone):
+        if layer.across == (side == "y"):
+            yield np.array([layer.low, layer.high])
+    elif isinstance(layer, Bars):
+        if layer.across == (side == "x"):
+            yield np.append(np.asarray(layer.y, float), 0.0)
+        else:
+            yield from (np.asarray(v, float) for v in (layer.edges, layer.ends) if v is not None)
+    elif isinstance(layer, Band | Envelope):
+        names = ("x",) if side == "x" else ("low", "high")
+        yield from (np.asarray(getattr(layer, name), float) for name in names)
+    elif isinstance(layer, Points):
+        yield np.asarray(getattr(layer, side), float)
+        if layer.across == (side == "x"):
+            yield from (np.asarray(v, float) for v in (layer.low, layer.high) if v is not None)
+    elif isinstance(layer, Line | Stems | Cells):
+        yield np.asarray(getattr(layer, side), float)
+        if isinstance(layer, Stems) and side == "y":
+            yield np.zeros(1)

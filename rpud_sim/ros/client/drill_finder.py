@@ -1,0 +1,108 @@
+"""List of all drills of a domain, with what each says of itself."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from types import TracebackType
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
+from rpud_msgs.msg import Status
+
+from rpud_sim.ros.client.drill_search import drill_namespaces
+from rpud_sim.ros.client.listening_node import ListeningNode
+
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_SILENCE = 4.0  # of a drill that is gone; the middleware remembers a killed one for 20 s [s]
+
+
+@dataclasses.dataclass(frozen=True)
+class FoundDrill:
+    """Drill of the list.
+
+    Args:
+        namespace: of the drill.
+        state: as its status says; ``silent`` if it publishes none any more, empty before the first.
+        regime: as its status says.
+        weight_on_bit: [N].
+        active_faults: number of them.
+        impacts: on the drill tool since the start.
+    """
+
+    namespace: str
+    state: str = ""
+    regime: str = ""
+    weight_on_bit: float | None = None
+    active_faults: int = 0
+    impacts: int = 0
+
+
+class DrillFinder:
+    """Node that knows the drills of a domain; it never waits. Use it from one thread.
+
+    Args:
+        domain_id: ROS domain; None for that of the environment.
+        node_name: name of its node.
+
+    Raises:
+        StartError: if ROS cannot start.
+    """
+
+    def __init__(self, domain_id: int | None = None, node_name: str = "rpud_watch_list") -> None:
+        self._listening = ListeningNode(node_name, "/", domain_id)
+        self._subscriptions: dict[str, Subscription] = {}
+        self._heard: dict[str, tuple[float, Status]] = {}
+
+    def __enter__(self) -> DrillFinder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    @property
+    def domain_id(self) -> int:
+        """The ROS domain."""
+        return self._listening.domain_id
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._listening.close()
+
+    def drills(self) -> list[FoundDrill]:
+        """Return the drills that are known now, by namespace."""
+        namespaces = drill_namespaces(self._listening.node)
+        for gone in set(self._subscriptions).difference(namespaces):
+            self._listening.unsubscribe(self._subscriptions.pop(gone))
+            self._heard.pop(gone, None)
+        for namespace in namespaces:
+            if namespace not in self._subscriptions:
+                self._subscriptions[namespace] = self._subscribe(namespace)
+        self._listening.settle()
+        return [self._drill(namespace) for namespace in namespaces]
+
+    def _subscribe(self, namespace: str) -> Subscription:
+        def heard(status: Status) -> None:
+            self._heard[namespace] = time.monotonic(), status
+
+        topic = f"{namespace.rstrip('/')}/status"
+        return self._listening.subscribe(Status, topic, heard, _LATCHED)
+
+    def _drill(self, namespace: str) -> FoundDrill:
+        if namespace not in self._heard:
+            return FoundDrill(namespace)
+        heard_at, status = self._heard[namespace]
+        silent = time.monotonic() - heard_at > _SILENCE
+        return FoundDrill(
+            namespace,
+            "silent" if silent else str(status.state),
+            str(status.regime),
+            float(status.weight_on_bit),
+            int(status.active_faults),
+            int(status.impacts),
+        )

@@ -1,0 +1,127 @@
+"""Queue of an operator's actions, and what the drill said to each."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import threading
+import time
+from collections import deque
+from collections.abc import Collection
+from types import MappingProxyType
+from typing import Any
+
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
+from rpud_sim.watch.picture import DONE, FAILED, REFUSED, WAITING, Outcome
+
+ACTIONS = ("press", "drive", "engage", "inject", "clear", "pause", "play", "step", "reset")
+"""Actions: methods of ``DrillClient``, with the same arguments."""
+
+_MOST_WAITING = 32
+_KEPT = 20  # outcomes besides those that wait
+
+
+class InterruptedWaitError(Exception):
+    """Raised inside a wait of the client to end it."""
+
+
+class Actions:
+    """Actions in the order in which they were asked for; any thread may ask.
+
+    Attributes:
+        running: name of the action that is under way; empty for none.
+        version: grows with each change of the outcomes.
+    """
+
+    def __init__(self) -> None:
+        self.running = ""
+        self.version = 0
+        self._lock = threading.Lock()
+        self._queue: deque[tuple[int, str, dict[str, Any]]] = deque()
+        self._outcomes: dict[int, Outcome] = {}
+        self._numbers = 0
+
+    @property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """Of the latest actions, oldest first."""
+        with self._lock:
+            return tuple(self._outcomes.values())
+
+    def add(self, name: str, arguments: dict[str, Any]) -> int:
+        """Queue an action and return its number.
+
+        Raises:
+            ParameterError: if there is no such action, or it has no such argument.
+        """
+        if name not in ACTIONS:
+            raise ParameterError(f"action {shown(name)} is unknown; {did_you_mean(name, ACTIONS)}")
+        try:
+            inspect.signature(getattr(DrillClient, name)).bind(None, **arguments)
+        except TypeError as error:
+            raise ParameterError(f"action {name}: {error}") from None
+        with self._lock:
+            self._numbers += 1
+            number = self._numbers
+            state, text = WAITING, ""
+            if len(self._queue) < _MOST_WAITING:
+                self._queue.append((number, name, dict(arguments)))
+            else:
+                state, text = FAILED, f"{_MOST_WAITING} actions wait already"
+            self._note(Outcome(number, name, MappingProxyType(arguments), state, text, time.time()))
+        return number
+
+    def waits_for(self, names: Collection[str]) -> bool:
+        """Return whether one of these actions waits."""
+        with self._lock:
+            return any(name in names for _, name, _ in self._queue)
+
+    def execute(self, client: DrillClient) -> bool:
+        """Execute the next action; return whether there was one."""
+        action = self._next()
+        if action is None:
+            return False
+        number, name, arguments = action
+        self.running = name
+        try:
+            result = getattr(client, name)(**arguments)
+        except (RefusedError, ParameterError) as error:
+            self._settle(number, REFUSED, str(error))
+        except ClientError as error:
+            self._settle(number, FAILED, str(error))
+        except InterruptedWaitError:
+            self._settle(number, FAILED, "interrupted")
+        else:
+            self._settle(number, DONE, _result_text(name, result))
+        finally:
+            self.running = ""
+        return True
+
+    def fail_all(self, reason: str) -> None:
+        """Let all actions that wait fail for a reason."""
+        while (action := self._next()) is not None:
+            self._settle(action[0], FAILED, reason)
+
+    def _next(self) -> tuple[int, str, dict[str, Any]] | None:
+        with self._lock:
+            return self._queue.popleft() if self._queue else None
+
+    def _settle(self, number: int, state: str, text: str) -> None:
+        with self._lock:
+            outcome = self._outcomes[number]
+            self._note(dataclasses.replace(outcome, state=state, text=text, since=time.time()))
+
+    def _note(self, outcome: Outcome) -> None:
+        self._outcomes[outcome.number] = outcome
+        settled = [each.number for each in self._outcomes.values() if each.state != WAITING]
+        for number in settled[:-_KEPT]:
+            del self._outcomes[number]
+        self.version += 1
+
+
+def _result_text(name: str, result: Any) -> str:
+    if name == "inject":
+        return f"fault {result}"
+    if name == "clear":
+        return f"ended: {', '.join(map(str, result)) or 'none'}"
+    return ""

@@ -1,0 +1,157 @@
+"""What a test sees of a page in Chromium; the fixture `page_of` of conftest.py makes it.
+
+    def test_the_button_steps_the_drill(page_of):
+        page = page_of("http://127.0.0.1:8080/rpud")  # or a file: page_of(tmp_path / "report.html")
+        page.tab.get_by_role("button", name="Step").click()  # `tab` is Playwright's Page
+        page.until("document.querySelector('#time').textContent === '0.010 s'")
+        page.keep("stepped")  # a screenshot among the artefacts
+        page.assert_quiet()  # no error on the console, no request off the machine
+        page.assert_fits()  # no scrolling sideways
+        page.assert_described()  # all that is seen has a text
+        page.assert_accessible()  # axe-core finds nothing serious
+        page_of(page.url, width=PHONE, scheme="dark", reduced_motion=True)  # once more
+
+`page.check()` is all four. `WIDE` and `PHONE` are widths in pixels, SCHEMES the colour schemes.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import BrowserContext, ConsoleMessage, Page
+from playwright.sync_api import Error as BrowserError
+from support import PATIENCE
+
+WIDE, PHONE = 1400, 375
+SCHEMES = ("light", "dark")
+HEIGHT = 900
+
+_LOCAL = ("", "127.0.0.1", "localhost")
+_SERIOUS = ("serious", "critical")
+
+# An element with a text of its own, or with somebody who speaks for it, needs no other.
+_UNDESCRIBED = """() => {
+  const spoken = (e) => e.closest('[aria-hidden="true"], [role="presentation"], [role="none"]')
+    || e.getAttribute('alt') !== null || e.getAttribute('aria-label')
+    || e.getAttribute('aria-labelledby') || e.querySelector(':scope > title');
+  const found = [];
+  const look = (root, described) => {
+    for (const e of root.querySelectorAll('*')) {
+      const inside = described || e.closest('figure, [role="img"], [role="figure"]');
+      const named = inside && (inside === true || spoken(inside)
+        || inside.querySelector('figcaption'));
+      if (e.matches('img, svg, canvas') && !e.closest('svg svg') && !named && !spoken(e)
+          && e.getClientRects().length)
+        found.push(e.outerHTML.slice(0, 120));
+      if (e.shadowRoot) look(e.shadowRoot, Boolean(named || spoken(e)));
+    }
+  };
+  look(document, false);
+  return found;
+}"""
+
+_OVERFLOWING = """() => {
+  const root = document.documentElement;
+  const width = root.clientWidth, needed = Math.max(root.scrollWidth, document.body.scrollWidth);
+  const right = (e) => e.getBoundingClientRect().right;
+  if (needed <= width) return [];
+  const wide = [...document.body.querySelectorAll('*')].filter((e) => right(e) > width + 0.5);
+  return [`the page needs ${needed} px of ${width}`, ...wide.slice(0, 8).map(
+    (e) => `${e.outerHTML.slice(0, 100)} ends at ${right(e)}`)];
+}"""
+
+
+class BrowserPage:
+    """A page as one reader sees it: a window, a colour scheme, and all that it complained of.
+
+    Args:
+        context: of Playwright, for this page alone.
+        target: file or address.
+        artefacts: folder of the test's screenshots; it is made when there is one.
+    """
+
+    def __init__(self, context: BrowserContext, target: Path | str, artefacts: Path) -> None:
+        self._context, self._artefacts = context, artefacts
+        self.errors: list[str] = []
+        self.off_machine: list[str] = []
+        self.url = target.absolute().as_uri() if isinstance(target, Path) else target
+        context.on("request", lambda request: self._ask(request.url))
+        self.tab: Page = context.new_page()
+        self.tab.on("console", self._hear)
+        self.tab.on("pageerror", lambda error: self.errors.append(f"uncaught: {error}"))
+        self.tab.on("crash", lambda _: self.errors.append("the page crashed"))
+        self.tab.on("websocket", lambda socket: self._ask(socket.url))
+        self.tab.goto(self.url)
+
+    def _ask(self, url: str) -> None:
+        parts = urlsplit(url)
+        if parts.scheme not in ("data", "blob", "about") and parts.hostname not in (None, *_LOCAL):
+            self.off_machine.append(url)
+
+    def _hear(self, message: ConsoleMessage) -> None:
+        # A browser asks for an icon that nobody offers; the page did not.
+        if message.type == "error" and not message.location["url"].endswith("/favicon.ico"):
+            self.errors.append(message.text)
+
+    def until(self, condition: str) -> None:
+        """Wait until an expression of JavaScript is true; Playwright's TimeoutError otherwise."""
+        self.tab.wait_for_function(condition, timeout=PATIENCE * 1e3)
+
+    def settle(self) -> None:
+        """Wait until all is drawn: fonts, and Bokeh where the page has it."""
+        self.until(
+            "document.readyState === 'complete' && document.fonts.status === 'loaded'"
+            " && (!window.Bokeh || Object.values(window.Bokeh.index.roots ?? window.Bokeh.index)"
+            ".every((view) => view.has_finished ? view.has_finished() : true))"
+        )
+        self.tab.evaluate("() => new Promise((f) => requestAnimationFrame(() => setTimeout(f)))")
+
+    def keep(self, name: str, *, whole: bool = True) -> Path:
+        """Write a screenshot among the artefacts of the test, and return its path."""
+        path = self._artefacts / f"{re.sub(r'[^-+=.a-zA-Z0-9_]+', '_', name)}.png"
+        self.tab.screenshot(path=path, full_page=whole)
+        return path
+
+    def assert_quiet(self) -> None:
+        """Fail where the console had an error, or where anything was asked of another machine."""
+        found = [*self.errors, *(f"asked of another machine: {url}" for url in self.off_machine)]
+        assert not found, "\n".join(found)
+
+    def assert_fits(self) -> None:
+        """Fail where the page scrolls sideways."""
+        found = self.tab.evaluate(_OVERFLOWING)
+        assert not found, "\n".join(found)
+
+    def assert_described(self) -> None:
+        """Fail where an image, a drawing or a plot has no text for those who do not see it."""
+        found = self.tab.evaluate(_UNDESCRIBED)
+        assert not found, "without an alternative text:\n" + "\n".join(found)
+
+    def assert_accessible(self) -> None:
+        """Fail where axe-core finds what is serious or critical: contrast, names, landmarks."""
+        found = Axe().run(self.tab).response
+        worst = [one for one in found["violations"] if one["impact"] in _SERIOUS]
+        lines = [f"{one['impact']}: {one['help']} ({one['helpUrl']})" for one in worst]
+        for one, line in zip(worst, lines, strict=True):
+            nodes = one["nodes"][:5]
+            print(line, *(f"  {node['target']} {node['html'][:150]}" for node in nodes), sep="\n")
+            print(*(f"  {check['message']}" for node in nodes for check in node["any"]), sep="\n")
+        assert not lines, "\n".join(lines)
+
+    def check(self) -> None:
+        """Check all that every page of the project has to keep."""
+        self.settle()
+        self.assert_fits()
+        self.assert_described()
+        self.assert_accessible()
+        self.assert_quiet()
+
+    def close(self) -> None:
+        """Close the page and all that belongs to it."""
+        self._context.close()
+
+
+__all__ = ["HEIGHT", "PHONE", "SCHEMES", "WIDE", "BrowserError", "BrowserPage"]

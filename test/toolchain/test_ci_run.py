@@ -1,0 +1,141 @@
+"""What .ci/run asks of make: a browser, and a second attempt for those who waited in vain."""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def ci_run(tmp_path):
+    """Run .ci/run in a folder where programs note how they were called; return what it printed."""
+    (tmp_path / ".ci").mkdir()
+    shutil.copy(ROOT / ".ci" / "run", tmp_path / ".ci")
+    (tmp_path / "toolchain").symlink_to(ROOT / "toolchain")
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    (tmp_path / ".venv" / "bin").mkdir(parents=True)
+    (tmp_path / ".venv" / "bin" / "python").symlink_to(sys.executable)
+    for name in ("bash", "dirname", "grep", "cat"):
+        (programs / name).symlink_to(shutil.which(name))
+
+    def program(name, text):
+        (programs / name).write_text(f"#!/bin/bash\n{text}\n")
+        (programs / name).chmod(0o755)
+
+    program("make", 'echo "make $* RPUD_BROWSER=${RPUD_BROWSER:-} $PYTEST_ARGS"')
+    program("id", "echo 0")
+
+    def run(**made):
+        for name, text in made.items():
+            program(name.replace("_", "-"), text)
+        environment = {"PATH": str(programs), "PYTEST_ARGS": "-x"}
+        done = subprocess.run(
+            [tmp_path / ".ci" / "run"], env=environment, capture_output=True, text=True
+        )
+        return done.stdout, done.stderr, done.returncode
+
+    return run
+
+
+def test_a_browser_that_is_there_is_required(ci_run, tmp_path):
+    printed, errors, code = ci_run(chromium="", apt_get="touch asked")
+    assert "make test RPUD_BROWSER=required -x --reruns 1" in printed
+    assert not (tmp_path / "asked").exists()
+    assert (errors, code) == ("", 0)
+
+
+@pytest.mark.skipif(
+    "ID=debian\n" not in Path("/etc/os-release").read_text(), reason="only Debian has a chromium"
+)
+def test_root_on_debian_installs_one_without_a_word(ci_run, tmp_path):
+    install = '[ "$2" = update ] || /bin/cp bin/make bin/chromium'
+    asked = 'echo noise "$@" | /usr/bin/tee -a asked'
+    printed, errors, code = ci_run(apt_get=f"{asked}; {install}")
+    assert (tmp_path / "asked").read_text().split("\n")[1].endswith("chromium fonts-liberation")
+    assert "make test RPUD_BROWSER=required" in printed
+    assert "noise" not in printed
+    assert (errors, code) == ("", 0)
+
+
+@pytest.mark.parametrize("made", [{"id": "echo 1000"}, {"apt_get": "false"}])
+def test_elsewhere_one_line_says_what_is_missing(ci_run, made):
+    printed, errors, code = ci_run(**made)
+    assert "make test RPUD_BROWSER= -x" in printed
+    assert errors.count("\n") == 1
+    assert "no Chromium" in errors
+    assert code == 0
+
+
+TESTS = """
+import time
+from pathlib import Path
+
+import pytest
+import support
+from playwright.sync_api import TimeoutError as BrowserTimeoutError
+
+def once(name, error):
+    with open(name, "a") as file:
+        file.write("x")
+    if Path(name).read_text() == "x":
+        raise error
+
+def test_a_condition(monkeypatch):
+    with open("condition", "a") as file:
+        file.write("x")
+    monkeypatch.setattr(support, "PATIENCE", 0.0)
+    support.until(lambda: Path("condition").read_text() == "xx")
+
+def test_a_process():
+    with support.Process("sleep", "100") as process:
+        try:
+            process.wait_for_line("x", timeout=0.01)
+        except AssertionError as error:
+            once("process", error)
+
+def test_a_page():
+    once("page", BrowserTimeoutError("Page.wait_for_function: Timeout 100ms exceeded.\\nCall log"))
+
+def test_an_assertion():
+    once("assertion", AssertionError("assert 'did it? it did not come true' == 'not within 3.0 s'"))
+
+def test_an_error():
+    once("error", TimeoutError("no answer within 1 s"))
+
+@pytest.mark.timeout(1)
+def test_no_end():
+    with open("end", "a") as file:
+        file.write("x")
+    time.sleep(100)
+"""
+
+
+def test_only_those_who_waited_in_vain_have_a_second_attempt(ci_run, tmp_path):
+    line = next(line for line in ci_run(chromium="")[0].splitlines() if "make test" in line)
+    options = shlex.split(line.partition("-x ")[2])
+    (tmp_path / "test_waits.py").write_text(TESTS)
+    (tmp_path / "pytest.ini").write_text("[pytest]\n")
+    paths = [str(ROOT), str(ROOT / "test"), os.environ.get("PYTHONPATH", "")]
+    command = [sys.executable, "-m", "pytest", "-n1", "--dist=loadfile", "-ra", *options]
+    done = subprocess.run(
+        [*command, "test_waits.py"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        capture_output=True,
+        text=True,
+    )
+    attempts = {
+        name: len((tmp_path / name).read_text()) for name in ("condition", "process", "page")
+    }
+    assert attempts == {"condition": 2, "process": 2, "page": 2}, done.stdout
+    assert {len((tmp_path / name).read_text()) for name in ("assertion", "error", "end")} == {1}
+    assert "3 failed, 3 passed, 3 rerun" in done.stdout
+    for name in ("test_a_condition", "test_a_process", "test_a_page"):
+        assert f"RERUN test_waits.py::{name}" in done.stdout
