@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
@@ -159,12 +160,22 @@ class Recording:
         Times are since the bag began. It reads some parts to find the others.
         """
         held = self._held_by.get(drill, [])
-        first = self._search(drill, held, lambda times: times[1] >= start - LATE)
+        first = self._search(drill, held, start - LATE, lambda times: times[1] >= start - LATE)
         for number in held[first:]:
             times = self._span(drill, number)
             if times is not None and times[0] > end + LATE:
                 return
             yield number
+
+    def pieces_from(self, drill: str, time: float, *, back: bool = False) -> Iterator[int]:
+        """Yield the numbers of parts from a time [s] on, to the end or to the beginning."""
+        held = self._held_by.get(drill, [])
+        if back:
+            after = self._search(drill, held, time + LATE, lambda times: times[0] > time + LATE)
+            yield from reversed(held[:after])
+        else:
+            first = self._search(drill, held, time - LATE, lambda times: times[1] >= time - LATE)
+            yield from held[first:]
 
     def elapsed(self, topic: str, rows: Rows) -> np.ndarray:
         """Return the times of rows since the bag began [s]."""
@@ -280,20 +291,37 @@ class Recording:
         return self._spans[drill].get(number)
 
     def _search(
-        self, drill: str, held: list[int], reached: Callable[[tuple[float, float]], bool]
+        self,
+        drill: str,
+        held: list[int],
+        time: float,
+        reached: Callable[[tuple[float, float]], bool],
     ) -> int:
-        """Return the place of the first part that is reached, by bisection."""
+        """Return the place of the first part that is reached.
+
+        Most clocks run with the log times. So it begins where the log times have come to ``time``,
+        and doubles its steps from there; bisection does the rest.
+        """
         low, high = 0, len(held)
+        place = bisect_left(held, self.begin + time * SECOND, key=self._end_of_piece)
+        step = 1
         while low < high:
-            middle = (low + high) // 2
-            probe = middle
+            probe = middle = min(max(place, low), high - 1)
             while probe < high and (times := self._span(drill, held[probe])) is None:
                 probe += 1
             if probe == high or reached(times):
                 high = middle
+                place = middle - step
             else:
                 low = probe + 1
+                place = probe + step
+            step *= 2
+            if step > (high - low) // 2:
+                place = (low + high) // 2
         return low
+
+    def _end_of_piece(self, number: int) -> int:
+        return self.pieces[number].end_time
 
     def _find_clocks(self) -> None:
         """Set the clocks from the sampled parts, and search between these where a clock jumped."""

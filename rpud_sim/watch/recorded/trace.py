@@ -90,7 +90,8 @@ def envelope(times: np.ndarray, least: np.ndarray, greatest: np.ndarray, width: 
 
     Args:
         times: beginnings of the parts that hold values, shape (n,) [s].
-        least, greatest: of their values, shape (n,).
+        least: of their values, shape (n,).
+        greatest: of their values, shape (n,).
         width: of a part [s].
     """
     if not len(times):
