@@ -23,13 +23,15 @@ class Layer:
         name: in the legend; no other layer of the plot has it.
         signal: of a topic; None for a channel of the rebuilt waveform.
         channel: of the waveform that is rebuilt from the trajectory; empty for a signal.
-        points: whether single messages are drawn as points.
+        points: whether it has the single messages of impacts, and is empty in the overview.
+        spread: whether it has the spread of these, and is empty elsewhere.
     """
 
     name: str
     signal: Signal | None = None
     channel: str = ""
     points: bool = False
+    spread: bool = False
 
 
 @dataclass(frozen=True)
@@ -131,6 +133,11 @@ def _drill_plots(recording: Recording, drill: str, signals: list[Signal]) -> Ite
             Layer(name, by_kind[kind, column], points=kind == IMPACTS)
             for name, kind, column in wanted
             if (kind, column) in by_kind
+        ]
+        layers += [
+            Layer("least and greatest peak", layer.signal, spread=True)
+            for layer in layers
+            if layer.points
         ]
         layers += [Layer(name, channel=channel) for name, channel in channels if rebuilt]
         if layers:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rpud_sim.watch.recorded.recording import JumpFinder, Recording
 from rpud_sim.watch.recorded.signals import Signal
-from rpud_sim.watch.recorded.trace import EMPTY, Trace, envelope
+from rpud_sim.watch.recorded.trace import EMPTY, GAP, Trace, envelope, usual
 
 BINS = 2**18
 """Greatest number of bins of a signal."""
@@ -19,6 +19,8 @@ MEMORY = 256 * 2**20
 """Greatest size of the bins of all signals [bytes]."""
 
 _LEAST_BINS = 2**10
+_LEAST_GAP = 0.1  # s
+_LEAST_STEPS = 10  # fewer messages have no usual distance
 _SPARE = 1.02  # of the time, for what is later than the last log time
 
 
@@ -146,6 +148,25 @@ class Overview:
             last = max(math.floor(end / self.width) + 1, first)
             least, greatest = self._least[place, first:last], self._greatest[place, first:last]
             return float(least.min(initial=np.inf)), float(greatest.max(initial=-np.inf))
+
+    def gaps(self) -> list[tuple[float, float]]:
+        """Return where no signal has messages for much longer than usual, from and to [s].
+
+        Only a complete overview knows it: of an incomplete one it returns nothing.
+        """
+        if not self.progress.complete or not self._signals:
+            return []
+        with self._lock:
+            used = np.flatnonzero((self._greatest >= self._least).any(axis=0))
+            width = self.width
+        steps = np.diff(used)
+        if len(steps) < _LEAST_STEPS:
+            return []
+        longest = max(GAP * usual(steps), _LEAST_GAP / width)
+        return [
+            ((int(used[place]) + 1) * width, int(used[place + 1]) * width)
+            for place in np.flatnonzero(steps > longest)
+        ]
 
     def _clear(self) -> None:
         duration = max(self._recording.duration, 1e-3)

@@ -227,7 +227,7 @@ class Windows:
         view = self._overview.view
         return {
             key: view(layer.signal, request.start, request.end, request.width)
-            if layer.signal
+            if layer.signal and not layer.points
             else EMPTY
             for key, layer in request.layers.items()
         }
@@ -314,6 +314,8 @@ def _message_trace(
     layer: Layer, times: np.ndarray, values: np.ndarray, request: Request, most: int
 ) -> Trace:
     assert layer.signal is not None
+    if layer.spread:
+        return EMPTY
     if layer.points:
         inside = (times >= request.start) & (times <= request.end)
         return thinned(times[inside], values[inside], most)
