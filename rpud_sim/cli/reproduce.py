@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         default="reproduction",
         metavar="DIR",
-        help="folder for the report, its pictures and numbers (default: %(default)s)",
+        help="folder for the report and its numbers (default: %(default)s)",
     )
     parser.add_argument(
         "--quick", action="store_true", help="small ensembles: seconds, with wide intervals"

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         required=True,
         metavar="DIR",
-        help="folder for tables and pictures; finished parts of an earlier call are kept",
+        help="folder for tables and a page; finished parts of an earlier call are kept",
     )
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
                 "run": result.simulations,
                 "kept": result.kept,
                 "failures": result.failures,
-                "pictures": [str(path) for path in result.pictures],
+                "report": str(result.report),
                 "wall_time": wall,
             }
         )
@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     for path in (
         result.folder / "simulations.parquet",
         result.folder / "points.parquet",
-        *result.pictures,
+        result.report,
     ):
         print(printable(path))
     return ExitCode.DONE

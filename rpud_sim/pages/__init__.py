@@ -8,8 +8,8 @@ module            what it holds
 ``frame``         ``render_page``: a page from a template of jinja2, with ``table``, ``plot``,
                   ``column``
 ``plot``          descriptions of plots: ``Plot``, its layers (``Line``, ``Envelope``, ``Band``,
-                  ``Points``, ``Bars``, ``Stems``, ``Cells``, ``Rule``, ``Zone``), ``Axis``,
-                  ``TimeColumn``, ``Mark``
+                  ``Points``, ``Bars``, ``Stems``, ``Spans``, ``Cells``, ``Rule``, ``Zone``),
+                  ``Axis``, ``TimeColumn``, ``Mark``
 ``flow``          ``flow_picture``: flow of power or energy, as an SVG
 ``extent``        ``readable_unit``: 3.5e-05 m as 35 µm
 ``theme``         colours for light and dark, by name

@@ -28,9 +28,11 @@ from rpud_sim.pages.plot import (
     Line,
     Points,
     Rule,
+    Spans,
     Stems,
     Zone,
 )
+from rpud_sim.pages.pointing import is_cloud
 from rpud_sim.pages.theme import PALETTE
 
 _BAND = 0.3  # opacity
@@ -61,6 +63,8 @@ def draw(figure: Figure, layer: Layer, color: str, number: int) -> Drawing:
         return _stems(figure, layer, color, number)
     if isinstance(layer, Cells):
         return _cells(figure, layer)
+    if isinstance(layer, Spans):
+        return _spans(figure, layer, color)
     return _straight(figure, layer, color)
 
 
@@ -147,7 +151,7 @@ def _points(figure: Figure, layer: Points, color: str, number: int) -> Drawing:
     if layer.values is None:
         _paint_glyph(dots, color, filled=True)
     else:
-        mapper = _mapper(layer.values, None, None)
+        mapper = _mapper(layer.values, *(layer.values_ends or (None, None)))
         dots.glyph.fill_color = dots.glyph.line_color = {"field": "values", "transform": mapper}
         _color_bar(figure, mapper, layer.values_label)
     read = {"x": "x", "y": "y"}
@@ -162,7 +166,8 @@ def _points(figure: Figure, layer: Points, color: str, number: int) -> Drawing:
             paint(head, line_color=color)
         figure.add_layout(whisker)
         read |= {"low": "low", "high": "high"}
-    _read_out(source, number, "nearest", **read)
+    if not is_cloud(layer):
+        _read_out(source, number, "nearest", **read)
     return source, drawn
 
 
@@ -192,6 +197,15 @@ def _stems(figure: Figure, layer: Stems, color: str, number: int) -> Drawing:
     _paint_glyph(stems, color)
     _read_out(source, number, "nearest", x="x", y="y")
     return source, [stems]
+
+
+def _spans(figure: Figure, layer: Spans, color: str) -> Drawing:
+    source = _source(layer, x=layer.begin, until=layer.end, y=layer.row)
+    bars = figure.hbar(
+        left="x", right="until", y="y", height=0.7, source=source, fill_alpha=0.75, line_width=1.5
+    )
+    _paint_glyph(bars, color, filled=True)
+    return source, [bars]
 
 
 def _cells(figure: Figure, layer: Cells) -> Drawing:

@@ -20,6 +20,7 @@ from markupsafe import Markup
 
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.extent import layer_color
+from rpud_sim.pages.grid import grid_groups, grid_html
 from rpud_sim.pages.plot import Cells, Mark, Plot, TimeColumn
 from rpud_sim.pages.theme import DARK, LIGHT
 
@@ -39,7 +40,7 @@ _KEY = Markup(
     "{text} <output></output></span>"
 )
 _CONTROLS = Markup(
-    '<div class="plot-controls" data-group="{group}" role="group" aria-label="Time of all plots">'
+    '<div class="plot-controls" data-group="{group}" role="group" aria-label="{label}">'
     '<button type="button" data-act="back" title="earlier (arrow left)">'
     '<span aria-hidden="true">◀</span><span class="unseen">earlier</span></button>'
     '<button type="button" data-act="on" title="later (arrow right)">'
@@ -79,10 +80,36 @@ class Embedding:
         self._drawn += draw_column(column, names)
         html = Markup("")
         if column.name not in self._groups:
-            self._groups[column.name] = group_content(column.begin, column.end, column.marks)
+            self._groups[column.name] = group_content(
+                column.begin, column.end, column.marks, column.unit
+            )
             html = controls(column.name)
         for plot, name in zip(column.plots, names, strict=True):
             html += host(plot, name, column.name)
+        return html
+
+    def grid(self, name: str, plots: Sequence[Plot], least: float = 26.0) -> Markup:
+        """Return the elements of plots side by side; those over one quantity zoom together.
+
+        Args:
+            name: of the grid, unique in the page.
+            plots: of the grid.
+            least: width of a plot in the width of a letter.
+        """
+        from rpud_sim.pages.figures import draw_plot
+
+        html = Markup("")
+        for group in grid_groups(name, plots):
+            first = len(self._drawn) + 1
+            names = [f"plot-{number}" for number in range(first, first + len(group.plots))]
+            pairs = list(zip(group.plots, names, strict=True))
+            self._drawn += [draw_plot(plot, host_name) for plot, host_name in pairs]
+            bar = Markup("")
+            if group.name:
+                x = group.x
+                self._groups[group.name] = group_content(x.low or 0.0, x.high or 0.0, (), x.unit)
+                bar = controls(group.name, x.label)
+            html += grid_html([host(*pair, group.name) for pair in pairs], bar, least)
         return html
 
     @property
@@ -132,7 +159,7 @@ def host(plot: Plot, name: str, group: str = "", inner: Markup | None = None) ->
     keys = [
         _KEY.format(layer=number, color=layer_color(layer), text=printable(layer.name))
         for number, layer in enumerate(plot.layers)
-        if not isinstance(layer, Cells)
+        if not isinstance(layer, Cells) and getattr(layer, "values", None) is None
     ]
     seen = Markup("")
     label = Markup('aria-label="{}"').format(plot.heading)
@@ -153,16 +180,19 @@ def host(plot: Plot, name: str, group: str = "", inner: Markup | None = None) ->
     )
 
 
-def controls(group: str) -> Markup:
-    """Return the buttons that move and zoom the time of a group of plots."""
-    return _CONTROLS.format(group=group)
+def controls(group: str, quantity: str = "time") -> Markup:
+    """Return the buttons that move and zoom a group of plots along x, the time in a column."""
+    return _CONTROLS.format(group=group, label=f"Range of {quantity}")
 
 
-def group_content(begin: float, end: float, marks: Sequence[Mark]) -> dict[str, Any]:
-    """Return what the scripts know of a group: its whole time [s], and the texts of its marks."""
+def group_content(
+    begin: float, end: float, marks: Sequence[Mark], unit: str = "s"
+) -> dict[str, Any]:
+    """Return what the scripts know of a group: its whole time, and the texts of its marks."""
     return {
         "begin": begin,
         "end": end,
+        "unit": unit,
         "marks": [
             {
                 "kind": mark.kind,

@@ -18,6 +18,7 @@ from rpud_sim.pages.plot import (
     Plot,
     Points,
     Rule,
+    Spans,
     Stems,
     Zone,
 )
@@ -102,6 +103,9 @@ def _held(layer: Layer, side: str) -> Iterator[np.ndarray]:
             yield from (np.asarray(v, float) for v in (layer.edges, layer.ends) if v is not None)
     elif isinstance(layer, Band | Envelope):
         names = ("x",) if side == "x" else ("low", "high")
+        yield from (np.asarray(getattr(layer, name), float) for name in names)
+    elif isinstance(layer, Spans):
+        names = ("begin", "end") if side == "x" else ("row",)
         yield from (np.asarray(getattr(layer, name), float) for name in names)
     elif isinstance(layer, Points):
         yield np.asarray(getattr(layer, side), float)

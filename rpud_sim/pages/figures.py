@@ -25,7 +25,8 @@ from bokeh.plotting import figure as Figure  # noqa: N812 - a class of that name
 from rpud_sim.pages.drawing import draw
 from rpud_sim.pages.extent import axis_ends, layer_color
 from rpud_sim.pages.paint import paint
-from rpud_sim.pages.plot import COMMAND, FAULT, GAP, Axis, Mark, Plot, TimeColumn
+from rpud_sim.pages.plot import COMMAND, FAULT, GAP, Axis, Mark, Plot, Points, TimeColumn
+from rpud_sim.pages.pointing import is_cloud, pointing_tool
 
 _LEFT, _RIGHT, _TOP = 62, 14, 8  # pixels beside the frame, equal for all plots of a column
 _AXIS = 42  # pixels of the axis below the frame
@@ -77,7 +78,7 @@ def draw_column(
             page's script links the ranges.
     """
     end = max(column.end, column.begin + 1e-9)
-    time = Axis(column.label, "s", low=column.begin, high=end)
+    time = Axis(column.label, column.unit, low=column.begin, high=end)
     shared = Range1d(column.begin, end)
     marks = mark_sources(column.marks, end)
     return tuple(
@@ -146,6 +147,8 @@ def _draw(
         source, renderers = draw(drawn, layer, layer_color(layer), number)
         if source is not None:
             sources[layer.name] = source
+            if isinstance(layer, Points) and is_cloud(layer):
+                drawn.add_tools(pointing_tool(plot, layer, source, renderers))
         for renderer in renderers:
             if live and isinstance(drawn.y_range, DataRange1d):
                 drawn.y_range.renderers = [*_renderers(drawn.y_range), renderer]

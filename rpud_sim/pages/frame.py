@@ -59,7 +59,8 @@ def render_page(body: str, title: str, **context: object) -> str:
     Args:
         body: template for jinja2 of everything below the title; it may use
             ``table(heading, rows, numeric=true, caption="")``, ``picture(base64, title)``,
-            ``plot(Plot)`` and ``column(TimeColumn)``.
+            ``plot(Plot)``, ``column(TimeColumn)`` and
+            ``grid(name, plots, least=26)``.
         title: of the page.
         context: variables of the template.
     """
@@ -74,7 +75,7 @@ def render_page(body: str, title: str, **context: object) -> str:
     )
     embedding = Embedding()
     content = environment.from_string(f"{_MACROS}{body}").render(
-        plot=embedding.plot, column=embedding.column, title=title, **context
+        plot=embedding.plot, column=embedding.column, grid=embedding.grid, title=title, **context
     )
     scripts, sources = embedding.scripts()
     return environment.from_string(_FRAME).render(

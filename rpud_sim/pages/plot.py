@@ -110,6 +110,7 @@ class Points:
         across: whether intervals are along x, not along y.
         values: that colour the points, shape (n,), or None.
         values_label: what they are, with their unit.
+        values_ends: of the scale of colours; from the values if None.
         marker: a marker of Bokeh, such as circle, x or square.
         size: of a point [pixels].
         color: number of its colour, or the name of one in ``theme``.
@@ -128,6 +129,7 @@ class Points:
     size: float = 6.0
     color: int | str = 0
     joined: bool = False
+    values_ends: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -223,7 +225,26 @@ class Zone:
     color: int | str = "muted"
 
 
-Layer: TypeAlias = Line | Envelope | Band | Points | Bars | Stems | Cells | Rule | Zone
+@dataclass(frozen=True)
+class Spans:
+    """Horizontal bars from a beginning to an end, each in a row, such as faults over time.
+
+    Args:
+        name: in the legend.
+        begin: left end of each bar, shape (n,).
+        end: right end of each bar, shape (n,).
+        row: place of each bar along y, the number of a category, shape (n,).
+        color: number of its colour, or the name of one in ``theme``.
+    """
+
+    name: str
+    begin: np.ndarray
+    end: np.ndarray
+    row: np.ndarray
+    color: int | str = 0
+
+
+Layer: TypeAlias = Line | Envelope | Band | Points | Bars | Stems | Spans | Cells | Rule | Zone
 
 
 @dataclass(frozen=True)
@@ -283,6 +304,7 @@ class TimeColumn:
         marks: on every plot.
         name: of the group of plots that zoom together.
         label: of the time axis, without its unit.
+        unit: of the time axis.
     """
 
     plots: tuple[Plot, ...]
@@ -291,3 +313,4 @@ class TimeColumn:
     marks: Sequence[Mark] = ()
     name: str = "time"
     label: str = "time"
+    unit: str = "s"

@@ -27,6 +27,7 @@ var rpudPlots = (() => {
       const content = element ? JSON.parse(element.textContent) : {};
       groups.set(key, {
         key, named: Boolean(name), plots: new Set(), marks: content.marks || [],
+        unit: content.unit === undefined ? "s" : content.unit,
         whole: "begin" in content ? [content.begin, content.end] : null,
         range: null, cursor: null,
         controls: [...document.querySelectorAll(
@@ -107,7 +108,8 @@ var rpudPlots = (() => {
     const width = range[1] - range[0];
     for (const bar of group.controls) {
       const text = bar.querySelector(".plot-range");
-      if (text) text.textContent = `${time(range[0], width)} to ${time(range[1], width)} s`;
+      if (text) text.textContent =
+        `${time(range[0], width)} to ${time(range[1], width)} ${group.unit}`.trimEnd();
     }
   }
 
@@ -121,7 +123,7 @@ var rpudPlots = (() => {
     const near = x === null ? [] : marksAt(group, x);
     let text = "";
     if (x !== null && group.named) {
-      text = `at ${time(x, width)} s`;
+      text = `at ${time(x, width)} ${group.unit}`.trimEnd();
       if (near.length) text += `: ${near.slice(0, 3).map((mark) => mark.text).join("; ")}`;
       if (near.length > 3) text += `; and ${near.length - 3} more`;
     }

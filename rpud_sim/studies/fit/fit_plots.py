@@ -1,102 +1,111 @@
-"""Pictures of a fit: pairs of unknowns in the posterior, and the model beside the targets."""
+"""Plots of a fit: unknowns and pairs of them in the posterior, and the model beside the targets."""
 
 from __future__ import annotations
 
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+import itertools
 
-from rpud_sim.studies.fit.fit import Fit
+import numpy as np
+
+from rpud_sim.pages.plot import Axis, Bars, Layer, Plot, Points, Rule, Zone
+from rpud_sim.studies.fit.fit import Comparison, Fit
 from rpud_sim.studies.fit.specification import unit_of
 
 _MOST_DOTS = 1500
-_DARK, _LIGHT, _BEST, _HELD = "#0072B2", "#9bbfd8", "#D55E00", "#009E73"
+_BINS = 40
+_POSTERIOR, _BEST, _HELD = 0, 1, 2  # colors
+_ROW = 34  # pixels of a target
 
 
-def plot_pairs(fit: Fit) -> Figure:
-    """Return the posterior of every unknown and of every pair of them, between their bounds."""
-    names = list(fit.specification.unknowns)
-    count = len(names)
-    size = max(2.3 * count, 4.5)
-    figure = Figure(figsize=(size, size), layout="constrained")
-    axes = figure.subplots(count, count, squeeze=False)
+def unknown_plots(fit: Fit) -> tuple[Plot, ...]:
+    """Return the posterior of every unknown, between its bounds."""
+    plots = []
+    for name, spread in fit.specification.unknowns.items():
+        edges = spread.at(np.linspace(0.0, 1.0, _BINS + 1))
+        counts, _ = np.histogram(fit.samples[name], edges)
+        interval = fit.identifiability.intervals[name]
+        layers: tuple[Layer, ...] = (
+            Zone("90 % interval", interval.low, interval.high, False, "series0"),
+            Bars("posterior", edges, counts / max(len(fit.samples[name]), 1), color=_POSTERIOR),
+            Rule("best point", fit.best[name], False, _color(_BEST), "solid"),
+        )
+        alt = (
+            f"Best point {fit.best[name]:.4g}, 90 % interval {interval.low:.4g} to "
+            f"{interval.high:.4g}, of bounds {spread.minimum:.4g} to {spread.maximum:.4g}."
+        )
+        up = Axis(low=0.0)
+        plots.append(Plot(f"share of the posterior: {name}", layers, alt, up, _axis(fit, name)))
+    return tuple(plots)
+
+
+def pair_plots(fit: Fit) -> tuple[Plot, ...]:
+    """Return the posterior of every pair of unknowns, between their bounds."""
     every = -(-len(fit.shares) // _MOST_DOTS)
-    for i, row in enumerate(names):
-        for j, column in enumerate(names):
-            axis = axes[i, j]
-            if j > i:
-                axis.set_axis_off()
-                continue
-            _scale(axis, fit, column, "x")
-            if i == j:
-                _histogram(axis, fit, column)
-            else:
-                _scale(axis, fit, row, "y")
-                axis.plot(
-                    fit.samples[column][::every],
-                    fit.samples[row][::every],
-                    ".",
-                    color=_DARK,
-                    markersize=2,
-                    alpha=0.3,
-                )
-                axis.plot(fit.best[column], fit.best[row], "x", color=_BEST, markersize=8)
-            axis.tick_params(labelsize="x-small")
-            if i == count - 1:
-                axis.set_xlabel(_label(column), fontsize="x-small")
-            if j == 0 and i > 0:
-                axis.set_ylabel(_label(row), fontsize="x-small")
-    return figure
+    names = list(fit.specification.unknowns)
+    plots = []
+    for column, row in itertools.combinations(range(len(names)), 2):
+        x, y = names[column], names[row]
+        correlation = fit.identifiability.correlation[row][column]
+        best = np.array([fit.best[x]]), np.array([fit.best[y]])
+        layers = (
+            Points(
+                "posterior",
+                fit.samples[x][::every],
+                fit.samples[y][::every],
+                size=2.5,
+                color=_POSTERIOR,
+            ),
+            Points("best point", *best, marker="x", size=11, color=_BEST),
+        )
+        alt = f"Rank correlation {correlation:.2f}."
+        plots.append(Plot(y, layers, alt, _axis(fit, y), _axis(fit, x), 220))
+    return tuple(plots)
 
 
-def plot_targets(fit: Fit) -> Figure:
+def target_plot(fit: Fit) -> Plot:
     """Return the model over each target, with the target's tolerance and what is predicted."""
     shown = [item for item in fit.comparisons if item.target.value]
-    figure = Figure(figsize=(9.0, 1.2 + 0.5 * len(shown)), layout="constrained")
-    axis = figure.subplots()
-    for place, item in enumerate(reversed(shown)):
-        value = item.target.value
-        tolerance = abs(item.target.tolerance / value)
-        color = _HELD if item.target.hold_out else _DARK
-        axis.barh(place, 2 * tolerance, left=1 - tolerance, height=0.6, color="#dde3e9")
-        ends = sorted((item.low / value, item.high / value))
-        axis.plot(ends, (place, place), color=color, linewidth=3, alpha=0.4)
-        axis.plot(item.ratio, place, "o", color=color)
-    axis.axvline(1.0, color="black", linewidth=0.8)
-    labels = [f"{item.target.title}{' (held out)' * item.target.hold_out}" for item in shown]
-    axis.set_yticks(range(len(shown)), reversed(labels), fontsize="small")
-    axis.set_xlabel("model / target (grey: tolerance; line: 5 to 95 % of the posterior)")
-    axis.grid(axis="x", alpha=0.3)
-    return figure
+    places = np.arange(len(shown), dtype=float)
+    tolerance = np.array([abs(item.target.tolerance / item.target.value) for item in shown])
+    layers: list[Layer] = [
+        Rule("the target", 1.0, False, dash="solid"),
+        Points(
+            "tolerance",
+            np.ones(len(shown)),
+            places + 0.25,
+            1.0 - tolerance,
+            1.0 + tolerance,
+            across=True,
+            size=1.0,
+            color="muted",
+        ),
+    ]
+    for held, name, color in (
+        (False, "model; bar: 5 to 95 % of the posterior", _POSTERIOR),
+        (True, "held out", _HELD),
+    ):
+        chosen = [i for i, item in enumerate(shown) if item.target.hold_out == held]
+        if chosen:
+            ends = np.sort([_predicted(shown[i]) for i in chosen], axis=1)
+            ratio = np.array([shown[i].ratio for i in chosen])
+            layers.append(
+                Points(name, ratio, places[chosen], *ends.T, across=True, size=8.0, color=color)
+            )
+    titles = tuple(f"{item.target.title}{' (held out)' * item.target.hold_out}" for item in shown)
+    far = max(shown, key=lambda item: abs(item.deviation), default=None)
+    alt = "" if far is None else f"Furthest: {far.target.title}, {far.ratio:.3f} of the target."
+    across = Axis("model / target")
+    height = 40 + _ROW * len(shown)
+    return Plot("targets", tuple(layers), alt, Axis(categories=titles), across, height)
 
 
-def _histogram(axis: Axes, fit: Fit, name: str) -> None:
+def _predicted(item: Comparison) -> tuple[float, float]:
+    return item.low / item.target.value, item.high / item.target.value
+
+
+def _axis(fit: Fit, name: str) -> Axis:
     spread = fit.specification.unknowns[name]
-    edges = spread.at(np.linspace(0.0, 1.0, 41)).tolist()
-    interval = fit.identifiability.intervals[name]
-    axis.hist(fit.samples[name], bins=edges, color=_LIGHT)
-    axis.axvspan(interval.low, interval.high, color=_DARK, alpha=0.12)
-    axis.axvline(fit.best[name], color=_BEST)
-    axis.set_yticks([])
+    return Axis(name, unit_of(name), spread.scale == "log", spread.minimum, spread.maximum)
 
 
-def _scale(axis: Axes, fit: Fit, name: str, side: str) -> None:
-    """Set scale, limits and ticks of an unknown: its bounds and the middle between them."""
-    spread = fit.specification.unknowns[name]
-    ticks = spread.at(np.array([0.0, 0.5, 1.0])).tolist()
-    labels = [f"{tick:.2g}" for tick in ticks]
-    if side == "x":
-        axis.set_xscale(spread.scale)
-        axis.set_xlim(spread.minimum, spread.maximum)
-        axis.set_xticks(ticks, labels)
-        axis.set_xticks([], minor=True)
-    else:
-        axis.set_yscale(spread.scale)
-        axis.set_ylim(spread.minimum, spread.maximum)
-        axis.set_yticks(ticks, labels)
-        axis.set_yticks([], minor=True)
-
-
-def _label(name: str) -> str:
-    unit = unit_of(name)
-    return f"{name} [{unit}]" if unit else name
+def _color(number: int) -> str:
+    return f"series{number}"

@@ -1,8 +1,7 @@
-"""Files of a fit: numbers, posterior, parameter file, pictures and an HTML page."""
+"""Files of a fit: numbers, posterior, parameter file and an HTML page."""
 
 from __future__ import annotations
 
-import base64
 import io
 import json
 import math
@@ -12,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.whole_folder import whole_file
-from rpud_sim.pages.frame import render_page, to_png
+from rpud_sim.pages.frame import render_page
+from rpud_sim.pages.words import described
 from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
-from rpud_sim.studies.fit.fit_plots import plot_pairs, plot_targets
+from rpud_sim.studies.fit.fit_plots import pair_plots, target_plot, unknown_plots
 from rpud_sim.studies.fit.folder import fit_versions
 from rpud_sim.studies.fit.identifiability import LEVEL
 from rpud_sim.studies.fit.parameter_file import parameter_file
@@ -25,8 +25,6 @@ PARAMETERS = "parameters.yaml"
 POSTERIOR = "posterior.csv"
 REPORT = "report.html"
 
-_RESOLUTION = 110  # dots per inch
-
 _BODY = """\
 <p>Made by <code>{{ command }}</code>. Seed {{ seed }}, {{ runs }} runs.</p>
 {% if not reached %}
@@ -36,10 +34,11 @@ _BODY = """\
 <p>Intervals hold the middle 90 % of the posterior probability. All values between the bounds were
 equally probable before the fit. The width is that of the interval over that between the bounds:
 near 1, the targets say nothing about the parameter.</p>
-{{ table(("parameter", "best point", "90 % interval", "unit", "width", "identified"), unknowns) }}
+{{ table(("parameter", "best point", "90 % interval", "unit", "width", "identified"), unknowns,
+ caption="Unknown parameters") }}
 {% if choices %}
 <h3>Choices</h3>
-{{ table(("choices", "probability"), choices) }}
+{{ table(("choices", "probability"), choices, caption="Choices") }}
 {% endif %}
 {% if ridges %}
 <p class="warning">The targets determine these pairs only together:</p>
@@ -47,22 +46,26 @@ near 1, the targets say nothing about the parameter.</p>
 {% else %}
 <p>No two parameters form a ridge.</p>
 {% endif %}
-{{ picture(pairs, "Posterior of the unknown parameters") }}
+{{ grid("unknowns", unknown_plots) }}
+{% if pair_plots %}
+<h3>Pairs of parameters</h3>
 <p>Dots are points of the posterior, the cross is the best point. The axes end at the bounds.</p>
+{{ grid("pairs", pair_plots, 20) }}
+{% endif %}
 <h2>Targets</h2>
 <p>The model's mean at the best point, over {{ best_runs }} runs. The deviation is in standard
 deviations of tolerance, chance of the runs, and error of the mean.
 Root mean square: {{ misfit }}{% if hold_out %}; of the targets that were held out: {{ hold_out }}
 {% endif %}.</p>
 {{ table(("target", "source", "value", "tolerance", "model", "one run ±", "model / target",
- "deviation", "held out"), targets, false) }}
-{{ picture(comparison, "Model over target") }}
+ "deviation", "held out"), targets, false, "Targets and the model") }}
+{{ grid("targets", target_plots) }}
 <h2>Rounds</h2>
 <p>Each round simulates new points in a smaller region, around the posterior of the last one.
 The error is that of the polynomials, from leaving out one point at a time; it is in the
 intervals.</p>
 {{ table(("round", "choices", "region", "points", "degrees", "errors", "probability"), rounds,
- false) }}
+ false, "Rounds") }}
 """
 
 
@@ -77,17 +80,11 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
     Raises:
         OSError: if a file cannot be written.
     """
-    pictures = {"posterior": plot_pairs(fit), "targets": plot_targets(fit)}
-    images = {}
-    for name, figure in pictures.items():
-        picture = to_png(figure, _RESOLUTION)
-        _write(folder / f"{name}.png", picture)
-        images[name] = base64.b64encode(picture).decode("ascii")
     numbers = json.dumps(fit_content(fit), indent=1, allow_nan=False)
     _write(folder / NUMBERS, f"{numbers}\n".encode())
     _write(folder / PARAMETERS, parameter_file(fit, command).encode())
     _write(folder / POSTERIOR, _posterior(fit))
-    _write(folder / REPORT, _page(fit, command, images).encode())
+    _write(folder / REPORT, _page(fit, command).encode())
 
 
 def fit_content(fit: Fit) -> dict[str, Any]:
@@ -177,7 +174,7 @@ def _posterior(fit: Fit) -> bytes:
     return text.getvalue().encode()
 
 
-def _page(fit: Fit, command: str, images: dict[str, str]) -> str:
+def _page(fit: Fit, command: str) -> str:
     intervals = fit.identifiability.intervals
     misfits = {held: fit.misfit(held) for held in (False, True)}
     return render_page(
@@ -202,8 +199,9 @@ def _page(fit: Fit, command: str, images: dict[str, str]) -> str:
             (_choices(choices), f"{share:.3f}") for choices, share in fit.probabilities if choices
         ],
         ridges=[str(ridge) for ridge in fit.identifiability.ridges],
-        pairs=images["posterior"],
-        comparison=images["targets"],
+        unknown_plots=[described(plot) for plot in unknown_plots(fit)],
+        pair_plots=[described(plot) for plot in pair_plots(fit)],
+        target_plots=[described(target_plot(fit))],
         best_runs=BEST_RUNS,
         misfit=f"{misfits[False]:.2f}",
         hold_out="" if misfits[True] is None else f"{misfits[True]:.2f}",

@@ -1,28 +1,28 @@
-"""Files of a reproduction: an HTML report, its pictures, all numbers, and validation.md."""
+"""Files of a reproduction: an HTML report, all numbers, and validation.md."""
 
 from __future__ import annotations
 
-import base64
 import json
 from pathlib import Path
 from typing import Any
 
 from jinja2 import StrictUndefined, Template
-from matplotlib.figure import Figure
 
 from rpud_sim.foundation.whole_folder import whole_file
-from rpud_sim.pages.frame import render_page, to_png
+from rpud_sim.pages.frame import render_page
+from rpud_sim.pages.plot import Plot
+from rpud_sim.pages.words import described
 from rpud_sim.studies.reproduction import findings, rows
 from rpud_sim.studies.reproduction.captions import CAPTIONS, STUDY_CAPTIONS
 from rpud_sim.studies.reproduction.contradictions import contradiction_rows
 from rpud_sim.studies.reproduction.named_readings import AS_FIGURE_12
 from rpud_sim.studies.reproduction.reproduction import Reproduction
-from rpud_sim.studies.reproduction.run_plots import run_figures
+from rpud_sim.studies.reproduction.run_plots import run_plots
 from rpud_sim.studies.reproduction.study_plots import (
-    plot_bar_study,
-    plot_readings,
-    plot_search,
-    plot_studies,
+    bar_plots,
+    readings_plots,
+    search_plots,
+    study_plots,
 )
 from rpud_sim.studies.reproduction.templates import BODY, HEADINGS, HOW_TO_READ, MARKDOWN
 from rpud_sim.studies.reproduction.wording import show
@@ -31,11 +31,9 @@ REPORT = "report.html"
 NUMBERS_FILE = "numbers.json"
 VALIDATION = "validation.md"
 
-_RESOLUTION = 110  # dots per inch
-
 
 def write_report(result: Reproduction, folder: Path, command: str) -> None:
-    """Write the report, its pictures, numbers and validation.md into a folder.
+    """Write the report, its numbers and validation.md into a folder.
 
     Args:
         result: of the reproduction.
@@ -46,15 +44,10 @@ def write_report(result: Reproduction, folder: Path, command: str) -> None:
         OSError: if a file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    images = {}
-    for name, figure in _figures(result).items():
-        picture = to_png(figure, _RESOLUTION)
-        _write(folder / f"{name}.png", picture)
-        images[name] = base64.b64encode(picture).decode("ascii")
     context = _context(result, command)
     numbers = json.dumps(result.numbers(), indent=1, allow_nan=False, default=float)
     _write(folder / NUMBERS_FILE, f"{numbers}\n".encode())
-    page = render_page(BODY, "The paper, reproduced", images=images, **context)
+    page = render_page(BODY, "The paper, reproduced", plots=_plots(result), **context)
     _write(folder / REPORT, page.encode())
     text = Template(MARKDOWN, undefined=StrictUndefined).render(**context)
     _write(folder / VALIDATION, f"{text.rstrip()}\n".encode())
@@ -65,14 +58,15 @@ def _write(path: Path, content: bytes) -> None:
         unfinished.write_bytes(content)
 
 
-def _figures(result: Reproduction) -> dict[str, Figure]:
-    return {
-        **run_figures(result.presets.reading, result.best.reading),
-        **plot_studies(result.studies),
-        **plot_bar_study(result.bar),
-        "readings": plot_readings(rows.named_fits(result)),
-        "search": plot_search(result.search.ridges),
+def _plots(result: Reproduction) -> dict[str, tuple[Plot, ...]]:
+    figures = {
+        **run_plots(result.presets.reading, result.best.reading),
+        **study_plots(result.studies),
+        **bar_plots(result.bar),
+        "readings": readings_plots(rows.named_fits(result)),
+        "search": search_plots(result.search.ridges),
     }
+    return {name: tuple(map(described, plots)) for name, plots in figures.items()}
 
 
 def _context(result: Reproduction, command: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Pictures of a sweep: every figure over every swept parameter, with intervals.
+"""Plots of a sweep: every figure over every swept parameter, with intervals.
 
 A marker is the mean over all points with one value of the parameter, whatever the other parameters
 are. In designs without repeated values it is the mean over a class of neighbouring values. The bar
@@ -12,95 +12,100 @@ import math
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from scipy import stats
 
 from rpud_sim.model.parameters import QUANTITIES
+from rpud_sim.pages.plot import Axis, Layer, Plot, Points
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.specification import Range, Specification, Values
 from rpud_sim.studies.sweep.tables import error_name
 
 _MOST_CLASSES = 12
 _CONFIDENCE = 0.95
-_PER_PICTURE = 6  # parameters side by side
-_MOST_DOTS = 2000
+_MOST_DOTS = 60_000  # of all plots: a dot takes 21 bytes of the page
+_MOST_PLOT_DOTS = 2000
 
 
-def plot_points(
+def point_plots(
     specification: Specification, points: Mapping[str, np.ndarray]
-) -> dict[str, Figure]:
-    """Return the pictures by name, each with a row for each figure and a column for each parameter.
+) -> dict[str, tuple[Plot, ...]]:
+    """Return for each swept parameter the plots of all figures.
 
     Args:
         specification: of the sweep.
         points: the table of points, by column.
     """
-    names = list(specification.swept)
-    groups = [names[i : i + _PER_PICTURE] for i in range(0, len(names), _PER_PICTURE)]
+    plots = len(specification.swept) * len(FIGURES)
+    most = min(_MOST_PLOT_DOTS, _MOST_DOTS // plots)
     return {
-        f"figures_{number}" if len(groups) > 1 else "figures": _matrix(specification, points, group)
-        for number, group in enumerate(groups, 1)
+        name: tuple(
+            _plot(specification, points, name, figure, unit, most)
+            for figure, unit in FIGURES.items()
+        )
+        for name in specification.swept
     }
 
 
-def _matrix(
-    specification: Specification, points: Mapping[str, np.ndarray], names: list[str]
-) -> Figure:
-    size = (max(3.2 * len(names), 5.0), 2.0 * len(FIGURES))
-    figure = Figure(figsize=size, layout="constrained")
-    axes = figure.subplots(len(FIGURES), len(names), squeeze=False, sharex="col", sharey="row")
-    for row, (output, unit) in zip(axes, FIGURES.items(), strict=True):
-        for axis, name in zip(row, names, strict=True):
-            _draw(axis, specification, points, name, output)
-            axis.grid(alpha=0.3)
-        row[0].set_ylabel(_label(output, unit), fontsize="small")
-    for axis, name in zip(axes[-1], names, strict=True):
-        unit = QUANTITIES[name].unit if name in QUANTITIES else ""
-        axis.set_xlabel(_label(name, unit), fontsize="small")
-    return figure
-
-
-def _draw(
-    axis: Axes,
+def _plot(
     specification: Specification,
     points: Mapping[str, np.ndarray],
     name: str,
-    output: str,
-) -> None:
+    figure: str,
+    figure_unit: str,
+    most: int,
+) -> Plot:
     spread = specification.swept[name]
     places = _places(points[name], spread)
-    choices = places is not points[name]
+    choices = _is_choice(spread)
+    layers: list[Layer] = []
     if len(specification.swept) > 1 or _in_classes(specification, name):
-        # The points behind each marker.
-        every = -(-len(places) // _MOST_DOTS)
-        axis.plot(
-            places[::every], points[output][::every], ".", color="tab:gray", markersize=1, alpha=0.5
-        )
-    found = list(marginal_means(specification, points, name, output))
+        every = -(-len(places) // most)
+        dots = places[::every], points[figure][::every]
+        layers.append(Points("points", *dots, size=2.5, color="muted"))
+    found = list(marginal_means(specification, points, name, figure))
     if found:
         at, mean, half = np.array(found).T
-        line = "none" if choices else "-"
-        axis.errorbar(
-            at, mean, half, marker="o", markersize=3, linewidth=1, capsize=2, linestyle=line
-        )
-    if isinstance(spread, Range) and spread.scale == "log":
-        axis.set_xscale("log")
+        ends = mean - half, mean + half
+        label = "mean with its 95 % interval"
+        layers.append(Points(label, at, mean, *ends, color=0, joined=not choices))
+    unit = QUANTITIES[name].unit if name in QUANTITIES else ""
+    across = Axis(name, unit, log=isinstance(spread, Range) and spread.scale == "log")
     if choices:
-        axis.set_xticks(range(len(spread.levels())), [str(value) for value in spread.levels()])
-        axis.margins(x=0.3)
+        across = Axis(name, categories=tuple(str(value) for value in spread.levels()))
+    return Plot(figure, tuple(layers), _trend(found, across), Axis(unit=figure_unit), across, 200)
+
+
+def _trend(found: list[tuple[float, float, float]], across: Axis) -> str:
+    """Return where the mean is least and greatest, in words."""
+    if not found:
+        return "No point has this figure."
+    low, high = (extreme(found, key=lambda mark: mark[1]) for extreme in (min, max))
+    if low[1] == high[1]:
+        return f"{low[1]:.4g} everywhere."
+    least, most = (f"{mean:.4g} at {_place(at, across)}" for at, mean, _ in (low, high))
+    return f"Mean: least {least}, greatest {most}."
+
+
+def _place(value: float, across: Axis) -> str:
+    if across.categories:
+        return across.categories[round(value)]
+    return f"{value:.4g} {across.unit}".rstrip()
+
+
+def _is_choice(spread: Range | Values) -> bool:
+    return isinstance(spread, Values) and isinstance(spread.values[0], str)
 
 
 def _places(values: np.ndarray, spread: Range | Values) -> np.ndarray:
     """Return the positions of values on an axis: numbers as they are, choices by their index."""
-    if isinstance(spread, Values) and isinstance(spread.values[0], str):
+    if isinstance(spread, Values) and _is_choice(spread):
         numbers = {value: number for number, value in enumerate(spread.values)}
         return np.array([numbers[value] for value in values], dtype=float)
     return values
 
 
 def marginal_means(
-    specification: Specification, points: Mapping[str, np.ndarray], name: str, output: str
+    specification: Specification, points: Mapping[str, np.ndarray], name: str, figure: str
 ) -> Iterator[tuple[float, float, float]]:
     """Yield value, mean, and half its 95 % interval for each level or class of a parameter.
 
@@ -108,7 +113,7 @@ def marginal_means(
     """
     spread = specification.swept[name]
     places = _places(points[name], spread)
-    valid = ~np.isnan(points[output])
+    valid = ~np.isnan(points[figure])
     if _in_classes(specification, name):
         order = np.argsort(places, kind="stable")
         number = min(math.isqrt(len(places)), _MOST_CLASSES)
@@ -116,12 +121,12 @@ def marginal_means(
     else:
         classes = [np.flatnonzero(valid & (places == level)) for level in np.unique(places)]
     for members in classes:
-        values = points[output][members]
+        values = points[figure][members]
         if len(values) > 1:
             error = np.std(values, ddof=1) / np.sqrt(len(values))
             freedom = len(values) - 1
         elif len(values) == 1:
-            error = points[error_name(output)][members[0]]
+            error = points[error_name(figure)][members[0]]
             freedom = points["members"][members[0]] - 1
         else:
             continue
@@ -132,7 +137,3 @@ def marginal_means(
 def _in_classes(specification: Specification, name: str) -> bool:
     """Whether a parameter has a different value at every point."""
     return specification.design != "grid" and isinstance(specification.swept[name], Range)
-
-
-def _label(name: str, unit: str) -> str:
-    return f"{name}\n[{unit}]" if unit else name

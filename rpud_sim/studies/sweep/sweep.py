@@ -1,4 +1,4 @@
-"""Run of a sweep, from its specification to its tables and pictures."""
+"""Run of a sweep, from its specification to its tables and its page."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from rpud_sim.studies.sweep.chunks import chunk_size, make_chunks
 from rpud_sim.studies.sweep.cluster import run_on_cluster
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.folder import SweepFolder
-from rpud_sim.studies.sweep.point_plots import plot_points
 from rpud_sim.studies.sweep.processes import run_on_processes
 from rpud_sim.studies.sweep.specification import Specification
+from rpud_sim.studies.sweep.sweep_report import sweep_page
+
+REPORT = "report.html"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +31,7 @@ class SweepResult:
         simulations: number that this call ran.
         kept: number that earlier calls had run.
         failures: number of simulations without figures.
-        pictures: files of the pictures.
+        report: file of the page.
     """
 
     folder: Path
@@ -37,7 +39,7 @@ class SweepResult:
     simulations: int
     kept: int
     failures: int
-    pictures: tuple[Path, ...]
+    report: Path
 
 
 def run_sweep(
@@ -81,18 +83,16 @@ def run_sweep(
                     folder.add(chunk, outcome)
                     report(chunk.count)
         folder.complete_tables()
-        pictures = []
-        for name, figure in plot_points(specification, folder.points()).items():
-            pictures.append(out / f"{name}.png")
-            with whole_file(pictures[-1]) as unfinished:
-                figure.savefig(unfinished, format="png", dpi=110)
+        page = sweep_page(specification, folder.points(), folder.failures())
+        with whole_file(out / REPORT) as unfinished:
+            unfinished.write_text(page, encoding="utf-8")
         return SweepResult(
             out,
             folder.manifest,
             specification.simulations - kept,
             kept,
             folder.failures(),
-            tuple(pictures),
+            out / REPORT,
         )
 
 
