@@ -34,6 +34,7 @@ _GROUP = "time"
 _SPEEDS = (1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 0.25, 1.0, 4.0, 10.0, 100.0)
 _PERIOD = 1000  # ms between looks at the state of the bag
 _WIDTH = 1000  # pixels of a plot until the browser tells
+_MOST_WIDTH = 4000  # pixels
 _MARGIN = 0.02  # of the range that is asked for on either side
 _NONE = np.empty(0)
 
@@ -63,7 +64,11 @@ class _Page:
         self._pin: float | None = None
 
     def show(self) -> None:
-        """Fill the document."""
+        """Fill the document; the bag is not read on meanwhile."""
+        with self._view.asking():
+            self._fill()
+
+    def _fill(self) -> None:
         marks = self._marks()
         names = [f"plot-{number}" for number in range(len(self._contents))]
         column = TimeColumn(
@@ -74,16 +79,17 @@ class _Page:
         self._timeline = self._draw_timeline(marks)
         document = self._document
         document.title = printable(self._view.recording.path.name or "bag")
-        for drawn in (self._timeline, *self._drawn):
-            document.add_root(drawn.figure)
         self._timeline.figure.tags = [*self._timeline.figure.tags, self._ask, self._state]
         document.template = _template()
         document.template_variables.update(self._variables(marks))
-        self._ask.on_change("data", lambda *_: self._hear())
+        self._ask.on_change("data", lambda attribute, old, new: self._hear())
         if self._range is not None:
             for end in ("start", "end"):
-                self._range.on_change(end, lambda *_: self._moved())
+                self._range.on_change(end, lambda attribute, old, new: self._moved())
         self._show_answer(self._view.windows.answer(self._request()))
+        with document.models.freeze():  # all are counted once, not anew after each
+            for drawn in (self._timeline, *self._drawn):
+                document.add_root(drawn.figure)
         self._answerer = Answerer(self._view, self._deliver)
         document.on_session_destroyed(lambda context: self._answerer.close())
         document.add_periodic_callback(self._look, _PERIOD)
@@ -152,7 +158,6 @@ class _Page:
             tool.overlay.line_dash = "solid"
             paint(tool.overlay, fill_color="accent", line_color="accent")
             drawn.figure.add_tools(tool)
-            drawn.figure.toolbar.active_multi = tool
         self._fill_timeline(drawn)
         return drawn
 
@@ -178,18 +183,23 @@ class _Page:
         if not (math.isfinite(start) and math.isfinite(end) and start < end):
             start, end = 0.0, self._end
         margin = _MARGIN * (end - start)
-        widths = [drawn.figure.inner_width or 0 for drawn in self._drawn]
         return Request(
             self._drill,
             max(start - margin, 0.0),
             min(end + margin, self._end),
-            min(max(widths, default=0) or _WIDTH, 4000),
+            self._width(),
             {
                 (number, place): layer
                 for number, content in enumerate(self._contents)
                 for place, layer in enumerate(content.layers)
             },
         )
+
+    def _width(self) -> int:
+        """Return the width of the plots [pixels], as far as the browser has told."""
+        figure = self._drawn[0].figure if self._drawn else None
+        told = figure.properties_with_values(include_defaults=False) if figure else {}
+        return min(max(int(told.get("inner_width") or _WIDTH), 100), _MOST_WIDTH)
 
     def _moved(self) -> None:
         """Ask for the new range once both of its ends have arrived."""
