@@ -39,6 +39,7 @@ setup(
         f"{PACKAGE}.bag": ["share/*/msg/*.msg"],
         f"{PACKAGE}.kernels": ["compiled/*.kernel"],
         f"{PACKAGE}.pages": ["share/*.css", "share/*.js"],
+        f"{PACKAGE}.watch.recorded": ["share/*"],
     },
     python_requires=">=3.10",
     # What every command needs. Where an extra is missing, the program says which.

@@ -52,7 +52,7 @@ class _Page:
         self._document = document
         self._drills = drills(view.recording)
         self._drill = self._asked_drill()
-        self._contents = [*contents(view.recording, self._drill)]
+        self._contents = [*contents(view.recording, self._drill, view.overview.has)]
         self._signals = view.recording.signals
         self._end = max(view.overview.end, 1e-6)
         self._answer: Answer | None = None
@@ -222,6 +222,7 @@ class _Page:
             if layer == answer.request.layers[number, place]:
                 source = self._drawn[number].sources[layer.name]
                 source.data = {"x": trace.x, "y": trace.y}
+        self._draw_marks()
         self._publish()
 
     def _look(self) -> None:
@@ -231,21 +232,24 @@ class _Page:
             self._fill_timeline(self._timeline)
             if self._answer is not None and self._answer.detail == OVERVIEW:
                 self._answerer.ask(self._request())
-            marks = mark_sources(self._marks(), self._end)
-            for drawn in (self._timeline, *self._drawn[:1]):
-                for kind, source in drawn.marks.items():
-                    if any(
-                        len(source.data[name]) != len(values) or (source.data[name] != values).any()
-                        for name, values in marks[kind].data.items()
-                    ):
-                        source.data = dict(marks[kind].data)
+            self._draw_marks()
         self._stale = complete  # once more after the end: the gaps are known then
         self._publish()
 
-    def _marks(self) -> list[Mark]:
+    def _draw_marks(self) -> None:
+        """Draw the marks; where the overview is shown, what is not read yet looks like a gap."""
+        overview = self._answer is None or self._answer.detail == OVERVIEW
+        shown = ((self._timeline, True), *((drawn, overview) for drawn in self._drawn[:1]))
+        for drawn, unread in shown:
+            for kind, source in mark_sources(self._marks(unread=unread), self._end).items():
+                old = drawn.marks[kind]
+                if any(not np.array_equal(old.data[name], source.data[name]) for name in old.data):
+                    old.data = dict(source.data)
+
+    def _marks(self, *, unread: bool = False) -> list[Mark]:
         found = self._view.marks.of(self._drill)
         progress = self._view.overview.progress
-        if not progress.complete:
+        if unread and not progress.complete:
             text = "not read yet: only a sample of it is shown"
             found.append(Mark(GAP, min(progress.until, self._end), text, self._end))
         return found

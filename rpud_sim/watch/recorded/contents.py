@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from rpud_sim.watch.recorded.recording import Recording
@@ -64,16 +64,18 @@ _PLOTS: tuple[
     (
         "position along the drill axis",
         "m",
-        (
-            ("nodal plane", "rpud_msgs/msg/NodalPlane", "position"),
-            ("drill tool", "rpud_msgs/msg/DrillTool", "displacement"),
-        ),
+        (("nodal plane", "rpud_msgs/msg/NodalPlane", "position"),),
         (
             ("rebuilt nodal plane", "nodal_plane_position"),
             ("rebuilt actuator tip", "actuator_position"),
             ("rebuilt free mass", "free_mass_position"),
-            ("rebuilt drill tool", "drill_tool_displacement"),
         ),
+    ),
+    (
+        "displacement of the drill tool",
+        "m",
+        (("drill tool", "rpud_msgs/msg/DrillTool", "displacement"),),
+        (("rebuilt drill tool", "drill_tool_displacement"),),
     ),
     (
         "reacting force",
@@ -105,13 +107,22 @@ def drills(recording: Recording) -> list[str]:
     return [*sorted(first), *sorted(found - first)]
 
 
-def contents(recording: Recording, drill: str) -> tuple[Content, ...]:
-    """Return the plots of a drill, or of any other namespace, with those to choose last."""
+def contents(
+    recording: Recording, drill: str, has: Callable[[Signal], bool] = lambda signal: True
+) -> tuple[Content, ...]:
+    """Return the plots of a drill, or of any other namespace, with those to choose last.
+
+    Args:
+        recording: of the bag.
+        drill: namespace.
+        has: whether anything of a signal can be drawn; others are not chosen at first.
+    """
     signals = [signal for signal in recording.signals if signal.drill == drill]
     found = [*_drill_plots(recording, drill, signals)]
     if not found:
         found = [_single(signal) for signal in signals[:_MOST_OTHERS]]
     left = [signal for signal in recording.signals if not _shown(signal, found)]
+    left.sort(key=lambda signal: (not has(signal), signal.drill != drill))
     chosen = [_single(signal, number) for number, signal in enumerate(left[:CHOSEN], 1)]
     return (*found, *chosen)
 

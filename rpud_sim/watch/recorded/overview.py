@@ -130,6 +130,7 @@ class Overview:
             least = self._least[place, first:last].copy()
             greatest = self._greatest[place, first:last].copy()
             width = self.width
+            known = np.inf if self._read >= len(self._recording.pieces) else self._until
         if not len(least):
             return EMPTY
         # Parts begin at multiples of their length, so that they stay when the view moves.
@@ -138,7 +139,13 @@ class Overview:
         least = np.minimum.reduceat(least, starts - first)
         greatest = np.maximum.reduceat(greatest, starts - first)
         used = greatest >= least
-        return envelope(starts[used] * width, least[used], greatest[used], joined * width)
+        times = starts[used] * width
+        return envelope(times, least[used], greatest[used], joined * width, known)
+
+    def has(self, signal: Signal) -> bool:
+        """Return whether anything of a signal was read so far."""
+        least, greatest = self.extremes(signal, 0.0, self.end)
+        return least <= greatest
 
     def extremes(self, signal: Signal, start: float, end: float) -> tuple[float, float]:
         """Return the least and the greatest value of the bins of a range; infinite without any."""

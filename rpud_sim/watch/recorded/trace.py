@@ -85,7 +85,13 @@ def thinned(times: np.ndarray, values: np.ndarray, most: int) -> Trace:
     return Trace(times[kept], values[kept])
 
 
-def envelope(times: np.ndarray, least: np.ndarray, greatest: np.ndarray, width: float) -> Trace:
+def envelope(
+    times: np.ndarray,
+    least: np.ndarray,
+    greatest: np.ndarray,
+    width: float,
+    known: float = np.inf,
+) -> Trace:
     """Return a line through the least and the greatest value of parts of the time.
 
     Args:
@@ -93,14 +99,16 @@ def envelope(times: np.ndarray, least: np.ndarray, greatest: np.ndarray, width: 
         least: of their values, shape (n,).
         greatest: of their values, shape (n,).
         width: of a part [s].
+        known: time up to which no values are missing [s]; no line joins parts after it that do not
+            touch each other.
     """
     if not len(times):
         return EMPTY
     steps = np.diff(times)
-    longest = GAP * max(usual(steps), width)
-    middle = times + 0.5 * width
-    places = np.flatnonzero(steps > longest) + 1
-    x = np.repeat(middle, 2)
+    early = times[1:] <= known
+    longest = GAP * max(usual(steps[early]), width)
+    places = np.flatnonzero(steps > np.where(early, longest, 1.5 * width)) + 1
+    x = np.column_stack([times, times + width]).ravel()
     y = np.column_stack([least, greatest]).ravel()
-    between = 0.5 * (middle[places - 1] + middle[places])
+    between = 0.5 * (times[places - 1] + width + times[places])
     return Trace(np.insert(x, 2 * places, between), np.insert(y, 2 * places, np.nan))

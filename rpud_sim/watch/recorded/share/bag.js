@@ -88,7 +88,8 @@ var rpudBag = (() => {
       order = said.order;
       if (said.show) rpudPlots.setRange(group(), ...said.show);
       if (said.pin !== null) pin(said.pin);
-    }
+    } else if (pinned !== null && group().cursor === pinned)
+      rpudPlots.setCursor(group(), pinned); // the values there may be others now
   }
 
   let listed = "";
