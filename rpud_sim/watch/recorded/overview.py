@@ -74,7 +74,7 @@ class Overview:
         self._sampled: set[int] = set()
         self._read = 0
         self._restarted = False
-        self.end = 0.0
+        self._until = self.end = 0.0
         self._clear()
 
     @property

@@ -307,9 +307,11 @@ class Recording:
         step = 1
         while low < high:
             probe = middle = min(max(place, low), high - 1)
-            while probe < high and (times := self._span(drill, held[probe])) is None:
+            times = self._span(drill, held[probe])
+            while times is None and probe + 1 < high:
                 probe += 1
-            if probe == high or reached(times):
+                times = self._span(drill, held[probe])
+            if times is None or reached(times):
                 high = middle
                 place = middle - step
             else:
