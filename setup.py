@@ -40,6 +40,7 @@ setup(
         f"{PACKAGE}.kernels": ["compiled/*.kernel"],
         f"{PACKAGE}.pages": ["share/*.css", "share/*.js"],
         f"{PACKAGE}.watch.recorded": ["share/*"],
+        f"{PACKAGE}.watch": ["share/*.css", "share/*.html", "share/*.js"],
     },
     python_requires=">=3.10",
     # What every command needs. Where an extra is missing, the program says which.

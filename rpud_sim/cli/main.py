@@ -27,6 +27,7 @@ COMMANDS = (
     "reset",
     "set",
     "echo",
+    "watch",
     "simulate",
     "info",
     "recover",

@@ -34,7 +34,7 @@ from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from bokeh.settings import settings
 from tornado.httpserver import HTTPServer
-from tornado.ioloop import IOLoop
+from tornado.ioloop import IOLoop, PeriodicCallback
 from tornado.netutil import bind_sockets
 from tornado.web import Finish, RequestHandler
 
@@ -74,6 +74,15 @@ class Place:
         return cls(port, address, token)
 
 
+class _Application(BokehTornado):
+    """Bokeh's application, whose pages load the one script of it that they need."""
+
+    def resources(self, absolute_url: str | bool | None = None) -> Any:
+        found = super().resources(absolute_url)
+        found.components = ["bokeh"]
+        return found
+
+
 class PageServer:
     """HTTP server of Bokeh documents and of plain pages; listens from the start.
 
@@ -105,7 +114,7 @@ class PageServer:
             raise ServerError(_why_not(place, error)) from error
         self.port = int(sockets[0].getsockname()[1])
         self._place = place
-        self._application = BokehTornado(
+        self._application = _Application(
             {path: Application(FunctionHandler(fill)) for path, fill in applications.items()},
             # The guard compares with the address that the browser has asked for; Bokeh's own list
             # has no notation for it.
@@ -131,9 +140,7 @@ class PageServer:
 
     def every(self, seconds: float, call: Callable[[], object]) -> None:
         """Call a function regularly while the server runs."""
-        from tornado.ioloop import PeriodicCallback
-
-        PeriodicCallback(call, seconds * 1e3).start()
+        PeriodicCallback(lambda: _ignore(call()), seconds * 1e3).start()
 
     def stop(self) -> None:
         """End `run`, from any thread or from a handler of a signal."""
@@ -198,12 +205,12 @@ class Guard(AuthProvider):
         return None
 
     @property
-    def get_user_async(self) -> Callable[[RequestHandler], Any]:
+    def get_user_async(self) -> Callable[[Any], Any]:
         """Function that Bokeh calls at each request, also for a WebSocket."""
         return self._check
 
     @property
-    def get_login_url(self) -> Callable[[RequestHandler], str]:
+    def get_login_url(self) -> Callable[[Any], str]:
         """Nowhere to log in."""
         return lambda handler: "/"
 
@@ -231,6 +238,10 @@ class Guard(AuthProvider):
 
     def _is_token(self, given: str | None) -> bool:
         return hmac.compare_digest((given or "").encode(), self._token.encode())
+
+
+def _ignore(result: object) -> None:
+    """Return nothing, which is what a callback of the loop has to return."""
 
 
 def _refuse(handler: RequestHandler, reason: str) -> None:

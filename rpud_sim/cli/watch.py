@@ -1,0 +1,138 @@
+"""``rpud watch``: pages in the browser that show running drills and act on them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+import time
+from typing import TYPE_CHECKING
+
+from rpud_sim.cli.drill_command import DOMAIN
+from rpud_sim.cli.options import Number
+from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.foundation.terminal import complain, printable
+from rpud_sim.ros.record.record_options import RecordOptions
+
+if TYPE_CHECKING:
+    from rpud_sim.ros.client.drill_finder import DrillFinder
+    from rpud_sim.watch.server import PageServer
+
+HELP = "show running drills in the browser, and act on them"
+EXAMPLE = "rpud watch --port 8810"
+DETAILS = (
+    "It prints the address of the page, which only this machine can reach unless --address says "
+    "otherwise. Other machines then need the token in the address."
+)
+
+PORT = Quantity("", "a port", 0, 65535, whole=True)
+DEFAULT_PORT = 8810  # as in rpud_sim.watch.server, which needs Bokeh
+_SEARCH_TIME = 1.0  # for drills before the addresses are printed [s]
+_SEARCH_PERIOD = 0.05  # s
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of ``rpud watch``."""
+    parser.add_argument(
+        "--port",
+        action=Number,
+        quantity=PORT,
+        default=DEFAULT_PORT,
+        metavar="P",
+        help="port of the page, 0 for a free one (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--address",
+        default="127.0.0.1",
+        metavar="A",
+        help="address to listen on; others than this machine's own need the printed token "
+        "(default: %(default)s)",
+    )
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    parser.add_argument(
+        "--namespace",
+        default=RecordOptions.namespace,
+        help="namespace of the drill to begin with (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--domain",
+        action=Number,
+        quantity=DOMAIN,
+        metavar="N",
+        help="ROS domain (default: ROS_DOMAIN_ID, or 0)",
+    )
+    parser.add_argument("--until-eof", action="store_true", help=argparse.SUPPRESS)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Serve until a signal; return the exit code."""
+    return watch_drills(arguments)
+
+
+def watch_drills(arguments: argparse.Namespace) -> ExitCode:
+    """Serve the pages of running drills until a signal."""
+    from rpud_sim.ros.starting import StartError
+    from rpud_sim.watch.live_server import serve_drills
+    from rpud_sim.watch.server import Place, ServerError
+
+    def announce(server: PageServer, finder: DrillFinder) -> None:
+        _announce(server, finder, arguments)
+
+    def prepare(server: PageServer) -> None:
+        if arguments.until_eof:
+            threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
+
+    with failing(ServerError), failing(StartError, code=ExitCode.USAGE):
+        serve_drills(
+            Place.of(arguments.port, arguments.address),
+            arguments.domain,
+            arguments.namespace,
+            announce,
+            prepare,
+        )
+    return ExitCode.DONE
+
+
+def _announce(server: PageServer, finder: DrillFinder, arguments: argparse.Namespace) -> None:
+    drills = [arguments.namespace] if arguments.until_eof else _find(finder)
+    if len(drills) == 1:
+        url = server.url("/drill", namespace=drills[0])
+        print(f"drill {printable(drills[0])}: {url}", flush=True)
+        if not arguments.until_eof:
+            print(f"all drills of ROS domain {finder.domain_id}: {server.url()}", flush=True)
+    else:
+        url = server.url()
+        count = f"{len(drills)} drills" if drills else "no drill yet"
+        print(f"{count} in ROS domain {finder.domain_id}: {url}", flush=True)
+    if arguments.open:
+        open_browser(url)
+
+
+def _find(finder: DrillFinder) -> list[str]:
+    """Return the namespaces of the drills that are found within a second."""
+    end = time.monotonic() + _SEARCH_TIME
+    found: list[str] = []
+    while time.monotonic() < end:
+        found = [drill.namespace for drill in finder.drills()]
+        time.sleep(_SEARCH_PERIOD)
+    return found
+
+
+def open_browser(url: str) -> None:
+    """Open a page in the browser of the desktop; say so if there is none."""
+    import webbrowser
+
+    try:
+        browser = webbrowser.get()
+    except webbrowser.Error:
+        browser = None
+    # A browser in the terminal would take it, and cannot show the page.
+    if browser is None or type(browser) is webbrowser.GenericBrowser or not browser.open(url):
+        complain("rpud watch", "no browser here: open the address yourself")
+
+
+def _stop_at_end(server: PageServer) -> None:
+    """Stop the server when standard input ends: whoever started it has gone."""
+    sys.stdin.buffer.read()
+    server.stop()

@@ -1,0 +1,50 @@
+"""Server of the pages of all drills of a domain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rpud_sim.ros.client.drill_finder import DrillFinder
+from rpud_sim.watch.drill_list import ListData, ListPage
+from rpud_sim.watch.drill_pool import DrillPool
+from rpud_sim.watch.live_page import live_application
+from rpud_sim.watch.server import PageServer, Place
+
+_REAP_PERIOD = 10.0  # between looks at drills that no page shows [s]
+
+
+def serve_drills(
+    place: Place,
+    domain_id: int | None,
+    namespace: str,
+    announce: Callable[[PageServer, DrillFinder], object],
+    prepare: Callable[[PageServer], object] = lambda server: None,
+) -> None:
+    """Serve the list of drills and a page for each until SIGINT or SIGTERM.
+
+    Args:
+        place: where to listen.
+        domain_id: ROS domain; None for that of the environment.
+        namespace: of the drill whose page needs none.
+        announce: called once, when the server listens.
+        prepare: called before, such as to let something else stop the server.
+
+    Raises:
+        ServerError: if it cannot listen there.
+        StartError: if ROS cannot start.
+    """
+    with DrillFinder(domain_id) as finder:
+        pool = DrillPool(domain_id)
+        options = {"finder": finder}
+        server = PageServer(
+            {"/drill": live_application(pool.take, pool.release, lambda: namespace)},
+            place,
+            [("/", ListPage, options), ("/drills", ListData, options)],
+        )
+        prepare(server)
+        server.every(_REAP_PERIOD, pool.close_unused)
+        try:
+            announce(server, finder)
+            server.run()
+        finally:
+            pool.close()
