@@ -37,11 +37,8 @@ run: install/.package install/.kernels ## Drill in real time for DURATION second
 precompile: install/.kernels ## Compile the model's kernels, so that no start has to
 
 .PHONY: picture
-picture: install/.package ## Draw docs/images anew: record BAG for 3 s, and BAG_faults for 12 s with the faults of config
-	@$(WITH_ENV) rpud run --duration 3 --record $(BAG) && \
-	  python -m toolchain.pictures.first_light $(BAG) docs/images/first_light.png && \
-	  rpud run --duration 12 --set scenario=config/faults.yaml --record $(BAG)_faults && \
-	  python -m toolchain.pictures.layout $(BAG)_faults config/foxglove.json docs/images/live.png
+picture: install/.package install/.kernels .venv/.browser ## Make docs/images anew: drawings, and pages of runs made for it in Chromium
+	@$(WITH_ENV) python -m toolchain.pictures docs/images
 
 ##@ Develop
 .PHONY: test

@@ -22,9 +22,8 @@ ROS = [
     "ros-jazzy-std-srvs==5.3.6",
 ]
 WEB = ["bokeh"]
-REPORT = [*WEB, "matplotlib"]
 EXPORT = ["pyarrow"]
-STUDIES = [*REPORT, *EXPORT, "scipy"]
+STUDIES = [*WEB, *EXPORT, "scipy"]
 
 setup(
     name=PACKAGE,
@@ -58,13 +57,13 @@ setup(
     ],
     extras_require={
         "ros": [*ROS, f"rpud_msgs=={VERSION}"],
-        "web": WEB,  # watch, report, compare
+        "web": WEB,  # watch, report, compare, test: whatever writes or serves a page
         "terminal": ["textual"],  # watch --terminal
-        "report": REPORT,
+        "report": WEB,  # the same by its former name
         "export": EXPORT,
         "studies": STUDIES,  # sweep, sensitivity, fit, reproduce
         "cluster": [*STUDIES, "distributed"],
-        "test": ["pytest", *REPORT],  # what the plugin needs; a failed test leaves a report
+        "test": ["pytest", *WEB],  # what the plugin needs; a failed test leaves a report
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

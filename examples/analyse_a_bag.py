@@ -6,14 +6,17 @@ script it runs from end to end:
     rpud run --duration 5 --record bags/first
     python examples/analyse_a_bag.py bags/first
 
-It needs no ROS, but pandas: pip install pandas.
+It needs no ROS, but pandas and Bokeh: pip install pandas bokeh.
 """
 
 # %% Open the bag
 import sys
 
-import matplotlib.pyplot as plt
 import numpy as np
+from bokeh.layouts import column
+from bokeh.palettes import Colorblind
+from bokeh.plotting import figure, save
+from bokeh.resources import INLINE
 
 import rpud_sim.bag
 
@@ -50,20 +53,21 @@ mean = total / count
 deviation = np.sqrt(squares / count - mean**2)
 print(f"reacting force: {mean:.1f} N, standard deviation {deviation:.1f} N, {count} samples")
 
-# %% The last 50 ms of it as a picture
+# %% The last 50 ms of it as a page with plots that one can zoom
 waveform = bag.arrays("/rpud/waveform", start=bag.duration - 50_000_000)
 milliseconds = (waveform["time"] - waveform["time"][0]) / 1e6
-figure, axes = plt.subplots(2, 1, sharex=True, layout="constrained")
-for name in ("actuator_position", "free_mass_position", "drill_tool_displacement"):
-    axes[0].plot(milliseconds, 1e3 * waveform[name], label=name.replace("_", " "))
-axes[0].set_ylabel("position [mm], rock below")
-axes[0].invert_yaxis()
-axes[0].legend(fontsize="small")
-axes[1].plot(milliseconds, waveform["reacting_force"])
-axes[1].set_ylabel("reacting force [N]")
-axes[1].set_xlabel("time [ms]")
-figure.savefig("analysis.png")
-print("analysis.png written")
+motion = figure(height=260, y_axis_label="position [mm], rock below", tools="xbox_zoom,reset")
+motion.y_range.flipped = True
+bodies = "actuator_position", "free_mass_position", "drill_tool_displacement"
+for name, color in zip(bodies, Colorblind[3], strict=True):
+    motion.line(milliseconds, 1e3 * waveform[name], color=color, legend_label=name)
+load = figure(height=260, x_range=motion.x_range, tools="xbox_zoom,reset")
+load.line(milliseconds, waveform["reacting_force"])
+load.yaxis.axis_label = "reacting force [N]"
+load.xaxis.axis_label = "time [ms]"
+plots = column(motion, load, sizing_mode="stretch_width")
+save(plots, "analysis.html", resources=INLINE, title="The last 50 ms")
+print("analysis.html written")
 
 # %% Done
 bag.close()

@@ -1,6 +1,5 @@
 """Runs the cells of the notebook from end to end, on a bag that is simulated for it."""
 
-import os
 import re
 import subprocess
 import sys
@@ -11,10 +10,7 @@ EXAMPLE = Path(__file__).parent / "analyse_a_bag.py"
 
 def test_it_tells_what_the_bag_holds(tmp_path):
     def run(*command):
-        environment = {**os.environ, "MPLBACKEND": "Agg"}
-        done = subprocess.run(
-            command, cwd=tmp_path, env=environment, capture_output=True, text=True
-        )
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -32,4 +28,6 @@ def test_it_tells_what_the_bag_holds(tmp_path):
     assert abs(number(r"reacting force: (\S+) N", told) / reacting - 1.0) < 0.02
     assert "peak force is in N, energy in J" in told
     assert "50000 samples" in told
-    assert (tmp_path / "analysis.png").stat().st_size > 10_000
+    page = (tmp_path / "analysis.html").read_text()
+    assert "reacting force [N]" in page
+    assert "<script src=" not in page, "it is one file"

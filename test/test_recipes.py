@@ -174,6 +174,18 @@ def test_the_project_s_recipes_install_the_same_packages():
         assert packages(text) == set(readme.split())
 
 
+def test_the_project_s_recipes_have_a_browser_and_keep_its_screenshots():
+    assert "artifacts:\n    when: always\n    paths: [rpud-artefacts]" in GITLAB[OF_PROJECT]
+    upload = github_steps(OF_PROJECT)[-1]
+    assert upload["if"] == "always()"
+    assert upload["with"]["path"] == "rpud-artefacts"
+    # GitHub's machines have one. Debian has a package, which .ci/run installs; Ubuntu has none.
+    assert yaml.safe_load(GITLAB[OF_PROJECT])["check"]["image"] == "debian:12"
+    first = next(argument for word, argument in instructions(DOCKER[OF_PROJECT]) if word == "FROM")
+    assert first == "debian:12 AS dependencies"
+    assert re.search(r"--yes chromium ", DOCKER[OF_PROJECT])
+
+
 def test_what_git_ignores_stays_out_of_the_image():
     ignored = (ROOT / ".dockerignore").read_text().split()
     for folder in (".venv", "build", "install", "log", "bags", "rpud-artefacts"):

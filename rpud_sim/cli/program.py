@@ -19,8 +19,13 @@ TRACEBACK = "RPUD_TRACEBACK"
 
 _RETRY_DELAY = 0.01  # s
 # What only some commands need comes with an extra: these have one each, the others share one.
-_EXTRA_MODULES = ("bokeh", "matplotlib", "pyarrow", "scipy", "tornado")
-_EXTRAS = {"rpud export": "export", "rpud report": "report", "rpud watch": "web"}
+_EXTRA_MODULES = ("bokeh", "pyarrow", "scipy", "tornado")
+_EXTRAS = {
+    "rpud export": "export",
+    "rpud report": "report",
+    "rpud test": "web",
+    "rpud watch": "web",
+}
 _STUDIES = "studies"
 # Of pip alone, so that a ROS package cannot depend on them. Any other missing module is of ROS.
 _BAG_MODULES = ("apsw", "lz4", "mcap", "rosbags", "zstandard")

@@ -53,6 +53,7 @@ _CONTROLS = Markup(
     '<span class="plot-range"></span><span class="plot-cursor"></span>'
     '<span class="plot-spoken unseen" aria-live="polite"></span></div>'
 )
+_COLUMN = Markup('<div class="plots-group">{}{}</div>')
 _EXTRA = 50  # pixels of the axis and the border of a figure
 
 
@@ -72,21 +73,18 @@ class Embedding:
         return host(plot, name)
 
     def column(self, column: TimeColumn) -> Markup:
-        """Return the elements of a column, with the controls of its time at its first use."""
+        """Return the elements of a column, with the controls of its time above them."""
         from rpud_sim.pages.figures import draw_column
 
         first = len(self._drawn) + 1
         names = [f"plot-{number}" for number in range(first, first + len(column.plots))]
         self._drawn += draw_column(column, names)
-        html = Markup("")
         if column.name not in self._groups:
             self._groups[column.name] = group_content(
                 column.begin, column.end, column.marks, column.unit
             )
-            html = controls(column.name)
-        for plot, name in zip(column.plots, names, strict=True):
-            html += host(plot, name, column.name)
-        return html
+        hosts = (host(*pair, column.name) for pair in zip(column.plots, names, strict=True))
+        return _COLUMN.format(controls(column.name), Markup("").join(hosts))
 
     def grid(self, name: str, plots: Sequence[Plot], least: float = 26.0) -> Markup:
         """Return the elements of plots side by side; those over one quantity zoom together.

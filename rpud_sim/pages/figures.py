@@ -135,6 +135,7 @@ def _draw(
         min_border_bottom=_AXIS,
         match_aspect=plot.square,
         lod_threshold=None,
+        border_line_color=None,
     )
     zoom = BoxZoomTool(dimensions="both" if plot.square else "width")
     drawn.add_tools(zoom)
@@ -177,12 +178,9 @@ def _range(plot: Plot, side: str, live: bool) -> Any:
 
 def _dress(drawn: Figure, plot: Plot) -> None:
     """Set fonts, colours and formats of a figure's frame."""
-    paint(
-        drawn,
-        background_fill_color="paper",
-        border_fill_color="paper",
-        outline_line_color="rule",
-    )
+    # The page shows through.
+    drawn.background_fill_color = drawn.border_fill_color = None
+    paint(drawn, outline_line_color="rule")
     for axis, side in ((drawn.xaxis[0], plot.x), (drawn.yaxis[0], plot.y)):
         axis.major_label_text_font_size = _FONT
         axis.axis_label_text_font_size = _FONT
@@ -222,12 +220,15 @@ def _draw_marks(drawn: Figure, kind: str, source: ColumnDataSource) -> None:
             source=source,
             fill_alpha=0.14,
             line_color=None,
+            line_width=1,
             hatch_pattern="/" if kind == GAP else " ",
             hatch_alpha=0.5,
             hatch_weight=0.5,
             name=f"mark {kind}",
         )
         paint(area.glyph, fill_color=kind, hatch_color=kind)
+        if kind == GAP:  # one that is shorter than a pixel is a line
+            paint(area.glyph, line_color=kind)
     if kind != GAP:
         places = ("time", "end") if kind == FAULT else ("time",)
         for place in places:

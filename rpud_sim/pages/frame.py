@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import io
-from typing import TYPE_CHECKING
-
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.embedding import Embedding, page_style
 from rpud_sim.pages.theme import css_variables
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _MACROS = """\
 {%- macro table(heading, rows, numeric=true, caption="") %}
@@ -29,9 +23,6 @@ _MACROS = """\
 {%- endfor %}
 </tbody></table></div>
 {%- endmacro %}
-{%- macro picture(data, title) %}
-<img alt="{{ title }}" src="data:image/png;base64,{{ data }}">
-{%- endmacro -%}
 """
 # The policy forbids everything from elsewhere, and every script but ours: such a page cannot load
 # or send anything, and no text in it can become a program.
@@ -58,9 +49,8 @@ def render_page(body: str, title: str, **context: object) -> str:
 
     Args:
         body: template for jinja2 of everything below the title; it may use
-            ``table(heading, rows, numeric=true, caption="")``, ``picture(base64, title)``,
-            ``plot(Plot)``, ``column(TimeColumn)`` and
-            ``grid(name, plots, least=26)``.
+            ``table(heading, rows, numeric=true, caption="")``, ``plot(Plot)``,
+            ``column(TimeColumn)`` and ``grid(name, plots, least=26)``.
         title: of the page.
         context: variables of the template.
     """
@@ -90,11 +80,3 @@ def render_page(body: str, title: str, **context: object) -> str:
 def page_head_style() -> str:
     """Return the whole style of a page: colours and layout."""
     return css_variables() + page_style()
-
-
-def to_png(figure: Figure, resolution: int) -> bytes:
-    """Return a figure as a PNG file with so many dots per inch."""
-    buffer = io.BytesIO()
-    # Without the library's version in it, the same numbers give the same file.
-    figure.savefig(buffer, format="png", dpi=resolution, metadata={"Software": None})
-    return buffer.getvalue()

@@ -23,6 +23,7 @@ from rpud_sim.pages.plot import (
 )
 
 _ZERO = 1e-9  # of the greatest value: what is smaller comes of rounding
+_WRITTEN_OUT = 1e7  # numbers below have no exponent
 _FEW = 12  # points up to which a line is told by its ends
 
 
@@ -107,4 +108,5 @@ def _place(value: float, axis: Axis) -> str:
 
 def number(value: float) -> str:
     """Return a number with as many digits as a reader compares."""
-    return f"{value:.4g}"
+    text = f"{value:.4g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(value) < _WRITTEN_OUT else text

@@ -82,7 +82,8 @@ def page_of(
     Options: `width` [px], `scheme` (light, dark, no-preference), `reduced_motion`, and others of
     Playwright's `new_context`. A test that fails leaves a screenshot of each.
     """
-    from browser.pages import HEIGHT, WIDE, BrowserError, BrowserPage
+    from browser.pages import HEIGHT, WIDE, BrowserPage
+    from playwright.sync_api import Error
 
     opened: list[BrowserPage] = []
 
@@ -107,7 +108,7 @@ def page_of(
 
     yield open_page
     for number, page in enumerate(opened, 1):
-        with contextlib.suppress(BrowserError):  # it is closed, or the browser is gone
+        with contextlib.suppress(Error):  # it is closed, or the browser is gone
             if request.node.stash.get(_FAILED, False):
                 page.keep(f"failed_{number}")
             page.close()

@@ -9,7 +9,7 @@ import pytest
 
 CONFIG = Path(__file__).parents[2] / "config"
 BAGS = ("apsw", "lz4", "mcap", "rosbags", "zstandard")
-EXTRAS = ("distributed", "matplotlib", "pandas", "pyarrow", "scipy")
+EXTRAS = ("bokeh", "distributed", "pandas", "pyarrow", "scipy")
 
 # Imports the command line where some packages are missing; a name that is None cannot be imported.
 SCRIPT = """
@@ -50,7 +50,7 @@ def bag(lacking):
     ("words", "line"),
     [
         (("export", "bag", "--out", "out"), r"needs pyarrow: pip install 'rpud_sim\[export\]'"),
-        (("report", "bag"), r"needs matplotlib: pip install 'rpud_sim\[report\]'"),
+        (("report", "bag"), r"needs bokeh: pip install 'rpud_sim\[report\]'"),
     ],
 )
 def test_a_command_on_a_bag_names_its_extra(lacking, bag, words, line):
@@ -64,8 +64,8 @@ def test_bags_need_no_extra(lacking, bag):
         assert lacking(EXTRAS, *words).returncode == 0, words
 
 
-def test_a_report_needs_matplotlib_alone(lacking, bag):
-    done = lacking(set(EXTRAS) - {"matplotlib"}, "report", bag)
+def test_a_report_needs_bokeh_alone(lacking, bag):
+    done = lacking(set(EXTRAS) - {"bokeh"}, "report", bag)
     assert (done.returncode, done.stderr) == (0, "")
 
 

@@ -15,7 +15,7 @@ from sample_bags import write_bag
 import rpud_sim
 from rpud_sim.cli.main import COMMANDS, build_parser, main
 
-HEAVY = ("numpy", "numba", "scipy", "matplotlib", "mcap", "yaml", "tqdm", "rclpy", "rpud_msgs")
+HEAVY = ("numpy", "numba", "scipy", "bokeh", "mcap", "yaml", "tqdm", "rclpy", "rpud_msgs")
 # All that `rpud simulate` may need, beside the standard library.
 # Where ROS and the libraries of bags are missing, whichever is needed first is named.
 NO_ROS = (

@@ -1,13 +1,11 @@
 """Pages stand alone, and take no text of their context for HTML or for steering characters."""
 
-import base64
 import re
 
 import pytest
 from jinja2 import UndefinedError
-from matplotlib.figure import Figure
 
-from rpud_sim.pages.frame import render_page, to_png
+from rpud_sim.pages.frame import render_page
 
 
 def test_texts_are_escaped_and_macros_are_html():
@@ -28,12 +26,3 @@ def test_a_page_may_load_nothing():
 def test_a_variable_that_is_missing_is_an_error():
     with pytest.raises(UndefinedError):
         render_page("{{ missing }}", "title")
-
-
-def test_pictures_are_in_the_page_and_the_same_each_time():
-    pictures = [to_png(Figure(figsize=(1.0, 1.0)), 10) for _ in range(2)]
-    assert pictures[0] == pictures[1]
-    assert b"Matplotlib" not in pictures[0]
-    data = base64.b64encode(pictures[0]).decode("ascii")
-    page = render_page("{{ picture(data, 'name') }}", "title", data=data)
-    assert f'<img alt="name" src="data:image/png;base64,{data}">' in page

@@ -1,23 +1,27 @@
-"""Report of a bag: one HTML page without scripts, network or other files."""
+"""Report of a bag: one HTML page without network or other files."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import rpud_sim.bag
 from rpud_sim.inspection.output import output_reason
-from rpud_sim.inspection.report import pictures, rows
-from rpud_sim.inspection.report.power_flow import power_flow
-from rpud_sim.inspection.report.survey import Survey, survey
+from rpud_sim.inspection.report import charts, rows
+from rpud_sim.inspection.report.account_rows import account_rows, period_rows
+from rpud_sim.inspection.report.run_marks import run_marks
+from rpud_sim.inspection.report.survey import FORCES, Survey, namespace, survey
 from rpud_sim.inspection.report.template import BODY, HEADINGS
+from rpud_sim.inspection.report.time_plots import TimePlots, closer
 from rpud_sim.inspection.report.topic_survey import MOST_SERIES, TopicSurvey
 from rpud_sim.pages.frame import render_page
+from rpud_sim.pages.plot import Plot
 
 _MOST_DRAWN = 20  # topics
-_MOST_PANELS = 12  # of a picture
+_MOST_PANELS = 12  # of a topic
+_MOST_PLOTS = 90  # of all topics: each takes some 40 kB
 
 # The drill's topics, the most informative first; others follow by name.
 _ORDER = (
@@ -80,12 +84,15 @@ def render(seen: Survey) -> str:
 
 def _context(seen: Survey) -> dict[str, Any]:
     shown, more = _series_topics(seen)
+    marks = run_marks(seen)
+    plots = TimePlots(seen.span, marks)
     late = [
         topic
         for topic in seen.topics.values()
         if topic.timing.delay.least < topic.timing.delay.greatest
     ]
     late = sorted(late, key=_rank)[:_MOST_PANELS]
+    has_faults = any(log.faults for log in seen.faults.values())
     return {
         "tiles": _tiles(seen),
         "warnings": [
@@ -101,9 +108,13 @@ def _context(seen: Survey) -> dict[str, Any]:
             (name, [(f"{time:.6f}", *texts) for time, *texts in log.entries], log.unlisted)
             for name, log in seen.journals.items()
         ],
-        "impacts": [_impacts(seen, name) for name in seen.impacts],
-        "waveforms": [_waveform(seen, name) for name in seen.waveforms],
-        "series": [_series(topic, seen.span) for topic in shown],
+        "impacts": [_impacts(seen, name, plots) for name in seen.impacts],
+        "segments": list(_segments(seen)),
+        "waveforms": [
+            _waveform(seen, name, f"closer-{number}")
+            for number, name in enumerate(seen.waveforms, 1)
+        ],
+        "series": list(_all_series(shown, plots)),
         "series_more": ", ".join(more),
         "timing": rows.timing_rows(seen),
         "statuses": [
@@ -111,14 +122,10 @@ def _context(seen: Survey) -> dict[str, Any]:
             for topic in seen.topics.values()
             if topic.type == rows.STATUS and topic.find("real_time_factor").count
         ],
-        "delays": pictures.encode(pictures.delays, late, seen.span) if late else "",
+        "delays": plots.column([plots.delay(topic) for topic in late]) if late else None,
+        "faults_plot": plots.column([plots.faults()]) if has_faults else None,
         "faults": [
-            {
-                "name": name,
-                "rows": rows.fault_rows(log),
-                "more": log.unlisted,
-                "picture": pictures.encode(pictures.faults, log.faults, seen.span),
-            }
+            {"name": name, "rows": rows.fault_rows(log), "more": log.unlisted}
             for name, log in seen.faults.items()
         ],
     }
@@ -145,52 +152,88 @@ def _tiles(seen: Survey) -> list[tuple[str, str]]:
     return [*tiles[:12], ("faults", str(faults) if seen.faults else "unknown")]
 
 
-def _impacts(seen: Survey, name: str) -> dict[str, Any]:
+def _impacts(seen: Survey, name: str, plots: TimePlots) -> dict[str, Any]:
     topic, impacts = seen.topics[name], seen.impacts[name]
     has_impacts = topic.find("peak_force").count and topic.find("energy").count
-    powers = rows.mean_powers(seen, name)
+    status = seen.sibling(name, rows.STATUS)
+    powers = seen.powers.get(status.name) if status is not None else None
+    account = []
+    if status is not None and powers is not None:
+        account = account_rows(powers, status.find("electrical_power").mean)
     return {
         "name": name,
         "figures": rows.impact_rows(seen, name),
         "energy": rows.energy_rows(seen, name) if has_impacts else [],
-        "flow": pictures.encode(power_flow, powers) if powers else "",
+        "account": account,
+        "reported": rows.show(powers.seconds, "s") if powers is not None else "",
+        "flow": charts.power_flow(powers.means()) if account and powers is not None else "",
         "over_time": has_impacts
-        and pictures.encode(pictures.impacts_over_time, impacts, topic, seen.span),
-        "distributions": has_impacts and pictures.encode(pictures.distributions, impacts, topic),
+        and plots.column([*plots.impacts(impacts, topic), *_beside(seen, name, plots)]),
+        "distributions": charts.distributions(impacts, topic) if has_impacts else [],
     }
 
 
-def _waveform(seen: Survey, name: str) -> dict[str, Any]:
+def _beside(seen: Survey, name: str, plots: TimePlots) -> Iterator[Plot]:
+    """Yield the plots of the reacting force and of the weight on bit beside those of impacts."""
+    for kind, column in FORCES:
+        topic = seen.sibling(name, kind)
+        series = topic.series if topic is not None else ()
+        found = [item for item in series if item.column.name == column and item.values.count]
+        if found:
+            yield plots.series(found[0], "reacting force")
+            break
+    for journal_name, journal in seen.journals.items():
+        if namespace(journal_name) == namespace(name):
+            yield from plots.weight_on_bit(journal.changes)
+
+
+def _segments(seen: Survey) -> Iterator[dict[str, Any]]:
+    for space, periods in seen.periods.items():
+        if any(period.impacts or period.reacting_force.count for period in periods.all):
+            topics = (*seen.journals, *seen.faults)
+            yield {
+                "name": space or "/",
+                "rows": period_rows(periods),
+                "more": periods.unlisted,
+                "known": any(namespace(topic) == space for topic in topics),
+            }
+
+
+def _waveform(seen: Survey, name: str, column: str) -> dict[str, Any]:
     waveform = seen.waveforms[name]
     densities = waveform.spectrum.density(waveform.rate) if waveform.rate else None
     return {
         "name": name,
-        "spectra": pictures.encode(pictures.spectra, waveform, densities) if densities else "",
+        "spectra": charts.spectra(densities) if densities else [],
         "segments": waveform.spectrum.segments,
         "length": 2 * (len(densities[0]) - 1) if densities else 0,
         "rate": rows.show(waveform.rate, "Hz"),
-        "closer": pictures.encode(pictures.closer, waveform) if waveform.closer else "",
+        "closer": closer(waveform, column) if waveform.closer else None,
     }
 
 
-def _series(topic: TopicSurvey, span: float) -> dict[str, Any]:
-    followed = [item for item in topic.series if item.values.count]
-    moving = [item for item in followed if item.values.least < item.values.greatest]
-    constant = [item for item in followed if item not in moving]
-    drawn = moving[:_MOST_PANELS]
-    more = [f"not drawn: {item.column.name}" for item in moving[_MOST_PANELS:]]
-    if topic.left_out:
-        more.append(f"not followed: {topic.left_out} fields beyond the first {MOST_SERIES}")
-    return {
-        "name": topic.name,
-        "picture": pictures.encode(pictures.series, drawn, span) if drawn else "",
-        "constant": ", ".join(
-            f"{item.column.name} = {rows.show(item.values.mean, item.column.unit)}"
-            for item in constant
-        ),
-        "more": "; ".join(more),
-        "rows": rows.series_rows(topic),
-    }
+def _all_series(topics: Sequence[TopicSurvey], plots: TimePlots) -> Iterator[dict[str, Any]]:
+    left = _MOST_PLOTS
+    for topic in topics:
+        followed = [item for item in topic.series if item.values.count]
+        moving = [item for item in followed if item.values.least < item.values.greatest]
+        constant = [item for item in followed if item not in moving]
+        most = min(_MOST_PANELS, left)
+        drawn = [plots.series(item) for item in moving[:most]]
+        left -= len(drawn)
+        more = [f"not drawn: {item.column.name}" for item in moving[most:]]
+        if topic.left_out:
+            more.append(f"not followed: {topic.left_out} fields beyond the first {MOST_SERIES}")
+        yield {
+            "name": topic.name,
+            "column": plots.column(drawn) if drawn else None,
+            "constant": ", ".join(
+                f"{item.column.name} = {rows.show(item.values.mean, item.column.unit)}"
+                for item in constant
+            ),
+            "more": "; ".join(more),
+            "rows": rows.series_rows(topic),
+        }
 
 
 def _series_topics(seen: Survey) -> tuple[list[TopicSurvey], list[str]]:

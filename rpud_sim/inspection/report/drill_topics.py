@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.report.changes import Change, CommandsInForce
 from rpud_sim.inspection.report.running_statistics import Envelope, Intervals, Spectrum, usable
 from rpud_sim.simulation.statistics import count_events
 
@@ -89,6 +90,11 @@ class Powers:
         valid = usable(values).all(axis=1)
         self._joules += seconds[valid] @ values[valid]
         self._seconds += float(seconds[valid].sum())
+
+    @property
+    def seconds(self) -> float:
+        """Time that the reports span [s]."""
+        return self._seconds
 
     def means(self) -> dict[str, float]:
         """Return the mean of each power [W]; empty if the reports span no time."""
@@ -226,22 +232,28 @@ class Journal:
 
     Args:
         entries: time since the bag began [s], kind, content.
+        changes: by commands.
         parameters: of the first simulation.
         unlisted: number of entries that are not kept.
     """
 
     entries: list[tuple[float, str, str]] = field(default_factory=list)
+    changes: list[Change] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
     unlisted: int = 0
+    _in_force: CommandsInForce = field(default_factory=CommandsInForce)
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
         """Add entries at times since the bag began [s]."""
         for time, kind, content in zip(times, columns["kind"], columns["content"], strict=True):
             if kind == "begin" and not self.parameters:
                 self.parameters = _parameters(content)
+            change = self._in_force.take(float(time), str(kind), content)
             if len(self.entries) >= MOST_ENTRIES:
                 self.unlisted += 1
                 continue
+            if change is not None:
+                self.changes.append(change)
             cut = "…" if len(content) > _CONTENT else ""
             self.entries.append((float(time), str(kind), content[:_CONTENT] + cut))
 

@@ -152,7 +152,7 @@ class Distribution:
             return math.nan
         below = np.append(0, np.cumsum(self._counts))
         edges = self._low + self._width * np.arange(_CLASSES + 1)
-        digit = 10.0 ** math.ceil(math.log10(self._width))
+        digit = 10.0 ** math.floor(math.log10(self._width))
         value = round(float(np.interp(part * self.count, below, edges)) / digit) * digit
         return min(max(value, self.least), self.greatest)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
@@ -20,12 +20,19 @@ from rpud_sim.inspection.report.drill_topics import (
     Segments,
     Waveform,
 )
+from rpud_sim.inspection.report.periods import Periods, to_periods
 from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS
 from rpud_sim.inspection.report.timeline import zero_stamp
 from rpud_sim.inspection.report.topic_survey import TopicSurvey, is_latched, stamp_column
 
 POWERS = (*INFLOWS, *OUTFLOWS)
 """Fields of a status that the flow of power shows."""
+
+FORCES = (
+    ("rpud_msgs/msg/Waveform", "reacting_force"),
+    ("rpud_msgs/msg/ReactingForce", "force"),
+)
+"""Types and columns with the reacting force of a drill, the better one first."""
 
 MOST_TOPICS = 200
 """Number of topics that are surveyed; of others the report only shows the bag's index."""
@@ -64,6 +71,7 @@ class Survey:
         topics: surveyed topics, by name.
         impacts, segments, waveforms, powers, faults, journals: content of the drill's own
             topics, by name.
+        periods: segments of each drill between its commands and faults, by namespace.
         damaged: amount and reason of the damaged parts that were skipped, by topic or record.
     """
 
@@ -83,6 +91,7 @@ class Survey:
     powers: dict[str, Powers] = field(default_factory=dict)
     faults: dict[str, FaultLog] = field(default_factory=dict)
     journals: dict[str, Journal] = field(default_factory=dict)
+    periods: dict[str, Periods] = field(default_factory=dict)
     damaged: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -96,7 +105,7 @@ class Survey:
     def sibling(self, topic: str, kind: str) -> TopicSurvey | None:
         """Return the topic of a type in the same namespace as another topic."""
         for name, found in self.topics.items():
-            if _namespace(name) == _namespace(topic) and found.type == kind:
+            if namespace(name) == namespace(topic) and found.type == kind:
                 return found
         return None
 
@@ -123,22 +132,75 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
         bag.readable_topics,
         bag.left_out,
     )
-    _choose_topics(seen, bag)
+    zeros = _zeros(bag)
+    _choose_topics(seen, bag, zeros)
+    _read_changes(seen, bag, zeros)
+    forces = _force_columns(seen)
     for batch in bag.batches([*seen.topics], leave_out=damages.add):
         times = seen.topics[batch.topic].add(batch)
-        for kept in (seen.impacts, seen.segments, seen.waveforms, seen.powers, seen.journals):
+        for kept in (seen.impacts, seen.segments, seen.waveforms, seen.powers):
             if batch.topic in kept:
                 kept[batch.topic].add(batch.columns, times)
-        if batch.topic in seen.faults:
-            jumps = seen.topics[batch.topic].timeline.jumps
-            seen.faults[batch.topic].add(batch.columns, times, jumps)
+        if batch.topic in seen.impacts:
+            seen.periods[namespace(batch.topic)].add_impacts(batch.columns, times)
+        if batch.topic in forces:
+            forces_now = batch.columns[forces[batch.topic]]
+            seen.periods[namespace(batch.topic)].add_force(forces_now, times)
         report(batch.message_count)
+    for periods in seen.periods.values():
+        periods.end_at(seen.span)
     seen.damaged.update(damages.texts)
     return seen
 
 
-def _choose_topics(seen: Survey, bag: BagReader) -> None:
-    zeros = _zeros(bag)
+def _read_changes(seen: Survey, bag: BagReader, zeros: Mapping[str, int]) -> None:
+    """Read journals and faults first: they say where the segments of the run begin.
+
+    They are few messages, which the bag's index finds; what is damaged is counted later.
+    """
+    topics = {
+        name: TopicSurvey(
+            found.summary, bag.columns(name), seen.start, seen.duration, zeros.get(namespace(name))
+        )
+        for name, found in seen.topics.items()
+        if name in seen.journals or name in seen.faults
+    }
+    for batch in bag.batches([*topics], leave_out=lambda topic, reason: None) if topics else ():
+        times = topics[batch.topic].add(batch)
+        if batch.topic in seen.journals:
+            seen.journals[batch.topic].add(batch.columns, times)
+        else:
+            jumps = topics[batch.topic].timeline.jumps
+            seen.faults[batch.topic].add(batch.columns, times, jumps)
+    for space in {namespace(name) for name in seen.topics}:
+        changes = [
+            change
+            for name, journal in seen.journals.items()
+            if namespace(name) == space
+            for change in journal.changes
+        ]
+        faults = [
+            fault
+            for name, log in seen.faults.items()
+            if namespace(name) == space
+            for fault in log.faults.values()
+        ]
+        seen.periods[space] = to_periods(changes, faults)
+
+
+def _force_columns(seen: Survey) -> dict[str, str]:
+    """Return the column of each topic that has the reacting force of a drill, one for a drill."""
+    found: dict[str, str] = {}
+    for name in seen.impacts:
+        for kind, column in FORCES:
+            topic = seen.sibling(name, kind)
+            if topic is not None and any(item.column.name == column for item in topic.series):
+                found[topic.name] = column
+                break
+    return found
+
+
+def _choose_topics(seen: Survey, bag: BagReader, zeros: Mapping[str, int]) -> None:
     for summary in bag.readable_topics:
         name = summary.topic.name
         if name in seen.left_out:
@@ -147,12 +209,13 @@ def _choose_topics(seen: Survey, bag: BagReader) -> None:
             seen.left_out[name] = f"the bag has more than {MOST_TOPICS} topics"
             continue
         columns = bag.columns(name)
-        zero = zeros.get(_namespace(name))
+        zero = zeros.get(namespace(name))
         seen.topics[name] = TopicSurvey(summary, columns, seen.start, seen.duration, zero)
         _add_drill_topic(seen, summary, columns)
 
 
-def _namespace(topic: str) -> str:
+def namespace(topic: str) -> str:
+    """Return the namespace of a topic."""
     return topic.rpartition("/")[0]
 
 
@@ -173,14 +236,14 @@ def _zeros(bag: BagReader) -> dict[str, int]:
     zeros: dict[str, int] = {}
     for summary in sorted(stamped, key=lambda summary: summary.first_time or 0):
         name = summary.topic.name
-        if _namespace(name) in zeros:
+        if namespace(name) in zeros:
             continue
         skipped = (summary.first_time or 0) - begin
         for batch in bag.batches(name, skipped, 1, leave_out=lambda topic, reason: None):
             if len(batch):
                 columns = batch.columns
                 stamps = columns[stamp_column(bag.columns(name))]
-                zeros[_namespace(name)] = zero_stamp(stamps, columns["log_time"], begin)
+                zeros[namespace(name)] = zero_stamp(stamps, columns["log_time"], begin)
     return zeros
 
 

@@ -11,6 +11,8 @@ from rpud_sim.bag import TopicSummary
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.tables import Batch
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.report.changing_value import ChangingValue
+from rpud_sim.inspection.report.gaps import Gaps
 from rpud_sim.inspection.report.running_statistics import Distribution, Envelope, Intervals, usable
 from rpud_sim.inspection.report.timeline import Timeline
 
@@ -23,10 +25,18 @@ _NO_SERIES = {"sequence", "sample_period"}
 
 @dataclass
 class Series:
-    """Column of numbers over time."""
+    """Column of numbers over time.
+
+    Args:
+        column: of the topic's table.
+        envelope: of its values over time.
+        changing: its exact changes, if they are few.
+        values: their distribution.
+    """
 
     column: Column
     envelope: Envelope
+    changing: ChangingValue = field(default_factory=ChangingValue)
     values: Distribution = field(default_factory=Distribution)
 
 
@@ -38,15 +48,20 @@ class Timing:
         delays: from stamp to log time, over time [s]; for a block, from its last row's stamp.
         delay: distribution of the same [s].
         intervals: between the log times of messages [s].
-        missing: numbers that ``sequence`` skips; None if there is no such field.
+        gaps: in ``sequence``; None if there is no such field.
         stamped: whether messages have stamps.
     """
 
     delays: Envelope
     delay: Distribution = field(default_factory=Distribution)
     intervals: Intervals = field(default_factory=Intervals)
-    missing: int | None = None
+    gaps: Gaps | None = None
     stamped: bool = False
+
+    @property
+    def missing(self) -> int | None:
+        """Number of messages that ``sequence`` skips; None if there is no such field."""
+        return None if self.gaps is None else self.gaps.missing
 
 
 def stamp_column(columns: Sequence[Column]) -> str:
@@ -110,12 +125,12 @@ class TopicSurvey:
             numbers = []  # a drawing of its coefficients would show nothing
         self.series = [Series(column, Envelope(duration)) for column in numbers[:MOST_SERIES]]
         self.left_out = len(numbers) - len(self.series)
-        self._numbered = any(
+        if any(
             column.name == "sequence" and column.kind is Kind.NUMBER and column.dtype.kind in "iu"
             for column in columns
-        )
+        ):
+            self.timing.gaps = Gaps()
         self._last_log_time: int | None = None
-        self._last_number: int | None = None
 
     @property
     def name(self) -> str:
@@ -136,6 +151,7 @@ class TopicSurvey:
             series.values.add(values)
             valid = usable(values)
             series.envelope.add(times[valid], values[valid])
+            series.changing.add(times[valid], values[valid])
         if len(batch):
             self.end = max(self.end, float(times.max()))
             self._add_timing(columns, times)
@@ -162,9 +178,5 @@ class TopicSurvey:
             delays = (log_times - columns[self._stamp][last]) / SECOND
             self.timing.delay.add(delays)
             self.timing.delays.add(times[last], delays)
-        if self._numbered:
-            numbers = columns["sequence"].astype(np.int64)
-            before = numbers[0] - 1 if self._last_number is None else self._last_number
-            jumps = np.diff(numbers, prepend=before) - 1
-            self.timing.missing = (self.timing.missing or 0) + int(jumps[jumps > 0].sum())
-            self._last_number = int(numbers[-1])
+        if self.timing.gaps is not None:
+            self.timing.gaps.add(columns["sequence"].astype(np.int64), times)

@@ -424,6 +424,8 @@ var rpudPlots = (() => {
 
   dark.addEventListener("change", () => plots.forEach(paint));
   window.addEventListener("resize", () => plots.forEach(placeLine));
+  for (const bar of document.querySelectorAll(".plot-controls"))
+    groupOf(bar.dataset.group, bar.dataset.group);
   const hosts = [...document.querySelectorAll("figure.plot")];
   const ofFile = (host) =>
     document.querySelector(`script.plot-data[data-name="${CSS.escape(host.dataset.plot)}"]`);

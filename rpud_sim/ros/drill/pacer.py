@@ -13,7 +13,7 @@ from rpud_sim.ros.lateness import Lateness
 
 # A block is computed this long before its deadline, at most half a block [s]. Until then requests
 # and parameters still act at the beginning of the block, so that services answer at once.
-_LEAD = 0.005
+LEAD = 0.005
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Pacer:
         """
         if self._in_steps or self._factor == 0.0:
             return self.remaining(time)
-        return self.remaining(time) - min(_LEAD, 0.5 / (self._rate * self._factor))
+        return self.remaining(time) - min(LEAD, 0.5 / (self._rate * self._factor))
 
     def wait(self, time: int) -> None:
         """Sleep until the deadline of a block that was computed ahead of it.

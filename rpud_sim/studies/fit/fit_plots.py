@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 
+from rpud_sim.pages.extent import readable_unit
 from rpud_sim.pages.plot import Axis, Bars, Layer, Plot, Points, Rule, Zone
 from rpud_sim.studies.fit.fit import Comparison, Fit
 from rpud_sim.studies.fit.specification import unit_of
@@ -20,20 +21,28 @@ def unknown_plots(fit: Fit) -> tuple[Plot, ...]:
     """Return the posterior of every unknown, between its bounds."""
     plots = []
     for name, spread in fit.specification.unknowns.items():
+        factor, unit = _unit(fit, name)
         edges = spread.at(np.linspace(0.0, 1.0, _BINS + 1))
         counts, _ = np.histogram(fit.samples[name], edges)
         interval = fit.identifiability.intervals[name]
+        low, high, best = (factor * x for x in (interval.low, interval.high, fit.best[name]))
         layers: tuple[Layer, ...] = (
-            Zone("90 % interval", interval.low, interval.high, False, "series0"),
-            Bars("posterior", edges, counts / max(len(fit.samples[name]), 1), color=_POSTERIOR),
-            Rule("best point", fit.best[name], False, _color(_BEST), "solid"),
+            Zone("90 % interval", low, high, False, "series0"),
+            Bars(
+                "posterior",
+                factor * edges,
+                counts / max(len(fit.samples[name]), 1),
+                color=_POSTERIOR,
+            ),
+            Rule("best point", best, False, _color(_BEST), "solid"),
         )
+        axis = _axis(fit, name)
         alt = (
-            f"Best point {fit.best[name]:.4g}, 90 % interval {interval.low:.4g} to "
-            f"{interval.high:.4g}, of bounds {spread.minimum:.4g} to {spread.maximum:.4g}."
+            f"Best point {best:.4g}, 90 % interval {low:.4g} to {high:.4g}, bounds {axis.low:.4g} "
+            f"to {axis.high:.4g} {unit}".rstrip()
         )
         up = Axis(low=0.0)
-        plots.append(Plot(f"share of the posterior: {name}", layers, alt, up, _axis(fit, name)))
+        plots.append(Plot(f"share of the posterior: {name}", layers, f"{alt}.", up, axis))
     return tuple(plots)
 
 
@@ -45,16 +54,17 @@ def pair_plots(fit: Fit) -> tuple[Plot, ...]:
     for column, row in itertools.combinations(range(len(names)), 2):
         x, y = names[column], names[row]
         correlation = fit.identifiability.correlation[row][column]
-        best = np.array([fit.best[x]]), np.array([fit.best[y]])
+        factors = _unit(fit, x)[0], _unit(fit, y)[0]
+        best_x, best_y = np.array([[factors[0] * fit.best[x]], [factors[1] * fit.best[y]]])
         layers = (
             Points(
                 "posterior",
-                fit.samples[x][::every],
-                fit.samples[y][::every],
+                factors[0] * fit.samples[x][::every],
+                factors[1] * fit.samples[y][::every],
                 size=2.5,
                 color=_POSTERIOR,
             ),
-            Points("best point", *best, marker="x", size=11, color=_BEST),
+            Points("best point", best_x, best_y, marker="x", size=11, color=_BEST),
         )
         alt = f"Rank correlation {correlation:.2f}."
         plots.append(Plot(y, layers, alt, _axis(fit, y), _axis(fit, x), 220))
@@ -85,10 +95,10 @@ def target_plot(fit: Fit) -> Plot:
     ):
         chosen = [i for i, item in enumerate(shown) if item.target.hold_out == held]
         if chosen:
-            ends = np.sort([_predicted(shown[i]) for i in chosen], axis=1)
+            low, high = np.sort([_predicted(shown[i]) for i in chosen], axis=1).T
             ratio = np.array([shown[i].ratio for i in chosen])
             layers.append(
-                Points(name, ratio, places[chosen], *ends.T, across=True, size=8.0, color=color)
+                Points(name, ratio, places[chosen], low, high, across=True, size=8.0, color=color)
             )
     titles = tuple(f"{item.target.title}{' (held out)' * item.target.hold_out}" for item in shown)
     far = max(shown, key=lambda item: abs(item.deviation), default=None)
@@ -103,8 +113,13 @@ def _predicted(item: Comparison) -> tuple[float, float]:
 
 
 def _axis(fit: Fit, name: str) -> Axis:
-    spread = fit.specification.unknowns[name]
-    return Axis(name, unit_of(name), spread.scale == "log", spread.minimum, spread.maximum)
+    spread, (factor, unit) = fit.specification.unknowns[name], _unit(fit, name)
+    return Axis(name, unit, spread.scale == "log", factor * spread.minimum, factor * spread.maximum)
+
+
+def _unit(fit: Fit, name: str) -> tuple[float, str]:
+    """Return a factor from SI units and the unit in which an unknown is short to read."""
+    return readable_unit(unit_of(name), fit.specification.unknowns[name].maximum)
 
 
 def _color(number: int) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.pages import figures  # noqa: F401 - where Bokeh is missing, it fails before a run
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.words import described
 from rpud_sim.studies.fit.fit import BEST_RUNS, Comparison, Fit
@@ -199,7 +200,7 @@ def _page(fit: Fit, command: str) -> str:
             (_choices(choices), f"{share:.3f}") for choices, share in fit.probabilities if choices
         ],
         ridges=[str(ridge) for ridge in fit.identifiability.ridges],
-        unknown_plots=[described(plot) for plot in unknown_plots(fit)],
+        unknown_plots=unknown_plots(fit),
         pair_plots=[described(plot) for plot in pair_plots(fit)],
         target_plots=[described(target_plot(fit))],
         best_runs=BEST_RUNS,

@@ -9,6 +9,7 @@ from typing import Any
 from jinja2 import StrictUndefined, Template
 
 from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.pages import figures  # noqa: F401 - where Bokeh is missing, it fails before a run
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.plot import Plot
 from rpud_sim.pages.words import described
@@ -59,14 +60,14 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _plots(result: Reproduction) -> dict[str, tuple[Plot, ...]]:
-    figures = {
+    found = {
         **run_plots(result.presets.reading, result.best.reading),
         **study_plots(result.studies),
         **bar_plots(result.bar),
         "readings": readings_plots(rows.named_fits(result)),
         "search": search_plots(result.search.ridges),
     }
-    return {name: tuple(map(described, plots)) for name, plots in figures.items()}
+    return {name: tuple(map(described, plots)) for name, plots in found.items()}
 
 
 def _context(result: Reproduction, command: str) -> dict[str, Any]:

@@ -116,20 +116,22 @@ def _positions(shown: list[Shown], regime: str) -> tuple[Plot, ...]:
         block = getattr(item, regime)
         bins = round(SHORT / _BIN)
         fast = _sample(block, 0.0, SHORT, round(_BIN_SAMPLES / _BIN))[1]
-        vibration = 1e3 * fast.actuator_position.reshape(bins, _BIN_SAMPLES)
-        ends = vibration.min(axis=1), vibration.mean(axis=1), vibration.max(axis=1)
-        time, samples = _sample(block, 0.0, SHORT, _RATE)
-        layers = (
-            Envelope(
-                "actuator, with its range within 0.1 ms",
-                _BIN * np.arange(bins + 1, dtype=np.float32),
-                *(np.append(values, values[-1:]).astype(np.float32) for values in ends),
-                color=_ACTUATOR,
-            ),
-            *_slow_bodies(time, samples),
+        layers: tuple[Layer, ...] = (
+            _vibration(1e3 * fast.actuator_position.reshape(bins, _BIN_SAMPLES)),
+            *_slow_bodies(*_sample(block, 0.0, SHORT, _RATE)),
         )
         plots.append(_motion(item, regime, layers))
     return tuple(plots)
+
+
+def _vibration(position: np.ndarray) -> Envelope:
+    """Return the range of a position, shape (bins, samples), in each bin."""
+    low, mean, high = (
+        np.append(values, values[-1:]).astype(np.float32)
+        for values in (position.min(axis=1), position.mean(axis=1), position.max(axis=1))
+    )
+    begin = _BIN * np.arange(len(low), dtype=np.float32)
+    return Envelope("actuator, with its range within 0.1 ms", begin, low, mean, high, _ACTUATOR)
 
 
 def _zoomed_positions(shown: list[Shown], regime: str) -> tuple[Plot, ...]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.model.parameters import QUANTITIES
+from rpud_sim.pages import figures  # noqa: F401 - where Bokeh is missing, it fails before a run
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.words import number
 from rpud_sim.simulation.statistics import FIGURES

@@ -1,22 +1,29 @@
-"""Page of a campaign: the matrix of requirements by scenarios and their faults, and all runs."""
+"""Page of a campaign: the matrix of requirements by scenarios and their faults, and all runs.
+
+Over the runs it plots margins, times to react and durations.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 from urllib.parse import quote
 
+from rpud_sim.pages import figures  # noqa: F401 - where Bokeh is missing, it fails before a run
 from rpud_sim.pages.frame import render_page
 from rpud_sim.testing.campaign.outcome import COMPLETED, ENDINGS, SYSTEM
 from rpud_sim.testing.campaign.results import Cell, FlownRun, Requirement, Results
+from rpud_sim.testing.campaign.run_plots import duration_plots, margin_plots, reaction_plots
 from rpud_sim.testing.campaign.system_entry import program_words
 from rpud_sim.verdicts.verdict import FAILED, UNDECIDED
 
 _BODY = """
 <style>
- .passed { background: #e3f4e8; } .failed { background: #fbe3dc; }
- .undecided { background: #f1f1f1; } td b { text-transform: capitalize; }
+ .passed { box-shadow: inset 4px 0 var(--series2); }
+ .failed { box-shadow: inset 4px 0 var(--fault); }
+ .undecided { color: var(--muted); } td b { text-transform: capitalize; }
+ .failed b { color: var(--fault); }
  .matrix th, .matrix td { min-width: 8em; }
- pre { background: #eef3f7; padding: .6em; overflow-x: auto; }
+ pre { background: var(--panel); padding: .6em; overflow-x: auto; }
 </style>
 <p>{{ account }}</p>
 <div class="tiles">
@@ -28,14 +35,15 @@ _BODY = """
 <p>Each field has the number of verdicts, the least margin, the longest time to react, and the bag
 of the run with the worst verdict. A verdict is undecided where a run does not decide it: the fault
 of which it speaks does not occur, or the run ends before.</p>
-<div class="wide"><table class="matrix">
-<thead><tr><th>requirement</th>
+<div class="wide" tabindex="0" role="region" aria-label="Requirements by faults">
+<table class="matrix"><caption>Requirements by scenarios and their faults</caption>
+<thead><tr><th scope="col">requirement</th>
 {% for name, faults in scenarios %}
-<th>{{ name }}<br><span class="none">{{ faults }}</span></th>
+<th scope="col">{{ name }}<br><span class="none">{{ faults }}</span></th>
 {% endfor %}
 </tr></thead><tbody>
 {% for row in rows %}
-<tr><th class="{{ row.outcome }}">{{ row.identifier }}<br>{{ row.text }}</th>
+<tr><th scope="row" class="{{ row.outcome }}">{{ row.identifier }}<br>{{ row.text }}</th>
 {% for cell in row.cells %}
 {% if cell %}
 <td class="{{ cell.outcome }}"><b>{{ cell.outcome }}</b> {{ cell.counts }}
@@ -53,22 +61,47 @@ of which it speaks does not occur, or the run ends before.</p>
 </tr>
 {% endfor %}
 </tbody></table></div>
+{% if failed %}
+<h2>Runs that failed</h2>
+{{ table(("run", "scenario", "parameters", "seed", "failed"), failed, false, "Runs that failed") }}
+{{ table(("seed", "runs", "failed", "in the scenarios"), seeds, false, "Failures by seed") }}
+{% endif %}
 {% if failures %}
 <h2>What failed</h2>
 {% for failure in failures %}
 <h3>{{ failure.title }}</h3>
 <p>{{ failure.run }}{% if failure.bag %}, <a href="{{ failure.bag }}">bag</a>{% endif %}</p>
-<pre>{% for line in failure.lines %}{{ line }}
+<pre tabindex="0" role="region" aria-label="Reason">{% for line in failure.lines %}{{ line }}
 {% endfor %}</pre>
 {% endfor %}
 {% endif %}
+<h2>Margins</h2>
+{% if margins %}
+<p>A margin says by how much an expectation holds; below zero it failed. The runs have the numbers
+of the table below.</p>
+{{ grid("margins", margins, 20) }}
+{% else %}
+<p class="none">No verdict has a margin.</p>
+{% endif %}
+{% if reactions %}
+<h2>Times to react</h2>
+{{ grid("reactions", reactions, 20) }}
+{% endif %}
+<h2>Durations</h2>
+{{ grid("durations", durations, 20) }}
 <h2>Runs</h2>
-<div class="wide"><table>
-<thead><tr><th>run</th><th>ending</th><th>simulated [s]</th><th>passed</th><th>failed</th>
-<th>undecided</th><th>bag</th><th>digest</th></tr></thead><tbody>
+<div class="wide" tabindex="0" role="region" aria-label="Runs"><table>
+<caption>All runs</caption>
+<thead><tr>
+{% for name in ("number", "run", "ending", "simulated [s]", "real [s]", "passed", "failed",
+ "undecided", "bag", "digest") %}
+<th scope="col">{{ name }}</th>
+{% endfor %}
+</tr></thead><tbody>
 {% for run in runs %}
-<tr class="{{ run.outcome }}"><td>{{ run.name }}</td><td>{{ run.ending }}</td>
-<td>{{ run.reached }}</td>
+<tr class="{{ run.outcome }}"><td>{{ run.number }}</td><td>{{ run.name }}</td>
+<td>{{ run.ending }}</td>
+<td>{{ run.reached }}</td><td>{{ run.wall_time }}</td>
 {% for count in run.counts %}
 <td>{{ count }}</td>
 {% endfor %}
@@ -108,8 +141,13 @@ def campaign_page(results: Results) -> str:
             }
             for each in results.requirements
         ],
+        failed=_failed_runs(results),
+        seeds=_seeds(results),
         failures=failures[:_MOST_FAILURES],
-        runs=[_run(flown) for flown in results.runs],
+        margins=margin_plots(results),
+        reactions=reaction_plots(results),
+        durations=duration_plots(results),
+        runs=[_run(number, flown) for number, flown in enumerate(results.runs, 1)],
     )
 
 
@@ -146,16 +184,47 @@ def _failure(flown: FlownRun, verdict: Any) -> dict[str, Any]:
     return {"title": title, "run": flown.run.name, "bag": quote(flown.bag), "lines": lines}
 
 
-def _run(flown: FlownRun) -> dict[str, Any]:
+def _failures(flown: FlownRun) -> list[str]:
+    return [each.name for each in flown.outcome.verdicts if each.outcome == FAILED]
+
+
+def _failed_runs(results: Results) -> list[tuple[Any, ...]]:
+    return [
+        (
+            number,
+            flown.run.scenario.name,
+            ", ".join(f"{name} = {value}" for name, value in flown.run.parameters.items()),
+            flown.run.setup.seed,
+            ", ".join(names),
+        )
+        for number, flown in enumerate(results.runs, 1)
+        if (names := _failures(flown))
+    ]
+
+
+def _seeds(results: Results) -> list[tuple[Any, ...]]:
+    """Return for each seed its runs, and how many of them failed in which scenarios."""
+    rows = []
+    for seed in dict.fromkeys(flown.run.setup.seed for flown in results.runs):
+        runs = [flown for flown in results.runs if flown.run.setup.seed == seed]
+        failed = [flown for flown in runs if _failures(flown)]
+        scenarios = dict.fromkeys(flown.run.scenario.name for flown in failed)
+        rows.append((seed, len(runs), len(failed), ", ".join(scenarios)))
+    return rows
+
+
+def _run(number: int, flown: FlownRun) -> dict[str, Any]:
     outcome = flown.outcome
     counts = [
         sum(each.outcome == name for each in outcome.verdicts)
         for name in ("passed", "failed", "undecided")
     ]
     return {
+        "number": number,
         "name": flown.run.name,
         "ending": COMPLETED if outcome.ending == COMPLETED else ENDINGS[outcome.ending],
         "reached": f"{outcome.reached:.3f}",
+        "wall_time": f"{outcome.wall_time:.2f}",
         "counts": counts,
         "outcome": FAILED if counts[1] else "",
         "bag": quote(flown.bag),

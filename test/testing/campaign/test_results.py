@@ -6,22 +6,18 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from campaign_results import FAILURE, OPEN, flown, outcome
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rpud_sim.testing.campaign.campaign_file import read_campaign
 from rpud_sim.testing.campaign.junit import campaign_junit
 from rpud_sim.testing.campaign.outcome import (
-    COMPLETED,
     SYSTEM,
-    Outcome,
     outcome_from_dict,
-    system_verdict,
 )
 from rpud_sim.testing.campaign.page import campaign_page
-from rpud_sim.testing.campaign.results import FlownRun, results_of
 from rpud_sim.testing.campaign.store import CampaignStore
-from rpud_sim.verdicts import Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "config" / "campaign.yaml"
@@ -30,33 +26,6 @@ EXAMPLE = Path(__file__).resolve().parents[3] / "config" / "campaign.yaml"
 @pytest.fixture(scope="module")
 def campaign():
     return read_campaign(EXAMPLE)
-
-
-def outcome(campaign, judged=None, ending=COMPLETED, text="", **values):
-    """Return an outcome in which every expectation passed but those that are given."""
-    verdicts = [
-        Verdict(each.name, each.requirement, PASSED, 2.0, "N", 3.0, 0.25, "held at 3 s")
-        if each.name not in (judged or {})
-        else Verdict(each.name, each.requirement, *judged[each.name])
-        for each in campaign.expectations
-    ]
-    known = {"of": "", "reached": 6.0, "record": "abc", "wall_time": 1.0, "bag": "bag", **values}
-    system = system_verdict(ending, 6.0, text)
-    return Outcome(ending=ending, text=text, verdicts=(system, *verdicts), **known)
-
-
-def flown(campaign, change=lambda run: {}):
-    return results_of(
-        campaign,
-        [
-            FlownRun(run, outcome(campaign, **change(run)), f"runs/{run.folder}")
-            for run in campaign.runs
-        ],
-    )
-
-
-FAILURE = (FAILED, -1.5, "N", 4.5, None, "broken at 4.5 s")
-OPEN = (UNDECIDED, None, "", None, None, "the event of after never came")
 
 
 def test_a_requirement_fails_in_the_scenario_where_a_run_breaks_it(campaign):
@@ -123,7 +92,8 @@ def test_junit_counts_and_names_what_it_holds(campaign):
 def test_the_page_escapes_names_and_links_to_bags(campaign):
     named = dataclasses.replace(campaign, name="<script>alert(1)</script>")
     page = campaign_page(flown(named))
-    assert "<script>" not in page
+    assert "<script>alert" not in page
+    assert "&lt;script&gt;alert(1)" in page
     assert 'href="runs/0001_nominal' in page
 
 

@@ -1,0 +1,80 @@
+"""Rows of a report's tables of segments and of the energy account."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from rpud_sim.inspection.report.drill_topics import Powers
+from rpud_sim.inspection.report.periods import Periods
+from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS
+from rpud_sim.inspection.report.rows import Rows, show
+from rpud_sim.pages.words import number
+
+PERIOD_HEADING = (
+    "begin [s]", "end [s]", "commands in force", "active faults", "impacts", "impact rate [1/s]",
+    "peak force: mean [N]", "median [N]", "95 % [N]", "greatest [N]", "reacting force: mean [N]",
+    "energy of impacts [J]", "power of impacts [W]",
+)  # fmt: skip
+ACCOUNT_HEADING = ("term", "energy [J]", "mean power [W]", "share of what comes in [%]")
+
+
+def period_rows(periods: Periods) -> Rows:
+    """Return the statistics of each segment between commands and faults."""
+    return [
+        (
+            f"{period.begin:.6f}",
+            f"{period.end:.6f}",
+            period.commands or "not known",
+            period.faults or "none",
+            str(period.impacts),
+            _short(period.impact_rate),
+            _short(period.peak_force.mean),
+            _short(period.peak_force.quantile(0.5)),
+            _short(period.peak_force.quantile(0.95)),
+            _short(period.peak_force.greatest),
+            _short(period.reacting_force.mean),
+            _short(period.energy),
+            _short(period.power),
+        )
+        for period in periods.all
+        if period.duration > 0.0 or period.impacts
+    ]
+
+
+def account_rows(powers: Powers, electrical: float) -> Rows:
+    """Return the terms of the energy account: in, out, and what is left.
+
+    Args:
+        powers: of a drill.
+        electrical: mean power that the actuator draws [W]; NaN where it is not modelled.
+    """
+    means = powers.means()
+    if not means:
+        return []
+    came, went = (_total(means, group) for group in (INFLOWS, OUTFLOWS))
+
+    def row(text: str, power: float) -> tuple[str, ...]:
+        share = 100.0 * power / came if came else math.nan
+        return text, show(power * powers.seconds), show(power), show(share)
+
+    return [
+        *(row(f"in: {text}", means[name]) for name, text in INFLOWS.items()),
+        row("in, together", came),
+        *(row(f"out: {text}", means[name]) for name, text in OUTFLOWS.items()),
+        row("out, together", went),
+        row("residual: in − out", came - went),
+        *(
+            (row("electrical, drawn by the actuator", electrical),)
+            if math.isfinite(electrical)
+            else ()
+        ),
+    ]
+
+
+def _total(means: Mapping[str, float], names: Mapping[str, str]) -> float:
+    return sum(means[name] for name in names)
+
+
+def _short(value: float) -> str:
+    return number(value) if math.isfinite(value) else show(None)

@@ -1,0 +1,109 @@
+"""Changes of a run by commands, from the journal of a bag: what they say and what is in force."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+COMMANDS = ("weight_on_bit", "drive", "configure", "restore", "begin")
+"""Kinds of journal entries that end a segment of the run."""
+
+_MOST_NAMES = 6  # parameters that a text names
+_LENGTH = 160  # characters of a text
+
+
+@dataclass(frozen=True)
+class Change:
+    """Change by a command.
+
+    Args:
+        time: since the bag began [s].
+        text: what the command asks for.
+        in_force: commands that are in force from then on.
+        weight_on_bit: that is in force from then on [N]; None if it is not known.
+    """
+
+    time: float
+    text: str
+    in_force: str
+    weight_on_bit: float | None = None
+
+
+class CommandsInForce:
+    """Commands that are in force, from the entries of a journal in their order."""
+
+    def __init__(self) -> None:
+        self._texts: dict[str, str] = {}
+        self._parameters: dict[str, Any] = {}
+        self._weight: float | None = None
+
+    def take(self, time: float, kind: str, content: str) -> Change | None:
+        """Return the change that an entry makes; None if it makes none.
+
+        Args:
+            time: since the bag began [s].
+            kind: of the entry.
+            content: of the entry, a JSON object.
+        """
+        if kind not in COMMANDS:
+            return None
+        try:
+            found = json.loads(content)
+            text = self._text(kind, found if isinstance(found, dict) else {})
+        except (KeyError, RecursionError, TypeError, ValueError):  # another program wrote it
+            text = kind
+        return Change(time, text[:_LENGTH], self.text, self._weight)
+
+    @property
+    def text(self) -> str:
+        """All commands that are in force."""
+        return ", ".join(self._texts.values())[:_LENGTH]
+
+    def _text(self, kind: str, content: Mapping[str, Any]) -> str:
+        if kind == "weight_on_bit":
+            return self._press(float(content["force"]))
+        if kind == "drive":
+            text = _drive(content)
+            self._texts[kind] = text
+            return text
+        if kind == "configure":
+            return self._configure(dict(content["parameters"]))
+        if kind == "restore":
+            self._weight = None  # the checkpoint has its own
+            self._texts.clear()
+            return f"restore of {content['name']!s:.60}"
+        self._texts.clear()
+        self._parameters = dict(content["parameters"])
+        self._press(float(self._parameters["weight_on_bit"]))
+        return "a simulation begins"
+
+    def _press(self, weight: float) -> str:
+        self._weight = weight
+        self._texts["weight_on_bit"] = f"weight on bit {weight:.4g} N"
+        return self._texts["weight_on_bit"]
+
+    def _configure(self, parameters: dict[str, Any]) -> str:
+        changed = [
+            f"{name} {value!s:.30}"
+            for name, value in parameters.items()
+            if name not in self._parameters or self._parameters[name] != value
+        ]
+        self._parameters |= parameters
+        more = len(changed) - _MOST_NAMES
+        text = "parameters: " + ", ".join(changed[:_MOST_NAMES])
+        if changed:
+            self._texts["configure"] = text
+        return (f"{text} and {more} more" if more > 0 else text) if changed else "parameters"
+
+
+def _drive(content: Mapping[str, Any]) -> str:
+    if not content["enabled"]:
+        return "drive off"
+    voltage, frequency = float(content["voltage"]), float(content["frequency"])
+    parts = [f"drive {voltage:.4g} V"]
+    if math.isfinite(frequency) and frequency > 0.0:
+        parts.append(f"{frequency:.6g} Hz")
+    return " at ".join(parts)

@@ -1,0 +1,127 @@
+"""Pages that are files: each works without network, on a phone, in light and dark."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+from browser.pages import PHONE, WIDE
+from sample_bags import STRING_DEFINITION, TALK, serialized_string, write_offline_bag
+
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.cli.main import main
+from rpud_sim.simulation import preset
+from rpud_sim.simulation.scenario import read_scenario
+from rpud_sim.studies.fit import branches
+from rpud_sim.studies.fit import fit as rounds
+from rpud_sim.studies.reproduction import reproduction
+
+SUPERVISOR = Path(__file__).resolve().parents[1] / "testing" / "supervisor.py"
+SCENARIO = """
+faults:
+  - {kind: bias, channel: wrench, magnitude: 100, onset: 0.25, duration: 0.5}
+  - {kind: free_mass_jammed, onset: 0.7}
+"""
+SWEEP = {
+    "design": "latin_hypercube",
+    "points": 4,
+    "repeat": 2,
+    "duration": 0.5,
+    "swept": {"weight_on_bit": {"minimum": 5.0, "maximum": 20.0}},
+}
+FIT = {
+    "parameters": {"regime": "drilling"},
+    "unknowns": {"weight_on_bit": [4.0, 20.0], "contact_model": ["printed", "mode_shape"]},
+    "points": 16,
+    "rounds": 1,
+    "repeat": 2,
+    "targets": [
+        {"figure": "reacting_force_mean", "window": 0.5, "value": 15.0, "tolerance": "4 %"},
+        {"figure": "contact_force", "window": 0.5, "value": 1000.0, "tolerance": "4 %"},
+    ],
+}
+CAMPAIGN = {
+    "system": {
+        "command": "python supervisor.py works --ros-args -r __ns:=/rpud",
+        "folder": str(SUPERVISOR.parent),
+        "answers": ["supervisor/heartbeat"],
+        "hears": ["reacting_force"],
+        "answer_timeout": 60.0,
+    },
+    "duration": 0.3,
+    "scenarios": {"jammed": {"faults": [{"kind": "free_mass_jammed", "onset": 0.2}]}},
+    "expectations": [
+        {
+            "name": "force",
+            "requirement": "SAFE-1",
+            "expect": {"always": "reacting_force.force < 500 N"},
+        },
+        {
+            "name": "never jammed",
+            "requirement": "SAFE-2",
+            "expect": {"always": {"not": {"fault": "free_mass_jammed"}}},
+        },
+    ],
+}
+HOSTILE = (
+    '/rpud/<script>console.error("x")</script><img src=x onerror=alert(1)>/{{ 7*7 }}/' + "W" * 300
+)
+
+
+def drilled(folder):
+    (folder / "scenario.yaml").write_text(SCENARIO)
+    scenario = read_scenario(folder / "scenario.yaml")
+    write_offline_bag(folder / "bag", preset("drilling"), 1.0, scenario=scenario)
+    return "report", folder / "bag", "--out", folder / "out.html"
+
+
+def hostile(folder):
+    """A bag whose topics and texts are those of an attacker."""
+    with BagWriter(folder / "bag") as bag:
+        for name in (HOSTILE, "/rpud/\u202eevil", TALK.name):
+            bag.add_topic(Topic(name, TALK.type, TALK.type_hash), STRING_DEFINITION)
+            for number in range(5):
+                bag.write(name, serialized_string(HOSTILE), number, number)
+    return "report", folder / "bag", "--out", folder / "out.html"
+
+
+def specified(content, *words):
+    def make(folder):
+        (folder / "specification.yaml").write_text(yaml.safe_dump(content))
+        return *words, folder / "specification.yaml", "--out", folder / "out"
+
+    return make
+
+
+PAGES = {
+    "report": drilled,
+    "hostile report": hostile,
+    "sweep": specified(SWEEP, "sweep"),
+    "fit": specified(FIT, "fit"),
+    "campaign": specified(CAMPAIGN, "test"),
+    "reproduction": lambda folder: ("reproduce", "--quick", "--out", folder / "out"),
+}
+
+
+@pytest.fixture(scope="module", params=PAGES)
+def file(request, tmp_path_factory):
+    """File of a page, made from a real bag or study by its command."""
+    folder = tmp_path_factory.mktemp("page")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(branches, "PARTICLES", 512)
+        patch.setattr(rounds, "CANDIDATES", 4)
+        patch.setattr(rounds, "CANDIDATE_RUNS", 4)
+        patch.setattr(reproduction, "QUICK", reproduction.Effort(4, 2, 2, 2, 2, 0.5, 3, 4))
+        with pytest.raises(SystemExit) as end:
+            main([str(word) for word in PAGES[request.param](folder)])
+    assert end.value.code in (0, 1)
+    (page,) = folder.rglob("*.html")
+    return page
+
+
+# Neither contrast depends on the width nor width on the colours: two readers see all.
+@pytest.mark.parametrize(("width", "scheme"), [(PHONE, "dark"), (WIDE, "light")])
+def test_a_page_is_good(file, page_of, width, scheme):
+    page = page_of(file, width=width, scheme=scheme, offline=True)
+    page.settle()
+    page.keep("page")
+    page.check()

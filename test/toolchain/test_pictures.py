@@ -1,0 +1,33 @@
+"""Pictures of README and docs are those that `make picture` makes."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("playwright")
+from toolchain.pictures.__main__ import DRAWINGS, FILES
+
+ROOT = Path(__file__).resolve().parents[2]
+IMAGES = ROOT / "docs" / "images"
+LARGEST = 300_000  # bytes
+TEXTS = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "examples").rglob("*.md")]
+
+
+def test_each_picture_is_made_and_shown():
+    shown = set()
+    for text in TEXTS:
+        found = re.findall(r'!\[[^\]]*\]\(([^)]*)\)|(?:src|srcset)="([^"]*)"', text.read_text())
+        shown |= {Path(one or other).name for one, other in found}
+    assert {path.name for path in IMAGES.iterdir()} == set(FILES)
+    light = {name for name in FILES if not name.endswith("_dark.png")}
+    assert light <= shown <= set(FILES)
+
+
+def test_each_picture_is_small():
+    assert {path.name for path in IMAGES.iterdir() if path.stat().st_size > LARGEST} == set()
+
+
+@pytest.mark.parametrize("name", DRAWINGS)
+def test_a_drawing_is_that_of_the_code(name):
+    assert (IMAGES / f"{name}.svg").read_text(encoding="utf-8") == DRAWINGS[name]()
