@@ -1,4 +1,4 @@
-"""``rpud watch``: pages in the browser that show running drills and act on them."""
+"""``rpud watch``: pages in the browser that show running drills and act on them, or show a bag."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
     from rpud_sim.watch.server import PageServer
 
-HELP = "show running drills in the browser, and act on them"
+HELP = "show running drills in the browser and act on them, or show a bag"
 EXAMPLE = "rpud watch --port 8810"
 DETAILS = (
-    "It prints the address of the page, which only this machine can reach unless --address says "
-    "otherwise. Other machines then need the token in the address."
+    "With BAG it shows that bag: a timeline, every signal, and exact waveforms rebuilt from the "
+    "trajectory. It prints the address of the page, which only this machine can reach unless "
+    "--address says otherwise. Other machines then need the token in the address."
 )
 
 PORT = Quantity("", "a port", 0, 65535, whole=True)
@@ -34,6 +35,12 @@ _SEARCH_PERIOD = 0.05  # s
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of ``rpud watch``."""
+    parser.add_argument(
+        "bag",
+        nargs="?",
+        metavar="BAG",
+        help="a bag's folder or one file of it: the page shows the bag, and needs no ROS",
+    )
     parser.add_argument(
         "--port",
         action=Number,
@@ -67,7 +74,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Serve until a signal; return the exit code."""
-    return watch_drills(arguments)
+    return watch_drills(arguments) if arguments.bag is None else watch_bag(arguments)
+
+
+def watch_bag(arguments: argparse.Namespace) -> ExitCode:
+    """Serve the page of a bag until a signal."""
+    from rpud_sim.bag import BagError
+    from rpud_sim.watch.recorded.serving import PATH, serve_bag
+    from rpud_sim.watch.server import Place, ServerError
+
+    def announce(server: PageServer) -> None:
+        if arguments.until_eof:
+            threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
+        url = server.url(PATH)
+        print(f"bag {printable(arguments.bag)}: {url}", flush=True)
+        if arguments.open:
+            open_browser(url)
+
+    with failing(BagError, ServerError):
+        serve_bag(arguments.bag, Place.of(arguments.port, arguments.address), announce)
+    return ExitCode.DONE
 
 
 def watch_drills(arguments: argparse.Namespace) -> ExitCode:
