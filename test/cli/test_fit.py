@@ -53,7 +53,7 @@ def test_a_fit_prints_intervals_and_targets_and_writes_its_files(made):
     assert "(held out)" in printed
     assert {path.name for path in folder.iterdir()} == {
         *("fit.json", "manifest.json", "parameters.yaml", "posterior.csv", "report.html"),
-        *("posterior.png", "targets.png", "simulations"),
+        *("simulations"),
     }
 
 

@@ -14,6 +14,9 @@ from rpud_sim.studies.reproduction.choices import TOOLS
 from rpud_sim.studies.reproduction.named_readings import NAMED
 from rpud_sim.studies.reproduction.paper_numbers import NUMBERS
 
+PLOTS = 4 * 2 + 2 + 2 * 2 + 2 + 1 + 4 * 4 + 1 + 1 + len(TOOLS) + 2 + 6
+MOST_BYTES = 6_000_000
+
 
 def rpud(*words):
     return subprocess.run(
@@ -39,10 +42,15 @@ def test_the_report_stands_alone(made):
     folder, _ = made
     page = (folder / "report.html").read_text(encoding="utf-8")
 
-    pictures = re.findall(r'src="([^"]*)"', page)
-    assert all(source.startswith("data:image/png;base64,") for source in pictures)
-    assert len(pictures) == len(list(folder.glob("*.png"))) == 19
-    assert not re.search("https?:", page)
+    plots = re.findall(r'<figure class="plot" data-plot="(plot-\d+)"', page)
+    assert len(plots) == len(set(plots)) == PLOTS
+    assert page.count('<script type="application/json" class="plot-data"') == PLOTS
+    assert {path.name for path in folder.iterdir()} == {
+        *("report.html", "numbers.json", "validation.md")
+    }
+    own = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
+    assert not re.search("https?:| src=", own)
+    assert len(page.encode()) < MOST_BYTES
     assert "default-src 'none'" in page, "a browser would load nothing"
     for figure in (3, 4, 5, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18):
         assert f"Fig. {figure}:" in page
@@ -72,7 +80,7 @@ def test_every_number_is_there_with_its_interval_under_every_reading(made):
 def test_the_score_of_each_reading_is_written_and_colored(made):
     folder, numbers = made
     page = (folder / "report.html").read_text(encoding="utf-8")
-    table = page[page.index("<h2>Scores") : page.index("<h3>Measured values")]
+    table = page[page.index('<h2 id="scores">') : page.index("<h3>Measured values")]
 
     colored = re.findall(r'<td class="([\w-]+)">([\d.]+)</td>', table)
     assert len(colored) == 10 * len(numbers["readings"])
@@ -83,7 +91,7 @@ def test_the_score_of_each_reading_is_written_and_colored(made):
         assert f"<td>{escape(reading.name)}</td>" in table
         for reason in reading.reasons:
             assert escape(reason) in page
-    assert "prefers-color-scheme: dark" in page
+    assert "prefers-color-scheme:dark" in page
 
 
 def test_trends_that_nobody_doubts_are_found(made):

@@ -11,6 +11,9 @@ import pytest
 import yaml
 from distributed import LocalCluster
 
+from rpud_sim.pages.words import number
+from rpud_sim.simulation.statistics import FIGURES
+
 FILES = ("manifest.json", "points.parquet", "simulations.parquet")
 SPECIFICATION = {
     "design": "latin_hypercube",
@@ -90,9 +93,22 @@ def test_one_object_says_what_was_made(made):
     assert manifest == {name: printed[name] for name in manifest}
     assert (printed["points"], printed["simulations"], printed["chunks"]) == (16, 64, CHUNKS)
     assert (printed["run"], printed["kept"], printed["failures"]) == (64, 0, 0)
-    for path in printed["pictures"]:
-        assert Path(path).read_bytes().startswith(b"\x89PNG")
-    assert {path.name for path in folder.iterdir()} == {*FILES, "figures.png"}
+    assert printed["report"] == str(folder / "report.html")
+    assert {path.name for path in folder.iterdir()} == {*FILES, "report.html"}
+
+
+def test_the_page_has_every_figure_and_every_point(made):
+    import pyarrow.parquet as pq
+
+    folder, _ = made
+    page = (folder / "report.html").read_text()
+    for name, unit in FIGURES.items():
+        assert f"{name} [{unit}]" in page if unit else name in page
+    points = pq.read_table(folder / "points.parquet").to_pylist()
+    table = page.partition("Means, and standard errors")[2]
+    for point in points:
+        assert f"<td>{point['weight_on_bit']:.6g}</td>" in table
+        assert f"<td>{number(point['contact_force_mean'])} ± " in table
 
 
 def test_any_point_can_be_simulated_again(made):
