@@ -37,6 +37,7 @@ COMMANDS = (
     "fork",
     "export",
     "report",
+    "compare",
     "sweep",
     "sensitivity",
     "fit",

@@ -69,6 +69,11 @@ def first_difference(codec: Codec, recorded: bytes, expected: bytes) -> tuple[st
     return next(_differences("", found, codec.decode(expected)))
 
 
+def differing_fields(found: Any, expected: Any) -> Iterator[tuple[str, str, str]]:
+    """Yield each field in which two decoded messages differ, and its value in each, as texts."""
+    return _differences("", found, expected)
+
+
 def _differences(path: str, found: Any, expected: Any) -> Iterator[tuple[str, str, str]]:
     if dataclasses.is_dataclass(found) or isinstance(found, SimpleNamespace):
         for name in vars(found):

@@ -1,0 +1,91 @@
+"""Quantities that runs are compared by: where a bag holds them, and which figures are tested."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+MEAN, MEDIAN, P95 = "mean", "median", "p95"
+"""Figures of a distribution."""
+
+_ALL = (MEAN, MEDIAN, P95)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Quantity of a run.
+
+    Args:
+        name: of the quantity, and of its key in JSON.
+        title: as a reader calls it.
+        unit: SI unit.
+        topic: relative name of its topic.
+        column: of the topic's table; empty if it is computed from impacts.
+        tested: figures that are compared; others would only repeat them.
+        fewest: number of values below which nothing is decided.
+        resolution: size of the rounding of its values; smaller differences mean nothing.
+    """
+
+    name: str
+    title: str
+    unit: str
+    topic: str
+    column: str = ""
+    tested: tuple[str, ...] = _ALL
+    fewest: int = 40
+    resolution: float = 0.0
+
+
+IMPACTS = "contact_force"
+"""Topic of the impacts."""
+
+STATUS = "status"
+
+QUANTITIES = (
+    # The mean of the intervals is one over the rate, so it is not tested again.
+    Quantity("impact_rate", "impact rate", "1/s", IMPACTS, tested=(MEAN,)),
+    Quantity("impact_interval", "interval between impacts", "s", IMPACTS, tested=(MEDIAN, P95)),
+    Quantity("peak_force", "peak contact force", "N", IMPACTS, "peak_force"),
+    Quantity("impact_velocity", "impact velocity", "m/s", IMPACTS, "impact_velocity"),
+    Quantity("energy", "energy of an impact", "J", IMPACTS, "energy"),
+    Quantity("contact_duration", "contact duration", "s", IMPACTS, "contact_duration"),
+    Quantity("impact_power", "power of the impacts", "W", IMPACTS, tested=(MEAN,)),
+    Quantity("reacting_force", "reacting force", "N", "reacting_force", "force"),
+    Quantity("nodal_plane_position", "nodal plane position", "m", "nodal_plane", "position"),
+    *(
+        Quantity(name, title, unit, STATUS, name, (MEAN,), fewest=16, resolution=resolution)
+        for name, title, unit, resolution in (
+            ("penetration_rate", "penetration rate", "m/s", 1e-12),
+            ("electrical_power", "electrical power", "W", 1e-9),
+            ("actuator_power", "power of the actuator on the free mass", "W", 1e-9),
+            ("weight_power", "power of weight on bit and gravity", "W", 1e-9),
+            ("load_damper_power", "power lost in the load damper", "W", 1e-9),
+            ("collision_power", "power lost in collisions", "W", 1e-9),
+            ("absorbed_power", "power that tool and rock absorb", "W", 1e-9),
+        )
+    ),
+)
+
+TOPICS = (IMPACTS, "reacting_force", "nodal_plane", STATUS)
+"""Relative names of the topics that are read."""
+
+TYPES = {
+    IMPACTS: "rpud_msgs/msg/ContactForce",
+    "reacting_force": "rpud_msgs/msg/ReactingForce",
+    "nodal_plane": "rpud_msgs/msg/NodalPlane",
+    STATUS: "rpud_msgs/msg/Status",
+}
+"""Types of these topics; another type of the same name is left out."""
+
+TIMING = (
+    ("lateness_max", "latest block", "s"),
+    ("lag", "lag behind the schedule", "s"),
+    ("real_time_factor", "real-time factor", ""),
+)
+"""Fields of a status about timing, which belong to the machine and are never tested."""
+
+COUNTERS = (
+    ("deadlines_missed", "deadlines missed"),
+    ("messages_dropped", "messages dropped"),
+    ("commands_rejected", "commands refused"),
+)
+"""Fields of a status that count since the start."""
