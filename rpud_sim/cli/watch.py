@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import threading
 import time
@@ -160,5 +161,7 @@ def open_browser(url: str) -> None:
 
 def _stop_at_end(server: PageServer) -> None:
     """Stop the server when standard input ends: whoever started it has gone."""
-    sys.stdin.buffer.read()
+    # Without the lock of sys.stdin, which the end of the program could not take.
+    while os.read(sys.stdin.fileno(), 1024):
+        pass
     server.stop()
