@@ -30,13 +30,12 @@ TALL = (1200, 1670)
 
 def report(browser: Browser, out: Path, folder: Path) -> None:
     """Take the page of `rpud report`, of a run with the faults of config/faults.yaml."""
-    bag, page = folder / "bags" / "drilled", folder / "report.html"
-    scenario = f"scenario={CONFIG / 'faults.yaml'}"
-    rpud("run", "--duration", "12", "--set", scenario, "--record", bag)
+    page = folder / "report.html"
+    bag = record_faults(folder)
     rpud("report", bag, "--out", page)
     pages = open_in_both(browser, page.as_uri(), WIDE)
     for each in pages:
-        show_plots(each, 5.0)
+        show_plots(each)
     save(pages, out)
 
 
@@ -58,6 +57,24 @@ def live(browser: Browser, out: Path, folder: Path) -> None:
         save(pages, out)
 
 
+def bag(browser: Browser, out: Path, folder: Path) -> None:
+    """Take the page of `rpud watch BAG`, of a run with the faults of config/faults.yaml."""
+    recorded = record_faults(folder)
+    with background("watch", str(recorded), "--port", "0") as watch:
+        pages = open_in_both(browser, printed_url(watch), WIDE)
+        for page in pages:
+            page.wait_for_timeout(3_000)
+        save(pages, out)
+
+
+def record_faults(folder: Path) -> Path:
+    """Record a run with the faults of config/faults.yaml; return its bag."""
+    recorded = folder / "bags" / "drilled"
+    scenario = f"scenario={CONFIG / 'faults.yaml'}"
+    rpud("run", "--duration", "12", "--set", scenario, "--record", recorded)
+    return recorded
+
+
 DRAWINGS: dict[str, Callable[[], str]] = {
     "drill": draw_drill,
     "blocks": draw_blocks,
@@ -65,6 +82,7 @@ DRAWINGS: dict[str, Callable[[], str]] = {
 }
 PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {
     "live": live,
+    "bag": bag,
     "report": report,
 }
 FILES = [
@@ -74,11 +92,9 @@ FILES = [
 """Names of all pictures."""
 
 
-def show_plots(page: Page, share: float) -> None:
-    """Bring the plots over time to the top of the window, and the cursor onto them."""
+def show_plots(page: Page) -> None:
+    """Bring the plots over time to the top of the window."""
     page.locator(".plot-controls").first.evaluate("(element) => element.scrollIntoView()")
-    plot = page.locator(".plot-drawing").first
-    plot.scroll_into_view_if_needed()
 
 
 @contextmanager
