@@ -1,15 +1,12 @@
 """The page tells what is in the bag, needs nothing beside it, and believes no name."""
 
-import base64
 import html.parser
-import io
 import resource
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
 from sample_bags import (
     SECOND,
     START,
@@ -17,6 +14,7 @@ from sample_bags import (
     TALK,
     serialized,
     write_bag,
+    write_commanded_bag,
     write_everything,
     write_offline_bag,
 )
@@ -29,8 +27,11 @@ from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest
 from rpud_sim.inspection.report import rows
 from rpud_sim.inspection.report.bag_report import ReportError, render, write_report
+from rpud_sim.inspection.report.run_marks import run_marks
 from rpud_sim.inspection.report.survey import survey
-from rpud_sim.simulation import preset
+from rpud_sim.pages.embedding import bokeh_script, plots_script
+from rpud_sim.pages.plot import COMMAND, GAP
+from rpud_sim.simulation import WeightOnBit, preset
 from rpud_sim.simulation.scenario import read_scenario
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
@@ -41,29 +42,42 @@ faults:
   - {kind: bias, channel: wrench, magnitude: 100, onset: 0.25, duration: 0.5}
   - {kind: lost_preload, magnitude: 0.5, onset: 0.9}
 """
-SECTIONS = ("run", "impacts", "force", "energy", "spectra", "series", "timing", "faults")
+SECTIONS = (
+    "run", "impacts", "segments", "force", "energy", "spectra", "series", "timing", "faults",
+)  # fmt: skip
 
 
 class Page(html.parser.HTMLParser):
-    """What a browser would make of a page: its text, its pictures, and its tags."""
+    """What a browser would make of a page: its text, its plots, its scripts and its tags."""
 
     def __init__(self, text):
         super().__init__()
-        self.tags, self.pictures, self.texts, self.links = [], {}, [], []
+        self.tags, self.plots, self.texts, self.links, self.scripts = [], {}, [], [], []
+        self._inside = ""
+        self._title = ""
         self.feed(text)
         self.text = " ".join(" ".join(self.texts).split())
 
     def handle_starttag(self, tag, attributes):
         found = dict(attributes)
         self.tags.append(tag)
-        if tag == "img":
-            kind, _, data = found["src"].partition(",")
-            assert kind == "data:image/png;base64"
-            self.pictures[found["alt"]] = imread(io.BytesIO(base64.b64decode(data)), "png")
+        self._inside = found.get("class", "") if tag == "span" else ""
+        if tag == "script" and found.get("type") != "application/json":
+            self._inside = "program"
+        elif tag in ("script", "style"):
+            self._inside = "hidden"
         self.links += [found[name] for name in ("src", "href") if name in found]
 
     def handle_data(self, data):
-        self.texts.append(data)
+        if self._inside == "program":
+            self.scripts.append(data)
+        elif self._inside != "hidden":
+            self.texts.append(data)
+        if self._inside == "plot-title":
+            self._title = data
+        elif self._inside == "plot-seen":
+            self.plots.setdefault(self._title, data)  # the first of this title
+        self._inside = ""
 
 
 def surveyed(path):
@@ -95,25 +109,61 @@ def page(drilled):
 
 
 def test_the_page_needs_nothing_beside_it(page):
-    assert not {"script", "link", "iframe", "object"} & set(page.tags)
-    assert all(link.startswith(("#", "data:image/png;base64,")) for link in page.links)
-    assert [link[1:] for link in page.links if link.startswith("#")] == list(SECTIONS)
+    assert not {"link", "iframe", "object", "img"} & set(page.tags)
+    assert page.links == ["#main", *(f"#{section}" for section in SECTIONS)]
+    assert page.scripts == [bokeh_script(), plots_script()]
 
 
-def test_every_section_has_its_picture(page):
+def test_every_section_has_its_plots_and_each_says_what_is_seen(page):
     expected = {
-        "impacts over time",
-        "distributions over the impacts",
-        "power spectral densities",
-        "some milliseconds of the waveform",
-        "time series of /rpud/waveform",
-        "time series of /rpud/reacting_force",
-        "log minus stamp",
-        "faults over time",
+        "peak contact force [kN]",
+        "impact rate [1/s]",
+        "power of the arriving free mass [W]",
+        "reacting force [N]",
+        "weight on bit [N]",
+        "distribution of the peak contact force [impacts]",
+        "contact force: power spectral density [N²/Hz]",
+        "positions, the rock is below [mm]",
+        "drill tool displacement [µm]",
+        "faults",
     }
-    assert expected <= page.pictures.keys()
-    for name, picture in page.pictures.items():
-        assert picture[..., :3].std() > 0.02, name  # something is drawn
+    assert expected <= page.plots.keys()
+    assert page.tags.count("figcaption") > len(expected)
+    for name, seen in page.plots.items():
+        assert seen.endswith("."), name
+    assert page.plots["faults"] == (
+        "2 faults: bias wrench from 0.25 s to 0.75 s; lost_preload from 0.9 s on."
+    )
+    assert page.plots["peak contact force [kN]"].startswith("Peak contact force over 1 s: between")
+    assert "svg" in page.tags  # the flow of power
+
+
+def test_segments_lie_between_commands_and_faults(seen, page):
+    found = seen.periods["/rpud"].all
+    assert [round(period.begin, 6) for period in found] == [0.0, 0.25, 0.75, 0.9]
+    assert [period.faults for period in found] == ["", "bias wrench", "", "lost_preload"]
+    assert {period.commands for period in found} == {"weight on bit 10 N"}
+    topic = seen.topics["/rpud/contact_force"]
+    assert sum(period.impacts for period in found) == topic.find("peak_force").count
+    assert sum(period.energy for period in found) == pytest.approx(topic.find("energy").total)
+    assert found[-1].end == pytest.approx(DURATION, abs=0.01)
+    assert "0.250000 0.750000 weight on bit 10 N bias wrench" in page.text
+
+
+def test_a_command_begins_a_segment_and_is_marked(tmp_path):
+    seen = surveyed(write_commanded_bag(tmp_path / "bag", DURATION, {0.5: WeightOnBit(40.0)}))
+    found = seen.periods["/rpud"].all
+    assert [period.commands for period in found] == ["weight on bit 10 N", "weight on bit 40 N"]
+    assert found[1].begin == pytest.approx(0.5)
+    assert found[1].reacting_force.mean > 2.0 * found[0].reacting_force.mean
+    assert [(mark.kind, mark.time, mark.text) for mark in run_marks(seen)] == [
+        (COMMAND, pytest.approx(0.5), "weight on bit 40 N")
+    ]
+    plots = Page(render(seen)).plots
+    assert plots["weight on bit [N]"] == (
+        "Weight on bit: between 10 and 40 N; 10 N at first, 40 N at last."
+    )
+    assert "with the command weight on bit 40 N" in plots["reacting force [N]"]
 
 
 def test_the_figures_are_those_of_the_simulation(seen, drilled):
@@ -197,6 +247,9 @@ def test_lateness_and_gaps_show(drilled, tmp_path):
     seen = surveyed(tmp_path / "bag")
     row = {row[0]: row for row in rows.timing_rows(seen)}["/rpud/contact_force"]
     assert row[2:4] == ("1", "1")
+    [gap] = [mark for mark in run_marks(seen) if mark.kind == GAP]
+    assert gap.text == "missing: /rpud/contact_force (1)"
+    assert 0.0 < gap.time < gap.end < DURATION
     assert float(row[9]) == pytest.approx(2.0, abs=0.1)  # jitter [ms]
     assert rows.parameter_rows(seen) == [("gravity", "9.81"), ("seed", "7")]
     [run] = rows.run_rows(seen)
@@ -240,7 +293,7 @@ def test_a_bag_of_any_other_node_has_a_report_that_says_what_is_not_there(tmp_pa
         "The bag has no manifest",
     ):
         assert reason in page.text
-    assert "time series of /all" in page.pictures
+    assert "part.turn [rad]" in page.plots or "part.turn rad" in page.text
     assert "part.turn rad 0" in page.text
 
 
@@ -277,10 +330,12 @@ def test_hostile_names_and_values_are_text(tmp_path):
             bag.write(evil, data, START + number * SECOND, START)
         bag.add_record(MANIFEST, Manifest(node="<b>", parameters={"<u>": "</td>"}).to_record())
     page = Page(render(surveyed(tmp_path / "<i>bag")))
-    plain = Page(render(surveyed(write_bag(tmp_path / "plain"))))
-    assert set(page.tags) <= {*plain.tags, "img"}  # nothing of a bag became a tag
+    plain = Page(render(surveyed(write_everything(tmp_path / "plain"))))
+    assert set(page.tags) <= {*plain.tags, "details", "summary"}  # nothing of a bag became a tag
+    assert page.scripts == plain.scripts
     assert "</td>" in page.text
-    assert f"time series of {evil}" in page.pictures
+    assert f"Statistics of {evil}" in page.text
+    assert any("$\\x_{<b>" in title for title in page.plots)
     assert "Not in this report: /journal" in page.text
 
 

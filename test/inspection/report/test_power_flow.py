@@ -1,12 +1,13 @@
-"""The flow of power: what flows in flows out again, and every band has its power."""
+"""The flow of power: what flows in flows out again, and the account closes."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.inspection.report.account_rows import account_rows
 from rpud_sim.inspection.report.drill_topics import Powers
-from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS, flows, power_flow
+from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS, flows
 
 powers = st.lists(st.floats(-100.0, 100.0), min_size=6, max_size=6)
 
@@ -18,6 +19,15 @@ def balanced(values):
     inflow = sum(given_powers[name] for name in INFLOWS)
     outflow = sum(given_powers.get(name, 0.0) for name in OUTFLOWS)
     return {**given_powers, names[-1]: inflow - outflow}
+
+
+def reported(values, stamps=(0, 2)):
+    """Give the account of a drill that reports these powers at these times [s]."""
+    found = Powers([*values])
+    columns = {name: np.full(len(stamps), value) for name, value in values.items()}
+    columns["header.stamp"] = np.array(stamps) * 1_000_000_000
+    found.add(columns, np.array(stamps, float))
+    return found
 
 
 @given(powers)
@@ -37,26 +47,6 @@ def test_a_source_that_takes_power_is_on_the_other_side():
     assert out == {INFLOWS["weight_power"]: 1.0, OUTFLOWS["absorbed_power"]: 4.0}
 
 
-def test_bands_are_as_wide_as_their_powers_and_labels_have_them():
-    values = dict.fromkeys((*INFLOWS, *OUTFLOWS), 0.0)
-    powers = {**values, "actuator_power": 8.0, "absorbed_power": 6.0, "load_damper_power": 2.0}
-    axis = power_flow(powers).axes[0]
-    texts = [text.get_text() for text in axis.texts]
-    assert "8 W" in texts
-    assert f"{OUTFLOWS['absorbed_power']}\n6 W" in texts
-    assert len(axis.collections) == 3
-    widths = []
-    for band in axis.collections:
-        corners = band.get_paths()[0].vertices
-        inner = corners[np.isclose(abs(corners[:, 0] - 0.5), 0.03)]
-        widths.append(np.ptp(inner[:, 1]))
-    assert widths == pytest.approx([1.0, 0.75, 0.25], rel=1e-6)
-
-
-def test_a_drill_at_rest_has_a_picture_without_bands():
-    assert not power_flow(dict.fromkeys((*INFLOWS, *OUTFLOWS), 0.0)).axes[0].collections
-
-
 def test_each_report_counts_for_the_time_since_the_last_one():
     """A report before the start has no power; one at the end repeats the last one."""
     powers = Powers(["actuator_power"])
@@ -68,3 +58,24 @@ def test_each_report_counts_for_the_time_since_the_last_one():
         }
         powers.add(columns, np.array(stamps, float))
     assert powers.means() == pytest.approx({"actuator_power": 60.0})
+    assert powers.seconds == 3.0
+
+
+@given(powers)
+def test_the_account_closes_to_its_residual(values):
+    table = {text: row for text, *row in account_rows(reported(balanced(values)), float("nan"))}
+    came, went = (float(table[f"{side}, together"][1]) for side in ("in", "out"))
+    assert came == pytest.approx(went, rel=1e-3, abs=1e-6)
+    assert abs(float(table["residual: in − out"][1])) < 1e-9
+    assert "electrical, drawn by the actuator" not in table
+
+
+def test_the_account_has_joules_watts_and_shares():
+    values = dict.fromkeys((*INFLOWS, *OUTFLOWS), 0.0)
+    account = reported({**values, "actuator_power": 8.0, "absorbed_power": 6.0}, (0, 1, 2, 3))
+    table = {text: row for text, *row in account_rows(account, 20.0)}
+    assert table["in: work of the vibration"] == ["24", "8", "100"]
+    assert table["out: drill tool and rock"] == ["18", "6", "75"]
+    assert table["residual: in − out"] == ["6", "2", "25"]
+    assert table["electrical, drawn by the actuator"] == ["60", "20", "250"]
+    assert account_rows(Powers([*values]), 20.0) == []

@@ -1,0 +1,220 @@
+"""The report of a bag in a real browser: zoom, cursor, keyboard, marks, themes, widths."""
+
+import re
+
+import numpy as np
+import pytest
+from browser.pages import PHONE, SCHEMES, WIDE
+from sample_bags import START, serialized, write_commanded_bag
+
+import rpud_sim.bag
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.inspection.report.bag_report import write_report
+from rpud_sim.simulation import WeightOnBit
+from rpud_sim.simulation.scenario import read_scenario
+
+DURATION = 2.0
+SCENARIO = "faults:\n  - {kind: bias, channel: wrench, magnitude: 100, onset: 1.0, duration: 0.5}\n"
+PEAKS = "peak contact force"
+TOPICS = ("contact_force", "faults", "journal", "nodal_plane", "reacting_force", "status")
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    (folder / "scenario.yaml").write_text(SCENARIO)
+    commands = {0.5: WeightOnBit(40.0)}
+    scenario = read_scenario(folder / "scenario.yaml")
+    return write_commanded_bag(folder / "bag", DURATION, commands, scenario, TOPICS)
+
+
+@pytest.fixture(scope="module")
+def report(bag):
+    write_report(bag, bag.parent / "report.html")
+    return bag.parent / "report.html"
+
+
+@pytest.fixture
+def page(report, page_of):
+    page = page_of(report)
+    page.tab.locator("figure.plot", has_text=PEAKS).first.scroll_into_view_if_needed()
+    page.until("rpudPlots.plots.size >= 3")
+    page.settle()
+    return page
+
+
+def areas(page):
+    """Give the areas of the first plots, over time."""
+    return page.tab.locator("figure.plot[data-group=time] .plot-area")
+
+
+def ranges(page):
+    """Give the range that each plot in view has."""
+    return page.tab.evaluate(
+        "[...rpudPlots.plots.values()].filter((p) => p.visible && p.group.key === 'time')"
+        ".map((p) => [p.model.x_range.start, p.model.x_range.end])"
+    )
+
+
+def cursor(page):
+    """Give the time at the cursor [s], and what is said there."""
+    text = page.tab.locator(".plot-cursor").first.text_content()
+    return float(re.match(r"at ([\d.]+) s", text)[1]), text
+
+
+def move(page, time, number=0):
+    """Put the pointer at a time in a plot."""
+    area = areas(page).nth(number)
+    area.scroll_into_view_if_needed()
+    box = area.bounding_box()
+    place = area.evaluate(
+        "(area, time) => rpudPlots.plots.get(area.closest('figure').dataset.plot)"
+        ".view.frame.x_scale.compute(time)",
+        time,
+    )
+    page.tab.mouse.move(box["x"] + place, box["y"] + 0.4 * box["height"])
+
+
+@pytest.mark.parametrize("width", [PHONE, WIDE])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_anyone_can_read_it(report, page_of, width, scheme):
+    page = page_of(report, width=width, scheme=scheme)
+    page.tab.locator("figure.plot", has_text=PEAKS).first.scroll_into_view_if_needed()
+    page.until("rpudPlots.plots.size >= 2")
+    page.check()
+    page.keep(f"report_{width}_{scheme}", whole=False)
+
+
+def test_a_plot_zooms_and_all_others_with_it(page):
+    box = areas(page).first.bounding_box()
+    y = box["y"] + 0.5 * box["height"]
+    page.tab.mouse.move(box["x"] + 0.4 * box["width"], y)
+    page.tab.mouse.down()
+    page.tab.mouse.move(box["x"] + 0.6 * box["width"], y, steps=5)
+    page.tab.mouse.up()
+    page.until("(rpudPlots.groups.get('time').range || [0, 2])[0] > 0.1")
+    found = np.array(ranges(page))
+    assert len(found) > 1
+    assert (found == found[0]).all()
+    assert 0.5 < found[0][0] < found[0][1] < 1.5
+    # A plot that comes into view later has the same time.
+    page.tab.locator("h2#faults").scroll_into_view_if_needed()
+    page.until("[...rpudPlots.plots.values()].some((p) => p.visible && /faults/.test("
+               "p.host.textContent) && p.group.key === 'time')")  # fmt: skip
+    assert (np.array(ranges(page)) == found[0]).all()
+    page.tab.locator(".plot-controls[data-group=time] [data-act=whole]").last.click()
+    assert ranges(page)[0] == [0.0, pytest.approx(DURATION, abs=0.05)]
+    page.assert_quiet()
+
+
+def test_the_keyboard_moves_zooms_and_reads(page):
+    areas(page).first.focus()
+    page.tab.keyboard.press("+")
+    first = ranges(page)[0]
+    assert first[1] - first[0] == pytest.approx(DURATION / 1.6, rel=0.05)
+    page.tab.keyboard.press("ArrowRight")
+    moved = ranges(page)[0]
+    assert moved[0] > first[0]
+    assert moved[1] - moved[0] == pytest.approx(first[1] - first[0])
+    page.tab.keyboard.press("-")
+    page.tab.keyboard.press("ArrowLeft")
+    page.tab.keyboard.press("Shift+ArrowRight")
+    time, _ = cursor(page)
+    spoken = page.tab.locator(".plot-spoken").first.text_content()
+    assert spoken.startswith(f"at {time:.3f}"[:6])
+    assert PEAKS in spoken
+    page.tab.keyboard.press("Home")
+    assert ranges(page)[0][0] == 0.0
+    page.tab.keyboard.press("Escape")
+    assert page.tab.locator(".plot-cursor").first.text_content() == ""
+
+
+def test_the_cursor_shows_the_values_that_are_in_the_bag(page, bag):
+    with rpud_sim.bag.open(bag) as opened:
+        columns = opened.arrays("/rpud/nodal_plane")
+    times = columns["header.stamp"] / 1e9
+    figure = page.tab.locator("h3", has_text="/rpud/nodal_plane").locator(
+        "xpath=following::figure[.//span[starts-with(., 'position')]][1]"
+    )
+    figure.scroll_into_view_if_needed()
+    name = figure.get_attribute("data-plot")
+    page.until(f"rpudPlots.plots.has('{name}')")
+    unit = re.search(r"\[(.*)\]", figure.locator(".plot-title").text_content())[1]
+    factor = {"m": 1.0, "mm": 1e3, "µm": 1e6}[unit]
+    for wanted in (0.301, 0.8, 1.234):
+        page.tab.evaluate(f"rpudPlots.setCursor(rpudPlots.groups.get('time'), {wanted})")
+        shown = float(figure.locator("output").first.text_content().split()[0])
+        held = columns["position"][np.searchsorted(times, wanted, side="right") - 1]
+        assert shown == pytest.approx(factor * held, rel=1e-3)
+
+
+def test_a_step_is_read_exactly_on_both_sides_of_it(page):
+    figure = page.tab.locator("figure.plot", has_text="weight on bit [N]").first
+    figure.scroll_into_view_if_needed()
+    name = figure.get_attribute("data-plot")
+    page.until(f"rpudPlots.plots.has('{name}')")
+    for time, value in ((0.4999, "10"), (0.5001, "40"), (1.9, "40")):
+        page.tab.evaluate(f"rpudPlots.setCursor(rpudPlots.groups.get('time'), {time})")
+        assert figure.locator("output").first.text_content() == value
+
+
+def test_the_cursor_is_on_all_plots_and_names_marks(page):
+    move(page, 1.2)
+    time, text = cursor(page)
+    assert time == pytest.approx(1.2, abs=0.01)
+    assert "bias wrench" in text
+    lines = page.tab.evaluate(
+        "[...rpudPlots.plots.values()].filter((p) => p.visible && p.group.key === 'time')"
+        ".map((p) => p.line.style.visibility)"
+    )
+    assert len(lines) > 1
+    assert set(lines) == {"visible"}
+    move(page, 0.5, 1)
+    assert "weight on bit 40 N" in cursor(page)[1]
+    page.tab.mouse.move(1, 1)
+    assert page.tab.locator(".plot-cursor").first.text_content() == ""
+
+
+def test_commands_and_faults_are_drawn_where_they_are(page):
+    found = page.tab.evaluate(
+        "[...rpudPlots.plots.get('plot-1').model.references()]"
+        ".filter((m) => String(m.name).startsWith('marks'))"
+        ".map((m) => [m.name, [...m.get_column('time')], [...m.get_column('end')]])"
+    )
+    marks = {name: (times, ends) for name, times, ends in found}
+    assert marks["marks command"][0] == [pytest.approx(0.5)]
+    assert marks["marks fault"] == ([pytest.approx(1.0)], [pytest.approx(1.5)])
+
+
+def test_the_colours_follow_the_reader_at_once(page):
+    def color():
+        return page.tab.evaluate(
+            "[...rpudPlots.plots.get('plot-1').model.references()]"
+            ".filter((m) => m.type === 'Step').map((m) => m.line_color.value ?? m.line_color)[0]"
+        )
+
+    light = color()
+    page.tab.emulate_media(color_scheme="dark")
+    page.until("matchMedia('(prefers-color-scheme: dark)').matches")
+    page.settle()
+    assert color() != light
+    page.tab.emulate_media(color_scheme="light")
+    page.settle()
+    assert color() == light
+    page.assert_quiet()
+
+
+def test_a_hostile_bag_runs_nothing(tmp_path, page_of):
+    evil = "/</script><script>window.hacked = 1</script>"
+    definition = "float64 value # [</style><img src=x onerror='window.hacked = 1'>]\n"
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.add_topic(Topic(evil, "pkg/msg/Evil"), definition)
+        for number in range(20):
+            data = serialized("pkg/msg/Evil", definition, {"value": float(number % 7)})
+            bag.write(evil, data, START + number * 10**8, START)
+    write_report(tmp_path / "bag", tmp_path / "report.html")
+    page = page_of(tmp_path / "report.html")
+    page.tab.evaluate("rpudPlots.drawAll()")
+    page.check()
+    assert page.tab.evaluate("window.hacked") is None
+    assert evil in page.tab.locator("h3").all_text_contents()
