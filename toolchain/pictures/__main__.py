@@ -50,20 +50,25 @@ def live(browser: Browser, out: Path, folder: Path) -> None:
         pages[0].get_by_role("spinbutton", name="weight on bit").fill("25")
         pages[0].get_by_role("button", name="Press").click()
         pages[0].wait_for_timeout(7_000)
-        rpud("inject", "free_mass_jammed")
+        pages[0].get_by_role("combobox", name="fault").select_option("free_mass_jammed")
+        pages[0].get_by_role("button", name="Inject").click()
         pages[0].wait_for_timeout(3_000)
-        rpud("clear")
+        pages[0].get_by_role("button", name="Clear all").click()
         pages[0].wait_for_timeout(3_000)
         save(pages, out)
 
 
 def bag(browser: Browser, out: Path, folder: Path) -> None:
-    """Take the page of `rpud watch BAG`, of a run with the faults of config/faults.yaml."""
+    """Take the page of `rpud watch BAG`, zoomed into one contact of a run with faults."""
     recorded = record_faults(folder)
     with background("watch", str(recorded), "--port", "0") as watch:
         pages = open_in_both(browser, printed_url(watch), WIDE)
         for page in pages:
-            page.wait_for_timeout(3_000)
+            page.wait_for_timeout(4_000)
+            page.get_by_role("button", name="next impact").click()
+            page.wait_for_timeout(2_000)
+            page.get_by_role("button", name="zoom to this contact").click()
+            page.wait_for_timeout(4_000)
         save(pages, out)
 
 
