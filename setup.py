@@ -38,6 +38,7 @@ setup(
         f"{PACKAGE}.bag": ["share/*/msg/*.msg"],
         f"{PACKAGE}.kernels": ["compiled/*.kernel"],
         f"{PACKAGE}.pages": ["share/*.css", "share/*.js"],
+        f"{PACKAGE}.watch.recorded": ["share/*"],
         f"{PACKAGE}.watch": ["share/*.css", "share/*.html", "share/*.js"],
     },
     python_requires=">=3.10",

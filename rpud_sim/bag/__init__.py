@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rpud_sim.bag.columns import Column, Kind
     from rpud_sim.bag.errors import BagError, BagExistsError, BagFormatError, BagNotFoundError
     from rpud_sim.bag.losses import Losses
-    from rpud_sim.bag.messages import Message
+    from rpud_sim.bag.messages import Message, Piece
     from rpud_sim.bag.metadata import Topic
     from rpud_sim.bag.qos import QosProfile
     from rpud_sim.bag.reader import BagReader
@@ -35,6 +35,7 @@ __all__ = [
     "Kind",
     "Losses",
     "Message",
+    "Piece",
     "QosProfile",
     "Recovery",
     "Topic",
@@ -58,6 +59,7 @@ _MODULES = {
     "Kind": "columns",
     "Losses": "losses",
     "Message": "messages",
+    "Piece": "messages",
     "QosProfile": "qos",
     "Recovery": "recovery_account",
     "Topic": "metadata",
@@ -81,11 +83,13 @@ def __dir__() -> list[str]:
     return __all__
 
 
-def open(path: str | os.PathLike[str]) -> BagReader:
+def open(path: str | os.PathLike[str], *, unclosed: bool = False) -> BagReader:
     """Open a bag for reading.
 
     Args:
         path: a bag's directory or one file of it: MCAP or SQLite, also compressed.
+        unclosed: whether to read MCAP files that were not closed, or lost their end, as far as they
+            are whole.
 
     Raises:
         BagNotFoundError: if there is no bag at ``path``.
@@ -93,4 +97,4 @@ def open(path: str | os.PathLike[str]) -> BagReader:
     """
     from rpud_sim.bag.reader import BagReader
 
-    return BagReader(path)
+    return BagReader(path, unclosed=unclosed)

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import BinaryIO
 
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Channel, ChunkIndex, Metadata, Schema
 
 from rpud_sim.bag.errors import BagError, BagFormatError, reading
 from rpud_sim.bag.latched import REPEATED_KEY
 from rpud_sim.bag.mcap_index import MessageTimes, check_ends, complete_statistics, read_summary
-from rpud_sim.bag.messages import Message, Source, chunk_messages, unchunked_messages
+from rpud_sim.bag.messages import Message, Piece, Source, chunk_messages, unchunked_messages
 from rpud_sim.bag.metadata import Topic, load_offered_qos
-from rpud_sim.bag.records import parse, read_record
+from rpud_sim.bag.record_walk import RecordWalk, Stretch
+from rpud_sim.bag.records import MAGIC, parse, read_record
 from rpud_sim.bag.topic_summary import TopicSummary
 
 RECORDS_LIMIT = 64 * 2**20
@@ -34,13 +35,25 @@ class McapFile:
         path: of the file.
         repeats: whether to include messages that the file repeats of the previous one.
         shown: name of the file in errors; None for ``path``.
+        unclosed: whether to read a file that was not closed, or lost its end, up to its last whole
+            record.
+
+    Attributes:
+        closed: whether the file was closed.
 
     Raises:
         BagNotFoundError: if the file does not exist.
         BagFormatError: if it is damaged or incomplete.
     """
 
-    def __init__(self, path: Path, *, repeats: bool = True, shown: Path | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        repeats: bool = True,
+        shown: Path | None = None,
+        unclosed: bool = False,
+    ) -> None:
         self._path = path
         self._shown = shown or path
         self._repeats = repeats
@@ -49,9 +62,17 @@ class McapFile:
         try:
             with reading(self._shown):
                 self.size = os.fstat(self._stream.fileno()).st_size
-                check_ends(self._stream, self.size, self._shown)
-                self._index = read_summary(self._stream, self.size)
-                self.statistics = complete_statistics(self._index)
+                self.closed = True
+                try:
+                    check_ends(self._stream, self.size, self._shown)
+                    self._index = read_summary(self._stream, self.size)
+                    self.statistics = complete_statistics(self._index)
+                except BagFormatError:
+                    if not unclosed or not self._walk.end > len(MAGIC):
+                        raise
+                    self.closed = False
+                    self._index = self._walk.summary
+                    self.statistics = complete_statistics(self._index)
         except BaseException:
             self._stream.close()
             raise
@@ -154,11 +175,14 @@ class McapFile:
 
     def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
         """Yield the chunks that may hold messages of ``topics`` from ``start_time`` [ns] on."""
-        wanted = {
-            number: channel.topic
-            for number, channel in self.channels.items()
-            if topics is None or channel.topic in topics
-        }
+        wanted = self._wanted(topics)
+        if not self.closed:
+            for piece in self.pieces():
+                if piece.end_time >= start_time and piece.topics.intersection(wanted.values()):
+                    yield Source(
+                        piece.start_time, piece.size, partial(_from, piece, topics, start_time)
+                    )
+            return
         if not self._index.chunk_indexes:
             read = partial(unchunked_messages, self._path, self.size, wanted, start_time)
             yield Source(self.start_time, 0, partial(self._guarded, read))
@@ -174,6 +198,59 @@ class McapFile:
                 ),
             )
 
+    def pieces(self) -> Iterator[Piece]:
+        """Yield the parts that can be read by themselves, in the order of the file.
+
+        Raises:
+            BagFormatError: if a record outside of chunks is damaged.
+        """
+        for index in self._index.chunk_indexes:
+            yield Piece(
+                index.message_start_time,
+                index.message_end_time,
+                index.uncompressed_size,
+                self._names(index.message_index_offsets) or frozenset(self.topic_channels),
+                partial(self._read_chunk, index),
+            )
+        with self._reading():
+            loose = [] if self.closed and self._index.chunk_indexes else self._walk.stretches
+        for stretch in loose:
+            yield Piece(
+                stretch.first,
+                stretch.last,
+                stretch.end - stretch.start,
+                self._names(stretch.channels),
+                partial(self._read_stretch, stretch),
+            )
+
+    def _names(self, numbers: Iterable[int]) -> frozenset[str]:
+        channels = self.channels
+        return frozenset(channels[number].topic for number in numbers if number in channels)
+
+    def _wanted(self, topics: Collection[str] | None) -> dict[int, str]:
+        return {
+            number: channel.topic
+            for number, channel in self.channels.items()
+            if topics is None or channel.topic in topics
+        }
+
+    def _read_chunk(self, index: ChunkIndex, topics: Collection[str] | None) -> Iterator[Message]:
+        wanted = self._wanted(topics)
+        return self._guarded(partial(chunk_messages, self._stream, index, wanted, 0))
+
+    def _read_stretch(self, stretch: Stretch, topics: Collection[str] | None) -> Iterator[Message]:
+        read = partial(
+            unchunked_messages,
+            self._path,
+            self.size,
+            self._wanted(topics),
+            0,
+            stretch.start,
+            stretch.end,
+        )
+        found = list(self._guarded(read))
+        return iter(sorted(found, key=lambda message: message.log_time))
+
     def _guarded(self, read: Callable[[], Iterator[Message]]) -> Iterator[Message]:
         with self._reading():
             yield from read()
@@ -184,6 +261,10 @@ class McapFile:
             raise BagError(f"{self._shown} was closed; open the bag again")
         with reading(self._shown):
             yield
+
+    @cached_property
+    def _walk(self) -> RecordWalk:
+        return RecordWalk(self._stream, self.size)
 
     @cached_property
     def _times(self) -> MessageTimes:
@@ -203,6 +284,10 @@ class McapFile:
         schema = self._index.schemas.get(channel.schema_id, _NO_SCHEMA)
         text = self._definitions.get(schema.id, "")
         return channel.message_encoding, schema.name, _without_comments(text)
+
+
+def _from(piece: Piece, topics: Collection[str] | None, start_time: int) -> Iterator[Message]:
+    return (message for message in piece.read(topics) if message.log_time >= start_time)
 
 
 # Thousands of channels share a few texts.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import heapq
 from array import array
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -65,6 +65,26 @@ class Source:
     open: Callable[[], Iterator[Message]]
 
 
+@dataclass(frozen=True)
+class Piece:
+    """Part of a bag that can be read by itself, such as a chunk.
+
+    Attributes:
+        start_time: no message is earlier [ns].
+        end_time: no message is later [ns].
+        size: memory that its messages take [bytes].
+        topics: names of the topics that it may hold.
+        read: yields the messages of topics in the order of their log times; None for all. It raises
+            BagFormatError if the part is damaged.
+    """
+
+    start_time: int
+    end_time: int
+    size: int
+    topics: frozenset[str]
+    read: Callable[[Collection[str] | None], Iterator[Message]]
+
+
 def chunk_messages(
     stream: BinaryIO, index: ChunkIndex, topics: Mapping[int, str], start_time: int
 ) -> Iterator[Message]:
@@ -89,7 +109,12 @@ def chunk_messages(
 
 
 def unchunked_messages(
-    path: Path, size: int, topics: Mapping[int, str], start_time: int
+    path: Path,
+    size: int,
+    topics: Mapping[int, str],
+    start_time: int,
+    first: int = 0,
+    end: int | None = None,
 ) -> Iterator[Message]:
     """Yield the messages of a file without an index of chunks, in the order of the file.
 
@@ -98,14 +123,16 @@ def unchunked_messages(
         size: its length [bytes].
         topics: names of the wanted channels, by their numbers.
         start_time: earliest log time [ns].
+        first: offset of the first record [bytes]; 0 for that of the file.
+        end: offset behind the last one [bytes]; None for that of a closed file.
 
     Raises:
         BagFormatError: if a record is damaged.
     """
-    offset = len(MAGIC)
+    offset = first or len(MAGIC)
     with path.open("rb") as stream:
-        while True:
-            record = read_record(stream, offset, size - len(MAGIC))
+        while end is None or offset < end:
+            record = read_record(stream, offset, size - len(MAGIC) if end is None else end)
             offset = record.end
             if record.opcode == Opcode.DATA_END:
                 return

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.messages import Message, merged
+from rpud_sim.bag.messages import Message, Piece, merged
 from rpud_sim.bag.rosbag2_compression import SUFFIX, uncompressed_messages
 from rpud_sim.bag.storage_files import open_storage_files, storage_files, summarize
 from rpud_sim.bag.topic_summary import TopicSummary
@@ -31,28 +32,38 @@ class BagReader:
 
     Args:
         path: a bag's directory or one file of it: MCAP or SQLite, also compressed.
+        unclosed: whether to read MCAP files that were not closed, or lost their end, as far as they
+            are whole.
 
     Attributes:
         path: that the bag was opened with.
         size: of the storage files [bytes].
+        files: the storage files.
 
     Raises:
         BagNotFoundError: if there is no bag at ``path``.
         BagFormatError: if a file is damaged or incomplete.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, unclosed: bool = False) -> None:
         self.path = Path(path)
         self._opened = ExitStack()
         try:
             self._paths, self._compressed = storage_files(self.path)
-            self._files = open_storage_files(self._paths, self._opened)
+            self._files = open_storage_files(self._paths, self._opened, unclosed=unclosed)
+            self.files = tuple(self._paths)
             self.size = sum(file.stat().st_size for file in self._paths)
             # Statistics of a file without messages say that it starts at 0.
             self._filled = [file for file in self._files if file.message_count]
         except BaseException:
             self.close()
             raise
+
+    @property
+    def unclosed(self) -> tuple[Path, ...]:
+        """Files that were not closed: they are still being written, or lost their end."""
+        pairs = zip(self._paths, self._files, strict=True)
+        return tuple(path for path, file in pairs if not file.closed)
 
     @property
     def message_count(self) -> int:
@@ -136,6 +147,20 @@ class BagReader:
             source for file in self._filled for source in file.sources(topics, start_time)
         )
         return uncompressed_messages(found, self.path) if self._compressed else found
+
+    def pieces(self) -> list[Piece]:
+        """Return the parts that can be read by themselves, sorted by their beginnings.
+
+        Raises:
+            BagFormatError: if a file is damaged.
+        """
+        found = [piece for file in self._filled for piece in file.pieces()]
+        if self._compressed:
+            found = [replace(piece, read=partial(self._uncompressed, piece)) for piece in found]
+        return sorted(found, key=lambda piece: piece.start_time)
+
+    def _uncompressed(self, piece: Piece, topics: Collection[str] | None) -> Iterator[Message]:
+        return uncompressed_messages(piece.read(topics), self.path)
 
     def columns(self, topic: str) -> tuple[Column, ...]:
         """Return the columns of a topic's table, with units; errors are those of ``batches``."""

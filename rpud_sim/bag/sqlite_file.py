@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from urllib.parse import quote
 
@@ -16,11 +18,13 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.errors import BagError, BagFormatError, DefinitionNotFoundError, reading
-from rpud_sim.bag.messages import Message, Source
+from rpud_sim.bag.messages import Message, Piece, Source
 from rpud_sim.bag.metadata import LATEST, Topic
 from rpud_sim.bag.qos import profiles_from_yaml
 from rpud_sim.bag.records import CONTENT_LIMIT
 from rpud_sim.bag.topic_summary import TopicSummary
+
+_PIECE = 1000  # messages that are read together, on average
 
 
 class SqliteFile:
@@ -41,6 +45,7 @@ class SqliteFile:
     """
 
     compressions = frozenset[str]()
+    closed = True
 
     def __init__(self, path: Path, shown: Path) -> None:
         self._shown = shown
@@ -110,20 +115,40 @@ class SqliteFile:
 
     def sources(self, topics: Collection[str] | None, start_time: int) -> Iterator[Source]:
         """Yield the only source of messages of ``topics`` from ``start_time`` [ns] on."""
-        wanted = [
+        if wanted := self._wanted(topics):
+            yield Source(self.start_time, 0, lambda: self._messages(wanted, start_time))
+
+    def pieces(self) -> Iterator[Piece]:
+        """Yield parts of equal length in time, of about ``_PIECE`` messages each."""
+        parts = -(-self.message_count // _PIECE)
+        first, last = self.start_time, self.end_time
+        edges = [first + (last + 1 - first) * part // max(1, parts) for part in range(parts + 1)]
+        names = frozenset(self.topic_channels)
+        size = self.size // max(1, parts)
+        for start, end in pairwise(edges):
+            if start < end:
+                yield Piece(start, end - 1, size, names, partial(self._read_part, start, end))
+
+    def _read_part(self, start: int, end: int, topics: Collection[str] | None) -> Iterator[Message]:
+        return self._messages(self._wanted(topics), start, end)
+
+    def _wanted(self, topics: Collection[str] | None) -> list[Connection]:
+        return [
             connection
             for name, connections in self.topic_channels.items()
             for connection in connections
             if topics is None or name in topics
         ]
-        if wanted:
-            yield Source(self.start_time, 0, lambda: self._messages(wanted, start_time))
 
-    def _messages(self, wanted: list[Connection], start_time: int) -> Iterator[Message]:
+    def _messages(
+        self, wanted: list[Connection], start_time: int, end_time: int | None = None
+    ) -> Iterator[Message]:
+        if not wanted:
+            return
         if self._reader.dbconn is None:
             raise BagError(f"{self._shown} was closed; open the bag again")
         with self._reading():
-            for connection, time, data in self._reader.messages(wanted, start_time):
+            for connection, time, data in self._reader.messages(wanted, start_time, end_time):
                 if not isinstance(data, bytes):
                     raise BagFormatError(f"a message of {connection.topic:.200} has no data")
                 yield Message(connection.topic, time, time, data)

@@ -58,21 +58,24 @@ def storage_files(path: Path) -> tuple[list[Path], bool]:
     return [path / name for name in names], compressed
 
 
-def open_storage_files(files: Sequence[Path], opened: ExitStack) -> list[StorageFile]:
+def open_storage_files(
+    files: Sequence[Path], opened: ExitStack, *, unclosed: bool = False
+) -> list[StorageFile]:
     """Open the files of a bag; only the first shows messages that it repeats of a previous one.
 
     Args:
         files: of the bag, in their order.
         opened: closes them later.
+        unclosed: whether to read MCAP files that were not closed, as far as they are whole.
 
     Raises:
         BagNotFoundError: if a file does not exist.
         BagFormatError: if a file is damaged or incomplete.
     """
-    return [_open(file, file == files[0], opened) for file in files]
+    return [_open(file, file == files[0], opened, unclosed) for file in files]
 
 
-def _open(file: Path, first: bool, opened: ExitStack) -> StorageFile:
+def _open(file: Path, first: bool, opened: ExitStack, unclosed: bool) -> StorageFile:
     """Open a file by its content, uncompressed first if its name says so."""
     path = file
     with reading(file):
@@ -87,7 +90,7 @@ def _open(file: Path, first: bool, opened: ExitStack) -> StorageFile:
         from rpud_sim.bag.sqlite_file import SqliteFile  # loads what MCAP does not need
 
         return opened.enter_context(SqliteFile(path, file))
-    return opened.enter_context(McapFile(path, repeats=first, shown=file))
+    return opened.enter_context(McapFile(path, repeats=first, shown=file, unclosed=unclosed))
 
 
 def summarize(

@@ -1,8 +1,9 @@
-"""``rpud watch``: pages in the browser that show running drills and act on them."""
+"""``rpud watch``: pages in the browser that show running drills and act on them, or show a bag."""
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import threading
 import time
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from rpud_sim.cli.drill_command import DOMAIN
 from rpud_sim.cli.options import Number
-from rpud_sim.cli.program import ExitCode, failing
+from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.record.record_options import RecordOptions
@@ -19,11 +20,12 @@ if TYPE_CHECKING:
     from rpud_sim.ros.client.drill_finder import DrillFinder
     from rpud_sim.watch.server import PageServer
 
-HELP = "show running drills in the browser, and act on them"
+HELP = "show running drills in the browser and act on them, or show a bag"
 EXAMPLE = "rpud watch --port 8810"
 DETAILS = (
-    "It prints the address of the page, which only this machine can reach unless --address says "
-    "otherwise. Other machines then need the token in the address."
+    "With BAG it shows that bag: a timeline, every signal, and exact waveforms rebuilt from the "
+    "trajectory. It prints the address of the page, which only this machine can reach unless "
+    "--address says otherwise. Other machines then need the token in the address."
 )
 
 PORT = Quantity("", "a port", 0, 65535, whole=True)
@@ -34,6 +36,12 @@ _SEARCH_PERIOD = 0.05  # s
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of ``rpud watch``."""
+    parser.add_argument(
+        "bag",
+        nargs="?",
+        metavar="BAG",
+        help="a bag's folder or one file of it: the page shows the bag, and needs no ROS",
+    )
     parser.add_argument(
         "--port",
         action=Number,
@@ -74,11 +82,32 @@ def run(arguments: argparse.Namespace) -> int:
     """Serve until a signal; return the exit code."""
     if arguments.terminal:
         return watch_terminal(arguments)
-    return watch_drills(arguments)
+    return watch_drills(arguments) if arguments.bag is None else watch_bag(arguments)
+
+
+def watch_bag(arguments: argparse.Namespace) -> ExitCode:
+    """Serve the page of a bag until a signal."""
+    from rpud_sim.bag import BagError
+    from rpud_sim.watch.recorded.serving import PATH, serve_bag
+    from rpud_sim.watch.server import Place, ServerError
+
+    def announce(server: PageServer) -> None:
+        if arguments.until_eof:
+            threading.Thread(target=_stop_at_end, args=(server,), daemon=True).start()
+        url = server.url(PATH)
+        print(f"bag {printable(arguments.bag)}: {url}", flush=True)
+        if arguments.open:
+            open_browser(url)
+
+    with failing(BagError, ServerError):
+        serve_bag(arguments.bag, Place.of(arguments.port, arguments.address), announce)
+    return ExitCode.DONE
 
 
 def watch_terminal(arguments: argparse.Namespace) -> int:
     """Show a drill in the terminal until the user quits; return the exit code."""
+    if arguments.bag is not None:
+        raise CommandError("--terminal shows running drills, not a bag", ExitCode.USAGE)
     from rpud_sim.watch.terminal_check import NoTerminalError, check_terminal
 
     with failing(NoTerminalError, code=ExitCode.USAGE):
@@ -155,5 +184,7 @@ def open_browser(url: str) -> None:
 
 def _stop_at_end(server: PageServer) -> None:
     """Stop the server when standard input ends: whoever started it has gone."""
-    sys.stdin.buffer.read()
+    # Without the lock of sys.stdin, which the end of the program could not take.
+    while os.read(sys.stdin.fileno(), 1024):
+        pass
     server.stop()

@@ -13,19 +13,17 @@ import numpy as np
 from numpy.lib.format import write_array_header_1_0
 
 import rpud_sim.bag
-from rpud_sim.bag import BagFormatError, BagReader
+from rpud_sim.bag import BagReader, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.foundation.time import join_seconds
 from rpud_sim.inspection.output import new_folder
-from rpud_sim.simulation.rebuilding import Rebuilder, end_sample, first_sample, to_segments
+from rpud_sim.inspection.trajectory_pieces import TrajectoryPiece, trajectory_pieces
+from rpud_sim.simulation.rebuilding import Rebuilder, end_sample, first_sample
 from rpud_sim.simulation.sampling import CHANNELS, Samples
 from rpud_sim.simulation.topics import TOPICS
 
 _TYPE = TOPICS["trajectory"].type
 _MOST_SKIPPED = 100_000  # samples at once
-# Rounding of the times of consecutive segments [s]; at a reset, time steps back further.
-_ROUNDING = 1e-6
 
 
 class RebuildError(Exception):
@@ -59,14 +57,6 @@ class Rebuilt:
     runs: int
     trajectory_size: int
     size: int
-
-
-@dataclass(frozen=True)
-class _Piece:
-    run: int
-    follows: bool  # the piece before it, without a gap
-    origin: int
-    segments: np.ndarray
 
 
 def rebuild(
@@ -187,29 +177,14 @@ class _Pieces:
         self._codec = Codec(_TYPE, find_definition(_TYPE))
         self.size = 0
 
-    def __iter__(self) -> Iterator[_Piece]:
-        run, following, end = 0, -1, 0.0
+    def __iter__(self) -> Iterator[TrajectoryPiece]:
         self.size = 0
-        for recorded in self._bag.messages({self._topic}):
-            self.size += len(recorded.data)
-            message = self._codec.decode(recorded.data)
-            try:
-                segments = to_segments(message)
-            except ValueError as error:
-                raise BagFormatError(
-                    f"{self._bag.path}: a trajectory is damaged: {error}"
-                ) from None
-            if not len(segments):
-                continue
-            start = int(segments["start_seconds"][0]) + float(segments["start_fraction"][0])
-            if message.sequence < following or start < end - _ROUNDING or not run:
-                run += 1
-                following = -1
-            origin = join_seconds(message.origin.sec, message.origin.nanosec)
-            yield _Piece(run, message.sequence == following, origin, segments)
-            following = message.sequence + len(segments)
-            last = segments[-1]
-            end = int(last["start_seconds"]) + float(last["start_fraction"] + last["duration"])
+        return trajectory_pieces(self._counted(), self._codec, self._bag.path)
+
+    def _counted(self) -> Iterator[Message]:
+        for message in self._bag.messages({self._topic}):
+            self.size += len(message.data)
+            yield message
 
 
 class _Files:

@@ -48,6 +48,18 @@ def end_sample(segment: np.void, rate: int) -> int:
     return int(segment["start_seconds"]) * rate + math.ceil(end * rate)
 
 
+def sample_between(segments: np.ndarray, first: int, end: int, rate: int) -> Samples:
+    """Return samples ``first`` to ``end - 1`` of consecutive segments, those of ``Rebuilder``.
+
+    Args:
+        segments: without a gap; they cover the samples.
+        first: number of the first sample.
+        end: number of the first one that does not count.
+        rate: a whole rate [Hz].
+    """
+    return sample(segments, Times.from_grid(first, max(0, end - first), rate))
+
+
 class Rebuilder:
     """Sampler of consecutive pieces of a trajectory.
 

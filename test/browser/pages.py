@@ -31,6 +31,7 @@ WIDE, PHONE = 1400, 375
 SCHEMES = ("light", "dark")
 HEIGHT = 900
 
+_HIGHEST = 8000  # a screenshot [px]: of a higher page, that of the window
 _LOCAL = ("", "127.0.0.1", "localhost")
 _SERIOUS = ("serious", "critical")
 _ALWAYS = ("landmark-one-main", "page-has-heading-one", "region")  # axe says moderate
@@ -65,6 +66,17 @@ _OVERFLOWING = """() => {
   const wide = [...document.body.querySelectorAll('*')].filter((e) => right(e) > width + 0.5);
   return [`the page needs ${needed} px of ${width}`, ...wide.slice(0, 8).map(
     (e) => `${e.outerHTML.slice(0, 100)} ends at ${right(e)}`)];
+}"""
+
+
+_SCROLLING = """async () => {
+  const frame = () => new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+  for (let top = 0; top < document.body.scrollHeight; top += innerHeight) {
+    scrollTo(0, top);
+    await frame();
+    await frame();
+  }
+  scrollTo(0, 0);
 }"""
 
 
@@ -121,8 +133,14 @@ class BrowserPage:
         )
         self.tab.evaluate("() => new Promise((f) => requestAnimationFrame(() => setTimeout(f)))")
 
+    def see_all(self) -> None:
+        """Scroll to the end and back: plots are drawn when they come into view."""
+        self.tab.evaluate(_SCROLLING)
+        self.settle()
+
     def keep(self, name: str, *, whole: bool = True) -> Path:
         """Write a screenshot among the artefacts of the test, and return its path."""
+        whole = whole and self.tab.evaluate("document.body.scrollHeight") < _HIGHEST
         path = self._artefacts / f"{re.sub(r'[^-+=.a-zA-Z0-9_]+', '_', name)}.png"
         self.tab.screenshot(path=path, full_page=whole)
         return path
@@ -158,6 +176,7 @@ class BrowserPage:
     def check(self) -> None:
         """Check all that every page of the project has to keep."""
         self.settle()
+        self.see_all()
         self.assert_fits()
         self.assert_described()
         self.assert_accessible()

@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("playwright")
 from PIL import Image
 
-from toolchain.pictures.screenshots import chromium, shoot
+from toolchain.pictures.screenshots import chromium, open_in_both, save
 
 PAGE = """<!DOCTYPE html><title>x</title><style>
 body { margin: 0; background: #fff; }
@@ -22,13 +22,10 @@ body { margin: 0; background: #fff; }
 def test_a_page_is_taken_as_it_was_prepared_in_both_schemes(a_browser_is_there, tmp_path):
     (tmp_path / "page.html").write_text(PAGE)
     with chromium() as browser:
-        files = shoot(
-            browser,
-            (tmp_path / "page.html").as_uri(),
-            tmp_path / "out.png",
-            (120, 80),
-            lambda page: page.get_by_role("button").click(),
-        )
+        pages = open_in_both(browser, (tmp_path / "page.html").as_uri(), (120, 80))
+        for page in pages:
+            page.get_by_role("button").click()
+        files = save(pages, tmp_path / "out.png")
     assert [file.name for file in files] == ["out.png", "out_dark.png"]
     for file, below in zip(files, [(255, 255, 255), (0, 0, 0)], strict=True):
         with Image.open(file) as image:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -36,24 +36,16 @@ def chromium() -> Iterator[Browser]:
         browser.close()
 
 
-def shoot(
-    browser: Browser,
-    url: str,
-    out: Path,
-    size: tuple[int, int],
-    prepare: Callable[[Page], None] = lambda page: None,
-) -> list[Path]:
-    """Write a page's screenshot in each colour scheme; return the files.
+def open_in_both(browser: Browser, url: str, size: tuple[int, int]) -> list[Page]:
+    """Return a page in each colour scheme.
 
     Args:
-        browser: that opens it.
+        browser: that opens them.
         url: of the page.
-        out: file of the light one; the dark one is beside it.
         size: width and height of the window [px].
-        prepare: brings the page to what is to be seen.
     """
-    files = []
-    for scheme, ending in SCHEMES.items():
+    pages = []
+    for scheme in SCHEMES:
         page = browser.new_page(
             viewport={"width": size[0], "height": size[1]},
             color_scheme=scheme,
@@ -61,13 +53,24 @@ def shoot(
         )
         page.goto(url)
         page.wait_for_function(_DRAWN)
-        prepare(page)
+        pages.append(page)
+    return pages
+
+
+def save(pages: list[Page], out: Path) -> list[Path]:
+    """Write the screenshots of a page in each colour scheme; return the files.
+
+    Args:
+        pages: as ``open_in_both`` gives them.
+        out: file of the first; the others are beside it.
+    """
+    files = []
+    for page, ending in zip(pages, SCHEMES.values(), strict=True):
         page.wait_for_function(_DRAWN)
         page.evaluate("() => new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
-        file = out.with_name(f"{out.stem}{ending}.png")
-        file.write_bytes(smaller(page.screenshot()))
+        files.append(out.with_name(f"{out.stem}{ending}.png"))
+        files[-1].write_bytes(smaller(page.screenshot()))
         page.close()
-        files.append(file)
     return files
 
 

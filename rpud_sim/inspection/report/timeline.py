@@ -53,7 +53,7 @@ class Timeline:
                 self._offset = self._zero
         steps = np.diff(stamps, prepend=self._stamp)
         passed = np.maximum(np.diff(log_times, prepend=self._log_time), 0)
-        jumped = (steps < -_BACK) | (steps - passed > _AHEAD)
+        jumped = clock_jumps(steps, passed)
         offsets = self._offset + np.cumsum(np.where(jumped, steps - passed, 0))
         self._stamp, self._log_time = int(stamps[-1]), int(log_times[-1])
         self._offset = int(offsets[-1])
@@ -66,6 +66,16 @@ class Timeline:
             return 0
         older = (stamps < self._zero) & (self._zero - stamps < _OLDEST)
         return len(stamps) if older.all() else int(np.argmin(older))
+
+
+def clock_jumps(steps: np.ndarray, passed: np.ndarray) -> np.ndarray:
+    """Return which steps between stamps are jumps of their clock, shape (n,).
+
+    Args:
+        steps: from each stamp to the next one, shape (n,) [ns].
+        passed: time that passed meanwhile, shape (n,) [ns].
+    """
+    return (steps < -_BACK) | (steps - passed > _AHEAD)
 
 
 def zero_stamp(stamps: np.ndarray, log_times: np.ndarray, begin: int) -> int:

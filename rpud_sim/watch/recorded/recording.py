@@ -1,0 +1,418 @@
+"""Open bag of a page: its signals, its clocks, and its parts, read by several threads."""
+
+from __future__ import annotations
+
+import threading
+from bisect import bisect_left
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+import rpud_sim.bag
+from rpud_sim.bag import BagError, Message
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.report.timeline import zero_stamp
+from rpud_sim.watch.recorded.clock import Clock, Jump, find_jumps
+from rpud_sim.watch.recorded.signals import (
+    TRAJECTORY,
+    Rows,
+    Signal,
+    namespace,
+    topic_readers,
+)
+
+SAMPLED = 64
+"""Parts that are read before the page stands; of the others it has not seen anything yet."""
+
+LATE = 0.5
+"""Longest time from the stamp of a message to that of others that are logged before it [s]."""
+
+_KEPT = 200  # parts whose rows are kept
+_KEPT_VALUES = 4_000_000  # numbers of these
+_PROBED = 64  # further parts that are read to find jumps of clocks
+
+PieceRows = dict[str, Rows]
+
+
+class Recording:
+    """Open bag.
+
+    All methods may be called by several threads; one part is read at a time. Parts are numbered in
+    the order of their beginnings. A damaged part is empty, and counted.
+
+    Args:
+        path: of the bag; also of one that is still being recorded, or was not closed.
+
+    Attributes:
+        path: of the bag.
+        begin: log time of its beginning [ns].
+        duration: from the first to the last log time [s].
+        message_count: of all topics.
+        size: of its files [bytes].
+        unclosed: whether a file was not closed.
+        readers: of topics, by their names.
+        left_out: reasons why topics have no signals, by their names.
+        damages: reasons why parts are not read, by their numbers.
+        pieces: parts of the bag.
+
+    Raises:
+        BagError: if there is no bag at ``path``, or it cannot be read.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self._bag = rpud_sim.bag.open(path, unclosed=True)
+        try:
+            self.path = Path(path)
+            self.begin = self._bag.start_time
+            self.duration = self._bag.duration / SECOND
+            self.message_count = self._bag.message_count
+            self.size = self._bag.size
+            self.unclosed = bool(self._bag.unclosed)
+            self._sizes = {file: file.stat().st_size for file in self._bag.files}
+            self.readers, self.left_out = topic_readers(self._bag)
+            self.pieces = self._bag.pieces()
+        except BaseException:
+            self._bag.close()
+            raise
+        self.damages: dict[int, str] = {}
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[int, PieceRows] = OrderedDict()
+        self._kept_values = 0
+        self._topics = frozenset(
+            name for name, reader in self.readers.items() if reader.signals or reader.stamped
+        )
+        self._clock_topics = self._choose_clock_topics()
+        self._topics -= {
+            name
+            for name, reader in self.readers.items()
+            if reader.block and name not in self._clock_topics[namespace(name)]
+        }
+        self._held_by = {
+            drill: [
+                number
+                for number, piece in enumerate(self.pieces)
+                if any(namespace(topic) == drill for topic in piece.topics)
+            ]
+            for drill in {namespace(name) for name in self.readers}
+        }
+        self._spans: dict[str, dict[int, tuple[float, float]]] = {
+            drill: {} for drill in self._held_by
+        }
+        self.clocks: dict[str, Clock] = {drill: Clock(None, self.begin) for drill in self._held_by}
+        self._find_clocks()
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        """All signals, by topic."""
+        return tuple(signal for reader in self.readers.values() for signal in reader.signals)
+
+    def trajectory(self, drill: str) -> str | None:
+        """Return the trajectory's topic of a drill; None without one."""
+        for name, reader in self.readers.items():
+            if reader.summary.topic.type == TRAJECTORY and namespace(name) == drill:
+                return name
+        return None
+
+    @property
+    def sample(self) -> list[int]:
+        """Numbers of the parts that give a first picture."""
+        places = np.linspace(0, len(self.pieces) - 1, SAMPLED) if self.pieces else np.empty(0)
+        return np.unique(places.astype(int)).tolist()
+
+    @property
+    def changed(self) -> str:
+        """What happened to the files since they were opened; empty if nothing did."""
+        for file, size in self._sizes.items():
+            try:
+                now = file.stat().st_size
+            except OSError:
+                return f"{file.name} was deleted"
+            if now < size:
+                return f"{file.name} became shorter"
+            if now > size:
+                return f"{file.name} has grown by {(now - size) / 1e6:.1f} MB"
+        return ""
+
+    def rows(self, number: int) -> PieceRows:
+        """Return the rows of a part, by topic; none of a damaged one."""
+        with self._lock:
+            if number in self._kept:
+                self._kept.move_to_end(number)
+                return self._kept[number]
+            found = self._read(number)
+            for drill in self._held_by:
+                if times := self._times(drill, found):
+                    self._spans[drill][number] = times
+            self._keep(number, found)
+            return found
+
+    def messages(self, number: int, topics: Sequence[str]) -> list[Message]:
+        """Return the messages of topics in a part; none of a damaged one."""
+        with self._lock:
+            return self._messages(number, topics)
+
+    def pieces_between(self, drill: str, start: float, end: float) -> Iterator[int]:
+        """Yield the numbers of parts that may hold what a drill did from ``start`` to ``end`` [s].
+
+        Times are since the bag began. It reads some parts to find the others.
+        """
+        held = self._held_by.get(drill, [])
+        first = self._search(drill, held, start - LATE, lambda times: times[1] >= start - LATE)
+        for number in held[first:]:
+            times = self._span(drill, number)
+            if times is not None and times[0] > end + LATE:
+                return
+            yield number
+
+    def pieces_from(self, drill: str, time: float, *, back: bool = False) -> Iterator[int]:
+        """Yield the numbers of parts from a time [s] on, to the end or to the beginning."""
+        held = self._held_by.get(drill, [])
+        if back:
+            after = self._search(drill, held, time + LATE, lambda times: times[0] > time + LATE)
+            yield from reversed(held[:after])
+        else:
+            first = self._search(drill, held, time - LATE, lambda times: times[1] >= time - LATE)
+            yield from held[first:]
+
+    def elapsed(self, topic: str, rows: Rows) -> np.ndarray:
+        """Return the times of rows since the bag began [s]."""
+        if not self.readers[topic].stamped:
+            return (rows.log_times - self.begin) / SECOND
+        return self.clocks[namespace(topic)].elapsed(rows.stamps, rows.log_times)
+
+    def end_of(self, number: int) -> float:
+        """Return the greatest time since the bag began in a part [s]; 0 without rows."""
+        found = self.rows(number)
+        ends = [
+            float(self.elapsed(topic, rows).max())
+            for topic, rows in found.items()
+            if len(rows.stamps)
+        ]
+        return max(ends, default=0.0)
+
+    def set_jumps(self, drill: str, jumps: Sequence[Jump]) -> None:
+        """Replace the jumps of a drill's clock."""
+        clock = self.clocks[drill]
+        with self._lock:
+            self.clocks[drill] = Clock(clock.zero, clock.begin, tuple(jumps))
+            self._spans[drill].clear()
+
+    def close(self) -> None:
+        """Release the files."""
+        with self._lock:
+            self._bag.close()
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _read(self, number: int) -> PieceRows:
+        by_topic: dict[str, list[Message]] = {}
+        for message in self._messages(number, self._topics):
+            by_topic.setdefault(message.topic, []).append(message)
+        return {name: self.readers[name].read(group) for name, group in by_topic.items()}
+
+    def _messages(self, number: int, topics: Sequence[str] | frozenset[str]) -> list[Message]:
+        piece = self.pieces[number]
+        found: list[Message] = []
+        if piece.topics.isdisjoint(topics):
+            return found
+        try:
+            found.extend(piece.read(topics))  # what is before the damage stays
+        except BagError as error:
+            self.damages.setdefault(number, str(error))
+        return found
+
+    def _keep(self, number: int, found: PieceRows) -> None:
+        def size(rows: PieceRows) -> int:
+            return sum(len(each.stamps) * (2 + len(each.values)) for each in rows.values())
+
+        self._kept[number] = found
+        self._kept_values += size(found)
+        while len(self._kept) > 1 and (len(self._kept) > _KEPT or self._kept_values > _KEPT_VALUES):
+            _, dropped = self._kept.popitem(last=False)
+            self._kept_values -= size(dropped)
+
+    def _choose_clock_topics(self) -> dict[str, frozenset[str]]:
+        """Return the topics that show the time of each drill.
+
+        Blocks are logged long after their stamps, and latched messages may be old.
+        """
+        chosen: dict[str, frozenset[str]] = {}
+        for drill in {namespace(name) for name in self.readers}:
+            stamped = {
+                name: reader
+                for name, reader in self.readers.items()
+                if namespace(name) == drill and reader.stamped
+            }
+            groups = (
+                {name for name, each in stamped.items() if not each.latched and not each.block},
+                {name for name, each in stamped.items() if not each.latched},
+                set(stamped),
+            )
+            chosen[drill] = frozenset(next((group for group in groups if group), set()))
+        return chosen
+
+    def series(self, drill: str, found: PieceRows) -> tuple[np.ndarray, np.ndarray]:
+        """Return stamps and log times of a drill's clock topics, in the order of the log times."""
+        wanted = self._clock_topics[drill]
+        parts = [rows for name, rows in found.items() if name in wanted]
+        none = np.empty(0, np.int64)
+        logs = np.concatenate([none, *(rows.log_times for rows in parts)])
+        stamps = np.concatenate([none, *(rows.stamps for rows in parts)])
+        order = np.argsort(logs, kind="stable")
+        return stamps[order], logs[order]
+
+    def _times(self, drill: str, found: PieceRows) -> tuple[float, float] | None:
+        if not self._clock_topics[drill]:
+            logs = [rows.log_times for name, rows in found.items() if namespace(name) == drill]
+            logs = [each for each in logs if len(each)]
+            if not logs:
+                return None
+            times = np.concatenate(logs) - self.begin
+            return float(times.min()) / SECOND, float(times.max()) / SECOND
+        stamps, logs_ = self.series(drill, found)
+        if not len(stamps):
+            return None
+        elapsed = self.clocks[drill].elapsed(stamps, logs_)
+        return float(elapsed.min()), float(elapsed.max())
+
+    def _span(self, drill: str, number: int) -> tuple[float, float] | None:
+        if number not in self._spans[drill]:
+            self.rows(number)
+            found = self._kept.get(number)
+            if number not in self._spans[drill] and found and (times := self._times(drill, found)):
+                self._spans[drill][number] = times
+        return self._spans[drill].get(number)
+
+    def _search(
+        self,
+        drill: str,
+        held: list[int],
+        time: float,
+        reached: Callable[[tuple[float, float]], bool],
+    ) -> int:
+        """Return the place of the first part that is reached.
+
+        Most clocks run with the log times. So it begins where the log times have come to ``time``,
+        and doubles its steps from there; bisection does the rest.
+        """
+        low, high = 0, len(held)
+        place = bisect_left(held, self.begin + time * SECOND, key=self._end_of_piece)
+        step = 1
+        while low < high:
+            probe = middle = min(max(place, low), high - 1)
+            times = self._span(drill, held[probe])
+            while times is None and probe + 1 < high:
+                probe += 1
+                times = self._span(drill, held[probe])
+            if times is None or reached(times):
+                high = middle
+                place = middle - step
+            else:
+                low = probe + 1
+                place = probe + step
+            step *= 2
+            if step > (high - low) // 2:
+                place = (low + high) // 2
+        return low
+
+    def _end_of_piece(self, number: int) -> int:
+        return self.pieces[number].end_time
+
+    def _find_clocks(self) -> None:
+        """Set the clocks from the sampled parts, and search between these where a clock jumped."""
+        probes = [_PROBED]
+        for drill, topics in self._clock_topics.items():
+            if not topics:
+                continue
+            parts = [
+                (number, series)
+                for number in self.sample
+                if len((series := self.series(drill, self.rows(number)))[0])
+            ]
+            if not parts:
+                continue
+            zero = self._zero(drill, parts[0][0])
+            jumps = [jump for _, series in parts for jump in find_jumps(*series)]
+            for before, after in pairwise(parts):
+                jumps += self._jumps_between(drill, before, after, probes)
+            jumps.sort(key=lambda jump: jump.log_time)
+            clock = Clock(zero, self.begin, tuple(jumps))
+            self.clocks[drill] = clock
+            self._spans[drill].clear()
+
+    def _zero(self, drill: str, number: int) -> int:
+        """Return the stamp of a drill's clock at the beginning of the bag [ns]."""
+        found = self.rows(number)
+        names = self._clock_topics[drill] & found.keys()
+        rows = min(
+            (found[name] for name in names if len(found[name].stamps)),
+            key=lambda each: int(each.log_times[0]),
+        )
+        return zero_stamp(rows.stamps, rows.log_times, self.begin)
+
+    def _jumps_between(
+        self,
+        drill: str,
+        before: tuple[int, tuple[np.ndarray, np.ndarray]],
+        after: tuple[int, tuple[np.ndarray, np.ndarray]],
+        probes: list[int],
+    ) -> list[Jump]:
+        """Return the jumps between two parts; each probe reads one part."""
+        (first, (stamps, logs)), (last, (later, later_logs)) = before, after
+        ends = np.array([stamps[-1], later[0]]), np.array([logs[-1], later_logs[0]])
+        jumps = find_jumps(*ends)
+        if not jumps:
+            return []
+        for number in sorted(range(first + 1, last), key=lambda each: abs(2 * each - first - last)):
+            if probes[0] <= 0:
+                break
+            probes[0] -= 1
+            series = self.series(drill, self.rows(number))
+            if len(series[0]):
+                found = number, series
+                return [
+                    *self._jumps_between(drill, before, found, probes),
+                    *find_jumps(*series),
+                    *self._jumps_between(drill, found, after, probes),
+                ]
+        return jumps
+
+
+class JumpFinder:
+    """Finder of all jumps of the clocks of a recording, part by part from its beginning.
+
+    Args:
+        recording: that it reads.
+
+    Attributes:
+        jumps: found so far, by drill.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._last: dict[str, tuple[int, int]] = {}
+        self.jumps: dict[str, list[Jump]] = {drill: [] for drill in recording.clocks}
+
+    def add(self, number: int) -> bool:
+        """Read the next part; return whether the clocks of the recording know its jumps."""
+        found = self._recording.rows(number)
+        known = True
+        for drill, jumps in self.jumps.items():
+            stamps, logs = self._recording.series(drill, found)
+            if not len(stamps):
+                continue
+            if drill in self._last:
+                before = self._last[drill]
+                stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
+            new = find_jumps(stamps, logs)
+            known &= self._recording.clocks[drill].knows(new)
+            jumps += new
+            self._last[drill] = int(stamps[-1]), int(logs[-1])
+        return known

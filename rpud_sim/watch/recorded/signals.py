@@ -1,0 +1,194 @@
+"""Signals of a bag: the numbers that can be drawn over time, and how they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import Column, Kind
+from rpud_sim.bag.stack import Stack
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.report.running_statistics import usable
+from rpud_sim.inspection.report.topic_survey import is_latched, stamp_column
+
+MOST_SIGNALS = 64
+"""Greatest number of signals of a bag."""
+
+MOST_TOPICS = 100
+"""Greatest number of topics with signals."""
+
+IMPACTS = "rpud_msgs/msg/ContactForce"
+TRAJECTORY = "rpud_msgs/msg/Trajectory"
+
+# Numbers of messages, and what only helps to read them.
+_NO_SIGNALS = {"sequence", "sample_period"}
+# Signals of these types come first where a bag has more than MOST_SIGNALS.
+_FIRST = (
+    IMPACTS,
+    "rpud_msgs/msg/ReactingForce",
+    "rpud_msgs/msg/NodalPlane",
+    "rpud_msgs/msg/DrillTool",
+    "rpud_msgs/msg/Status",
+    "rpud_msgs/msg/ActuatorState",
+)
+_HELD = ("rpud_msgs/msg/Status",)  # types whose values hold until the next message
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Column of numbers of one topic.
+
+    Args:
+        topic: its name.
+        type: of its messages.
+        column: its name.
+        unit: from the comment in the type; empty without one.
+        held: whether a value holds until the next one.
+    """
+
+    topic: str
+    type: str
+    column: str
+    unit: str
+    held: bool = False
+
+    @property
+    def name(self) -> str:
+        """Topic, column and unit."""
+        return f"{self.topic} {self.column}" + (f" [{self.unit}]" if self.unit else "")
+
+    @property
+    def drill(self) -> str:
+        """Namespace of the topic."""
+        return namespace(self.topic)
+
+
+def namespace(topic: str) -> str:
+    """Return the namespace of a topic."""
+    return topic.rpartition("/")[0]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Messages of one topic in a part of a bag.
+
+    Args:
+        log_times: shape (n,) [ns].
+        stamps: shape (n,) [ns]; the log times of messages without stamps.
+        values: of each signal, by column, shape (n,); NaN where a value cannot be drawn.
+    """
+
+    log_times: np.ndarray
+    stamps: np.ndarray
+    values: dict[str, np.ndarray]
+
+
+@dataclass
+class TopicReader:
+    """Reader of the signals of one topic.
+
+    Args:
+        summary: of the topic.
+        columns: of its table.
+        unreadable: messages that are not of the type.
+        reason: of the first of these.
+    """
+
+    summary: TopicSummary
+    columns: Sequence[Column]
+    unreadable: int = 0
+    reason: str = ""
+    stamped: bool = field(init=False)
+    block: bool = field(init=False)
+    signals: tuple[Signal, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        topic, definition = self.summary.topic, self.summary.definition
+        assert definition is not None  # a table needs it
+        self.block = self.columns[0].name == "time"
+        names = {column.name: column for column in self.columns}
+        stamp = names.get("header.stamp")
+        self.stamped = stamp is not None and stamp.kind is Kind.TIME
+        self.stamped &= stamp_column(self.columns) != "log_time"
+        numbers = [
+            column
+            for column in self.columns
+            if column.kind is Kind.NUMBER and column.name not in _NO_SIGNALS and not self.block
+        ]
+        self.signals = tuple(
+            Signal(
+                topic.name,
+                topic.type,
+                column.name,
+                column.unit,
+                topic.type in _HELD or column.dtype.kind in "bui",
+            )
+            for column in numbers
+        )
+        self._stamp = stamp.attribute if stamp is not None and self.stamped else ""
+        self._attributes = {column.name: column.attribute for column in numbers}
+        parts = [f"{self._stamp}.sec", f"{self._stamp}.nanosec"] if self.stamped else []
+        codec = Codec(topic.type, definition)
+        self._stack = Stack(codec, [*parts, *self._attributes.values()])
+
+    @property
+    def latched(self) -> bool:
+        """Whether messages may be older than the bag."""
+        return is_latched(self.summary)
+
+    def keep(self, signals: Iterable[Signal]) -> None:
+        """Read these signals alone."""
+        self.signals = tuple(signals)
+
+    def read(self, messages: Sequence[Message]) -> Rows:
+        """Return the rows of messages; count those that are not of the type."""
+        found = self._stack.numbers([message.data for message in messages])
+        if found.unreadable and not self.unreadable:
+            self.reason = found.reason
+        self.unreadable += found.unreadable
+        logs = np.array([message.log_time for message in messages], np.int64)[found.rows]
+        stamps = logs
+        if self.stamped:
+            seconds = found.columns[f"{self._stamp}.sec"].astype(np.int64)
+            stamps = seconds * SECOND + found.columns[f"{self._stamp}.nanosec"].astype(np.int64)
+        values = {}
+        for signal in self.signals:
+            numbers = found.columns[self._attributes[signal.column]].astype(float)
+            values[signal.column] = np.where(usable(numbers), numbers, np.nan)
+        return Rows(logs, stamps, values)
+
+
+def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str]]:
+    """Return the readers of topics by their names, and the reasons why others have none."""
+    left_out = {**bag.damages, **bag.left_out}
+    readers: dict[str, TopicReader] = {}
+    for summary in bag.readable_topics:
+        name = summary.topic.name
+        if name in left_out or not summary.message_count:
+            continue
+        if len(readers) >= MOST_TOPICS:
+            left_out[name] = f"the bag has more than {MOST_TOPICS} topics"
+            continue
+        try:
+            readers[name] = TopicReader(summary, bag.columns(name))
+        except BagFormatError as error:
+            left_out[name] = str(error)
+    _limit(readers)
+    return readers, left_out
+
+
+def _limit(readers: dict[str, TopicReader]) -> None:
+    """Keep at most ``MOST_SIGNALS``, those of the drill's main topics first."""
+
+    def rank(reader: TopicReader) -> int:
+        kind = reader.summary.topic.type
+        return _FIRST.index(kind) if kind in _FIRST else len(_FIRST)
+
+    left = MOST_SIGNALS
+    for reader in sorted(readers.values(), key=rank):
+        reader.keep(reader.signals[:left])
+        left -= len(reader.signals)

@@ -1,0 +1,32 @@
+"""Clocks of a bag: the same times as the report's, in any order."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.inspection.report.timeline import Timeline
+from rpud_sim.watch.recorded.clock import Clock, find_jumps
+
+SECOND = 1_000_000_000
+STEPS = st.lists(
+    st.tuples(st.integers(0, 5 * SECOND), st.integers(-200 * SECOND, 200 * SECOND)), max_size=30
+)
+
+
+@given(STEPS, st.integers(0, 10**18))
+def test_times_are_those_of_the_timeline(steps, first):
+    logs = first + np.cumsum([0, *(passed for passed, _ in steps)])
+    stamps = first + np.cumsum([0, *(step for _, step in steps)])
+    expected = Timeline(int(logs[0])).elapsed(stamps, logs)
+    zero = int(stamps[np.flatnonzero(logs == logs[0])[-1]])
+    clock = Clock(zero, int(logs[0]), tuple(find_jumps(stamps, logs)))
+    unequal = (
+        np.diff(logs, prepend=-1) > 0
+    )  # a jump between equal log times has no place of its own
+    if unequal.all():
+        assert clock.elapsed(stamps, logs).tolist() == expected.tolist()
+
+
+def test_a_topic_without_stamps_goes_by_the_log_times():
+    clock = Clock(None, 5 * SECOND)
+    assert clock.elapsed(np.array([0]), np.array([7 * SECOND])).tolist() == [2.0]
