@@ -93,9 +93,7 @@ def test_the_token_is_given_once_and_then_a_cookie(guarded):
     code, page, _ = ask(f"{base}/drill", Cookie=cookie.partition(";")[0])
     assert code == 200
     assert token not in page
-    code, _, _ = ask(
-        f"{base}/drill", Cookie=cookie.partition(";")[0], Origin="http://evil.example"
-    )
+    code, _, _ = ask(f"{base}/drill", Cookie=cookie.partition(";")[0], Origin="http://evil.example")
     assert code == 403
 
 
@@ -122,7 +120,7 @@ def test_a_wrong_port_is_a_wrong_call(process, port):
     running = process("rpud", "watch", f"--port={port}")
     assert running.wait() == 2
     assert "--port" in running.output
-    assert "[0, 65535]" in running.output
+    assert running.output.count("\n") == 0
 
 
 def test_a_foreign_address_is_one_line(process):

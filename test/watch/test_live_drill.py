@@ -134,7 +134,7 @@ def test_pages_share_one_drill_which_stays_a_while_after_the_last(drill):
         now[0] = 20.0
         pool.close_unused(10.0)
         assert pool.take(NAMESPACE) is not first
-        with pytest.raises(StartError, match="invalid"):
+        with pytest.raises(StartError, match="Invalid namespace"):
             pool.take("/a b")
     finally:
         pool.close()
