@@ -210,7 +210,7 @@ def _flow(status: Mapping[str, Any]) -> str:
             power = float(status[field])
             if math.isfinite(power):
                 (there if power >= 0.0 else back)[name] = abs(power)
-    if sum(into.values()) <= 0.0:
+    if sum(into.values()) + sum(out.values()) <= 0.0:
         return ""
     said = ", ".join(f"{name} {value:.3g} W" for name, value in {**into, **out}.items())
     return str(flow_picture(into, out, "W", f"Mean powers of the last second: {said}."))

@@ -26,6 +26,7 @@ var rpudLive = (() => {
   const state = { status: {}, values: {}, impact: null, time: null };
   const tables = [{ first: 0, rows: [] }, { first: 0, rows: [] }];
   const models = {};
+  const owners = {}; // names of the figures by those of their sources
   let sources = null, follow = true, mine = null, wantsSection = false, filled = false;
   const listed = {}; // what lists of the page show, as JSON
 
@@ -66,6 +67,11 @@ var rpudLive = (() => {
     }
   }
 
+  function isSeen(owner) {
+    const plot = rpudPlots.plots.get(owner);
+    return !plot || plot.visible;
+  }
+
   /* Draws what is in view alone: a page that follows the drill does it several times a second. */
   function draw() {
     const [{ first: start, rows: all }, slow] = tables;
@@ -73,7 +79,8 @@ var rpudLive = (() => {
     const fast = { first: start + from, rows: all.slice(from) };
     const x = Float64Array.from(fast.rows, (_, row) => (fast.first + row) * BIN);
     const until = x.map((value) => value + BIN);
-    for (const [name, [column, scale]] of Object.entries(ENVELOPES)) {
+    const seen = (name) => isSeen(owners[name]);
+    for (const [name, [column, scale]] of Object.entries(ENVELOPES).filter(([each]) => seen(each))) {
       const [low, high] = ["min", "max"].map((end) => {
         const place = FAST.indexOf(`${column}_${end}`);
         return Float64Array.from(fast.rows, (row) => row[place] * scale);
@@ -84,7 +91,7 @@ var rpudLive = (() => {
     const times = Float64Array.from(slow.rows, (row) => row[0]);
     const now = state.time === null ? [] : [state.time]; // steps last until now
     const xs = Float64Array.from([...times, ...(times.length ? now : [])]);
-    for (const [name, [column, scale]] of Object.entries(STEPS)) {
+    for (const [name, [column, scale]] of Object.entries(STEPS).filter(([each]) => seen(each))) {
       const place = SLOW.indexOf(column);
       const values = slow.rows.map((row) => row[place] * scale);
       if (xs.length > values.length) values.push(values[values.length - 1]);
@@ -331,9 +338,13 @@ var rpudLive = (() => {
   function receive() {
     const frame = JSON.parse(models["rpud-frame"].get_column("json")[0]);
     if (!frame.number) return;
+    const began = performance.now();
     show(frame);
-    // A hidden tab paints nothing, and so gets nothing.
-    requestAnimationFrame(() => setTimeout(() => acknowledge(frame.number)));
+    // A hidden tab paints nothing, and so gets nothing. A slow one rests as long as it has worked.
+    requestAnimationFrame(() => setTimeout(() => {
+      const worked = performance.now() - began;
+      setTimeout(() => acknowledge(frame.number), Math.min(Math.max(worked - 30, 0), 1000));
+    }));
   }
 
   function begin() {
@@ -346,6 +357,9 @@ var rpudLive = (() => {
     for (const name of [...Object.keys(ENVELOPES), ...Object.keys(STEPS)])
       sources[name] = found.get_model_by_name(name);
     if (Object.values(sources).some((source) => !source)) return false;
+    for (const figure of found.roots())
+      for (const { data_source: source } of figure.renderers || [])
+        if (source && source.name in sources) owners[source.name] = figure.name;
     filled = true;
     models["rpud-frame"].change.connect(receive);
     rpudSection.onWant(() => { wantsSection = true; });

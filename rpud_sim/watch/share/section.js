@@ -10,11 +10,12 @@ var rpudSection = (() => {
   const TOUCH = 290, MASS = 26, PLANE = 178; // places at rest: tip, height of the mass, nodal plane
   const ROOM = 115; // pixels that the farthest motion may take
   const FLASH = 350; // ms
+  const PAINT = 40; // between pictures [ms]
   const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
   const still = window.matchMedia("(prefers-reduced-motion: reduce)");
   let block = null, next = null, began = 0, shown = -1, factor = 0, flashed = -1e9, wanted = false;
   let want = () => {};
-  let lastStill = 0;
+  let lastStill = 0, ticking = false;
 
   function floats(text) {
     const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
@@ -32,7 +33,10 @@ var rpudSection = (() => {
       lastStill = now;
       begin(now);
       draw(block.nodal_plane.length - 1);
-    } else requestAnimationFrame(tick);
+    } else if (!ticking) {
+      ticking = true;
+      requestAnimationFrame(tick);
+    }
   }
 
   function begin(now) {
@@ -63,8 +67,14 @@ var rpudSection = (() => {
 
   const speed = () => Number(find("slow").value);
 
+  let painted = -1e9;
   function tick(now) {
     if (still.matches) return;
+    if (now - painted < PAINT - 4) { // more would only heat the machine
+      requestAnimationFrame(tick);
+      return;
+    }
+    painted = now;
     if (!block && next) begin(now);
     if (!block) return;
     const length = block.nodal_plane.length;

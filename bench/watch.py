@@ -1,0 +1,91 @@
+"""What the live page costs: lateness of the drill and load of the server with 0, 1 and 3 pages.
+
+Run it by itself, ``python -m bench.watch``: it needs a Chromium, whose own load is not counted.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import statistics
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from playwright.sync_api import sync_playwright
+
+from rpud_sim.ros.client import DrillClient
+from toolchain.browser import OPTIONS, find_chromium
+
+SECONDS = 10.0
+PAGES = (0, 1, 3)
+_NAMESPACE = "/bench_watch"
+
+
+def main() -> None:
+    """Measure, and print a line for each number of pages."""
+    rpud = (sys.executable, "-m", "rpud_sim.cli.main")
+    with ExitStack() as stack:
+        drill = subprocess.Popen(
+            [*rpud, "run", "--quiet", "--namespace", _NAMESPACE], stdout=subprocess.DEVNULL
+        )
+        stack.callback(_end, drill)
+        client = stack.enter_context(DrillClient(_NAMESPACE, node_name="bench", patience=100.0))
+        client.found()
+        print("no server", _lateness(client))
+        server = subprocess.Popen(
+            [*rpud, "watch", "--port", "0", "--namespace", _NAMESPACE],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        stack.callback(_end, server)
+        assert server.stdout is not None
+        found = re.search(r"http://[^/]+", server.stdout.readline())
+        assert found is not None, "the server does not start"
+        url = f"{found[0]}/drill?namespace={_NAMESPACE}"
+        playwright = stack.enter_context(sync_playwright())
+        browser = playwright.chromium.launch(executable_path=find_chromium(), args=OPTIONS)
+        stack.callback(browser.close)
+        opened = 0
+        for pages in PAGES:
+            while opened < pages:
+                page = browser.new_context().new_page()
+                page.goto(url)
+                page.wait_for_function("Number(document.documentElement.dataset.frame) > 0")
+                opened += 1
+            before, began = _cpu(server.pid), time.monotonic()
+            lateness = _lateness(client)
+            load = (_cpu(server.pid) - before) / (time.monotonic() - began)
+            print(f"{pages} pages  ", lateness, f"  server {100 * load:.1f} % of a core")
+
+
+def _lateness(client: DrillClient) -> str:
+    """Return the lateness of the drill's latest blocks over some seconds."""
+    found = []
+    end = time.monotonic() + SECONDS
+    while time.monotonic() < end:
+        count = client.status_number
+        client.until(lambda count=count: client.status_number != count)  # type: ignore[misc]
+        found.append(1e3 * client.status.lateness_max)
+    missed = client.status.deadlines_missed
+    return (
+        f"lateness of the latest block of each second: median {statistics.median(found):.2f} ms, "
+        f"greatest {max(found):.2f} ms; {missed} deadlines missed so far"
+    )
+
+
+def _cpu(process: int) -> float:
+    """Return the time that a process has computed [s]."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def _end(process: subprocess.Popen) -> None:
+    process.terminate()
+    process.wait(20.0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,157 @@
+"""`rpud watch` and `rpud run --watch`: ports, tokens, origins, signals."""
+
+import json
+import os
+import re
+import shutil
+import socket
+import sys
+import urllib.error
+import urllib.request
+
+import pytest
+from support import Process
+
+NAMESPACE = "/cli_watch"
+
+
+@pytest.fixture(scope="module")
+def local():
+    """Address of a server for this machine."""
+    with Process("rpud", "watch", "--port", "0") as running:
+        yield running.wait_for_line(r"http://[^/]+")[0]
+
+
+@pytest.fixture(scope="module")
+def guarded():
+    """Address and token of a server for others."""
+    with Process("rpud", "watch", "--port", "0", "--address", "0.0.0.0") as running:
+        found = running.wait_for_line(r"http://[^/]+:(\d+)/\?token=(\S+)")
+        yield f"http://127.0.0.1:{found[1]}", found[2]
+
+
+def ask(url, **headers):
+    """Status, text, and headers of an answer; no redirection is followed."""
+
+    class Stay(urllib.request.HTTPRedirectHandler):
+        def redirect_request(self, *_):
+            return None
+
+    opener = urllib.request.build_opener(Stay)
+    try:
+        with opener.open(urllib.request.Request(url, headers=headers), timeout=60) as answer:
+            return answer.status, answer.read().decode(), answer.headers
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, error.read().decode(), error.headers
+
+
+UPGRADE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+}
+
+
+def test_pages_come_from_the_server_alone(local):
+    code, page, _ = ask(f"{local}/drill")
+    assert code == 200
+    assert not re.findall(r"(?:src|href)=[\"']?(?:https?:)?//", page)
+    code, page, _ = ask(f"{local}/")
+    assert (code, "https://" in page, "http://" in page) == (200, False, False)
+    listed = json.loads(ask(f"{local}/drills")[1])
+    assert listed["domain"] == int(os.environ["ROS_DOMAIN_ID"])
+
+
+@pytest.mark.parametrize("path", ["/", "/drills", "/drill", "/drill/ws"])
+def test_another_origin_and_another_host_are_refused(local, path):
+    upgrade = UPGRADE if path.endswith("ws") else {}
+    code, text, _ = ask(f"{local}{path}", Origin="http://evil.example", **upgrade)
+    assert (code, text) == (403, "origin 'http://evil.example' is not this server\n")
+    code, text, _ = ask(f"{local}{path}", Host="evil.example", **upgrade)
+    assert (code, text) == (403, "host 'evil.example' is not this machine\n")
+
+
+@pytest.mark.parametrize("path", ["/", "/drills", "/drill", "/drill/ws"])
+def test_a_wrong_token_and_none_are_refused_in_one_line(guarded, path):
+    base, _ = guarded
+    upgrade = UPGRADE if path.endswith("ws") else {}
+    code, text, _ = ask(f"{base}{path}", **upgrade)
+    assert (code, text.count("\n"), text[:20]) == (403, 1, "the token is missing")
+    code, text, _ = ask(f"{base}{path}?token=wrong", **upgrade)
+    assert (code, text.count("\n"), text[:21]) == (403, 1, "this is not its token")
+
+
+def test_the_token_is_given_once_and_then_a_cookie(guarded):
+    base, token = guarded
+    code, _, headers = ask(f"{base}/drill?namespace=/rpud&token={token}")
+    assert (code, headers["Location"]) == (302, "/drill?namespace=/rpud")
+    cookie = headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    code, page, _ = ask(f"{base}/drill", Cookie=cookie.partition(";")[0])
+    assert code == 200
+    assert token not in page
+    code, _, _ = ask(f"{base}/drill", Cookie=cookie.partition(";")[0], Origin="http://evil.example")
+    assert code == 403
+
+
+def test_a_port_in_use_is_one_line(process):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        for command, said in (
+            (("rpud", "watch"), "rpud watch: "),
+            (("rpud", "run"), "rpud run: the page cannot be served: "),
+        ):
+            words = ("--port", port) if command[1] == "watch" else ("--watch", port)
+            running = process(*command, *words)
+            assert running.wait() == 1
+            assert running.output == (
+                f"{said}port {port} of 127.0.0.1 is in use: choose another one with --port, "
+                "or 0 for a free one"
+            )
+
+
+@pytest.mark.parametrize("port", ["65536", "-1", "1.5", "x"])
+def test_a_wrong_port_is_a_wrong_call(process, port):
+    running = process("rpud", "watch", f"--port={port}")
+    assert running.wait() == 2
+    assert "--port" in running.output
+    assert running.output.count("\n") == 0
+
+
+def test_a_foreign_address_is_one_line(process):
+    running = process("rpud", "watch", "--port", "0", "--address", "192.0.2.1")
+    assert running.wait() == 1
+    assert running.output == "rpud watch: address '192.0.2.1' is not one of this machine"
+
+
+def test_without_a_browser_the_address_is_printed_all_the_same(process, tmp_path):
+    running = process("rpud", "watch", "--port", "0", "--open", env={**_environment(tmp_path)})
+    running.wait_for_line("http://")
+    running.wait_for_line("rpud watch: no browser here: open the address yourself")
+    running.terminate()
+    assert running.wait() == 0
+
+
+def _environment(folder):
+    """Environment whose PATH has `rpud` and Python, and no browser."""
+    (folder / "rpud").symlink_to(shutil.which("rpud"))
+    (folder / "python3").symlink_to(sys.executable)
+    hidden = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    kept = {name: value for name, value in os.environ.items() if name not in hidden}
+    return {**kept, "PATH": str(folder)}
+
+
+def test_a_drill_brings_its_page_along_and_takes_it_away(process):
+    running = process("rpud", "run", "--watch", "0", "--namespace", NAMESPACE, "--quiet")
+    base = running.wait_for_line(rf"drill {NAMESPACE}: (http://[^/]+)/drill")[1]
+    running.wait_for_line("the drill is active")
+    assert ask(f"{base}/drill")[0] == 200
+    running.interrupt()
+    assert running.wait() == 0
+    with pytest.raises(urllib.error.URLError):
+        ask(f"{base}/drill")
