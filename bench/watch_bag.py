@@ -91,7 +91,7 @@ def measure(bag: str, turns: int) -> None:
             browser.close()
 
 
-def _zoom(page, process: int, turns: int, *, settled: bool) -> None:  # type: ignore[no-untyped-def]
+def _zoom(page, process: int, turns: int, *, settled: bool) -> None:
     numbers = random.Random(1)
     whole = page.evaluate("rpudPlots.groups.get('time').whole")
     when = "after" if settled else "while"
