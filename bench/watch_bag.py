@@ -31,7 +31,8 @@ _ZOOM = """([start, end]) => new Promise((done) => {
   rpudPlots.setRange(rpudPlots.groups.get("time"), start, end);
   const look = () => {
     const answered = JSON.parse(document.documentElement.dataset.answered);
-    if (answered[0] <= start && end <= answered[1] && answered[1] - answered[0] < 1.1 * (end - start))
+    const [from, to] = answered;
+    if (from <= start && end <= to && to - from < 1.1 * (end - start))
       requestAnimationFrame(() => requestAnimationFrame(() => done(performance.now() - began)));
     else setTimeout(look, 5);
   };
@@ -90,7 +91,7 @@ def measure(bag: str, turns: int) -> None:
             browser.close()
 
 
-def _zoom(page, process: int, turns: int, *, settled: bool) -> None:  # type: ignore[no-untyped-def]
+def _zoom(page, process: int, turns: int, *, settled: bool) -> None:
     numbers = random.Random(1)
     whole = page.evaluate("rpudPlots.groups.get('time').whole")
     when = "after" if settled else "while"
@@ -103,9 +104,9 @@ def _zoom(page, process: int, turns: int, *, settled: bool) -> None:  # type: ig
             times.append(page.evaluate(_ZOOM, [start, start + width]))
         spent = (processor_time(process) - spent) / turns
         share = "" if not settled else f", processor {1e3 * spent:.0f} ms each"
+        figures = f"median {statistics.median(times):.0f} ms, greatest {max(times):.0f} ms"
         print(
-            f"zoom to {width:g} s, {when} the bag is read: median {statistics.median(times):.0f} ms, "
-            f"greatest {max(times):.0f} ms of {turns}{share}",
+            f"zoom to {width:g} s, {when} the bag is read: {figures} of {turns}{share}",
             flush=True,
         )
 

@@ -6,11 +6,19 @@ import zlib
 from functools import cache
 from typing import BinaryIO
 
+from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Footer, MetadataIndex, Schema, Statistics
 from mcap.summary import Summary
 
 from rpud_sim.bag.errors import BagFormatError
-from rpud_sim.bag.records import MAGIC, RECORD, message_index_times, parse, read_record
+from rpud_sim.bag.records import (
+    MAGIC,
+    RECORD,
+    message_index_times,
+    parse,
+    parse_chunk_index,
+    read_record,
+)
 
 SUMMARY_LIMIT = 64 * 2**20
 """Greatest summary section [bytes]; that of an hour's recording has less than one MiB."""
@@ -55,6 +63,9 @@ def read_summary(stream: BinaryIO, size: int) -> Summary:
     while offset < end:
         found = read_record(stream, offset, end)
         offset = found.end
+        if found.opcode == Opcode.CHUNK_INDEX:
+            summary.chunk_indexes.append(parse_chunk_index(found))
+            continue
         record = parse(found)
         if isinstance(record, Statistics):
             summary.statistics = record
@@ -62,8 +73,6 @@ def read_summary(stream: BinaryIO, size: int) -> Summary:
             summary.schemas[record.id] = record
         elif isinstance(record, Channel):
             summary.channels[record.id] = record
-        elif isinstance(record, ChunkIndex):
-            summary.chunk_indexes.append(record)
         elif isinstance(record, MetadataIndex):
             summary.metadata_indexes.append(record)
     _check_chunks(summary.chunk_indexes, footer.summary_start)

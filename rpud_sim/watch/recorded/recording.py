@@ -24,7 +24,7 @@ from rpud_sim.watch.recorded.signals import (
     topic_readers,
 )
 
-SAMPLED = 64
+SAMPLED = 48
 """Parts that are read before the page stands; of the others it has not seen anything yet."""
 
 LATE = 0.5
