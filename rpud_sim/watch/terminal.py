@@ -216,8 +216,9 @@ class TerminalView(App[None]):
 
     def _look(self) -> None:
         """Look which drills there are; the only one is shown by itself."""
-        self._found = self._finder.drills()
-        if self._searching and self._drill is None and len(self._found) == 1:
+        before, self._found = self._found, self._finder.drills()
+        # At the second look: drills are not discovered all at once.
+        if self._searching and self._drill is None and len(before) == len(self._found) == 1:
             self._show_drill(self._found[0].namespace)
 
     def _show_drill(self, namespace: str | None) -> None:
