@@ -17,6 +17,9 @@ LOCK := toolchain/requirements/$(if $(ROS_PREFIX),installed_ros,wheels).lock
 
 # Python compiles a module when it is first imported: pip would do it for all, most of which are never imported here.
 PIP_INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps --no-compile
+# uv needs a third of the time. It does not read pip's configuration, such as the address of a mirror: then pip installs.
+UV_INSTALL := .venv/bin/python -m uv --quiet pip install --python .venv/bin/python --require-hashes --no-deps
+INSTALL = $(UV_INSTALL) $(1) 2>/dev/null || $(PIP_INSTALL) $(1)
 WITH_ENV := source ./env.bash &&
 # CMake's own make must not take part in the jobs of this one.
 COLCON_BUILD := unset MAKEFLAGS MFLAGS && source toolchain/ros_env.bash && colcon build --symlink-install --packages-select
@@ -128,27 +131,27 @@ help: ## Show this help
 	echo "Installing $(if $(ROS_PREFIX),Python packages beside $(ROS_PREFIX),ROS 2 Jazzy) into .venv ..."; \
 	"$$python" -m venv --clear $(if $(ROS_PREFIX),--system-site-packages) .venv
 	@$(PIP_INSTALL) --only-binary :all: -r $<
-	@$(PIP_INSTALL) --no-build-isolation -r $(LOCK)
+	@$(call INSTALL,--no-build-isolation -r $(LOCK))
 	@# colcon looks for ROS in folders with such files, and warns where they are missing.
 	@$(if $(ROS_PREFIX),echo '$(ROS_PREFIX)' > .venv/ros_prefix,touch .venv/local_setup.{sh,bash,zsh})
 	@touch $@
 
 .venv/.lint: toolchain/requirements/lint.lock .venv/.installed
-	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 
 .venv/.browser: toolchain/requirements/browser.lock .venv/.installed
-	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 
 .venv/.bench: toolchain/requirements/bench.lock .venv/.installed
-	@$(PIP_INSTALL) --only-binary :all: -r $<
+	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 
 # In a folder of its own, as docs.in says why.
 .venv/.docs: toolchain/requirements/docs.lock .venv/.installed
 	@rm -rf .venv/docs
-	@$(PIP_INSTALL) --only-binary :all: --target .venv/docs -r $<
+	@$(call INSTALL,--only-binary :all: --target .venv/docs -r $<)
 	@touch $@
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)

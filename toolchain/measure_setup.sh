@@ -7,7 +7,8 @@ folder="$(mktemp -d)"
 trap 'rm -rf "$folder"' EXIT
 export XDG_CACHE_HOME="$folder/cache" # no kernels of this user
 PIP_CACHE_DIR="$(.venv/bin/python -m pip cache dir 2>/dev/null || echo "$HOME/.cache/pip")"
-export PIP_CACHE_DIR # but the downloads, whose time is the network's
+UV_CACHE_DIR="${UV_CACHE_DIR:-$HOME/.cache/uv}"
+export PIP_CACHE_DIR UV_CACHE_DIR # but the downloads, whose time is the network's
 
 unset MAKEFLAGS MFLAGS MAKELEVEL # of the make that has started this: the one below has jobs of its own
 
