@@ -220,6 +220,12 @@ class Heard:
         if entry.kind in ("begin", "restore"):
             self.run += 1
             self._clear()
+            if self._located:  # where the clock goes back, what is later belongs to the run before
+                self._kept = {
+                    topic: message
+                    for topic, message in self._kept.items()
+                    if _stamp(message.header.stamp) <= stamp
+                }
             self._locate(stamp - content["time"])
         elif entry.kind == "origin" and isinstance(content.get("origin"), int):
             self._locate(content["origin"])

@@ -140,7 +140,7 @@ def _commands(status: Any) -> list[Line]:
     drive = f"{status['drive_voltage']:.4g} V {status['drive_frequency']:.6g} Hz" if on else "off"
     weight = f"{status['weight_on_bit']:.4g} N"
     commanders = status["commanders"]
-    others = f"  {commanders} command, this view too" if commanders > 1 else ""
+    others = f"  {commanders} publishers command at once" if commanders > 1 else ""
     return [
         (
             (f" {'weight on bit':{_LABEL}}", PLAIN),

@@ -52,9 +52,21 @@ def test_a_refused_command_raises_the_reason_of_the_drill(drill):
     assert drill.status.commands_accepted == 0
 
 
+def test_who_only_looks_does_not_count_as_one_who_commands(start_drill):
+    start_drill("/looked_at", "the drill is active")
+    with DrillClient("/looked_at") as client:
+        client.list_faults()
+        seen = client.status_number
+        client.until(lambda: client.status_number > seen + 1)
+        assert client.status.commanders == 0
+        client.press(12.0)
+        client.until(lambda: client.status.commanders == 1)
+
+
 def test_the_refusal_of_another_publisher_is_not_taken_for_its_own(drill):
     other = drill.node.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
     drill.until(other.get_subscription_count)
+    drill.press(24.0)
     drill.until(lambda: drill.status.commanders == 2)
     other.publish(WeightOnBit(force=-3.0))
     drill.press(25.0)

@@ -242,7 +242,7 @@ def test_the_page_of_the_documentation_is_what_is_shown(client):
         await seat.sees("1 refused")
         await seat.until(lambda: seat.view.picture.time == 4.0)
         keys = str(seat.view.query_one("#keys").content)
-        beside = "2 command, this view too"  # the client of this test is the other one
+        beside = "2 publishers command at once"  # the client of this test is the other one
         await seat.until(
             lambda: shape(f"{seat.page.replace(beside, '')}\n{keys}") == shape(block), shape(block)
         )

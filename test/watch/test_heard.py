@@ -124,6 +124,20 @@ def test_a_reset_begins_a_new_run_with_empty_series(heard):
     assert (heard.run, len(heard.series.rows), heard.impact, list(heard.marks)) == (2, 0, None, [])
 
 
+def test_a_reset_of_a_clock_that_begins_at_zero_forgets_the_status_of_the_run_before(heard):
+    heard.latched("status", status(5 * SECOND, state="running"))
+    heard.latched("journal", entry(1, "begin", 0))
+    assert (heard.time, heard.status) == (None, {})
+    heard.latched("status", status(0, state="paused"))
+    assert (heard.time, heard.status["state"]) == (0.0, "paused")
+
+
+def test_the_status_of_a_new_run_may_come_before_its_journal(heard):
+    heard.latched("status", status(0, state="paused"))
+    heard.latched("journal", entry(1, "begin", 0))
+    assert heard.status["state"] == "paused"
+
+
 def test_a_drill_that_is_gone_stays_on_the_picture_until_another_begins(heard):
     impact(heard, SECOND, 5.0)
     heard.restart()

@@ -49,6 +49,7 @@ def test_everything_is_heard_and_nothing_is_lost(live):
     assert picture.status["state"] == "running"
     assert set(picture.latest) == {"nodal_plane", "drill_tool", "reacting_force", "actuator_state"}
     assert not any(picture.lost.values())
+    assert picture.status["commanders"] == 0  # who only looks commands nothing
     impacts = picture.impacts
     assert [each.sequence for each in impacts] == [
         impacts[0].sequence + number for number in range(len(impacts))

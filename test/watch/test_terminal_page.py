@@ -137,7 +137,7 @@ def test_what_is_wrong_is_said():
     for part in (
         "drive           off ",
         "Commands stopped arriving: the drill has made itself safe.",
-        "2 command, this view too",
+        "2 publishers command at once",
         "4 commands accepted, 3 refused   7 messages lost: contact_force 5, waveform 2",
         "last refusal: force = nan N is not finite",
         "electrical 61.00 W",

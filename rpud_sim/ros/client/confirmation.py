@@ -29,7 +29,7 @@ class Confirmation:
     def __init__(
         self, kind: str, values: Mapping[str, Any], shown: Mapping[str, Any], before: Status
     ) -> None:
-        self._kind = kind
+        self.kind = kind
         self._values = values
         self._shown = shown
         self._accepted = before.commands_accepted
@@ -58,7 +58,7 @@ class Confirmation:
 
     def see_entry(self, entry: JournalEntry) -> None:
         """Look at an entry of the journal; old ones may come late, as the journal is latched."""
-        if entry.kind == self._kind and stamp_of(entry) > self._stamp:
+        if entry.kind == self.kind and stamp_of(entry) > self._stamp:
             with suppress(ValueError):  # a stranger may publish there too
                 content = json.loads(entry.content)
                 self._in_force |= isinstance(content, dict) and all(

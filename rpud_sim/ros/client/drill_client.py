@@ -144,7 +144,7 @@ class DrillClient:
         return list(faults.faults)
 
     def found(self, patience: float | None = None) -> None:
-        """Wait until the drill is found, has published its status and hears commands.
+        """Wait until the drill is found and has published its status.
 
         Every other method does this first.
 

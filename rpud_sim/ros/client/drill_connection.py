@@ -76,10 +76,7 @@ class DrillConnection:
         self.listening = ListeningNode(node_name, namespace, domain_id)
         self.watch = DrillWatch(self.listening)
         self._found = False
-        self._publishers: dict[str, Publisher] = {
-            name: self.node.create_publisher(kind, f"command/{name}", _COMMAND_DEPTH)
-            for name, kind in _COMMANDS.items()
-        }
+        self._publishers: dict[str, Publisher] = {}
         self._clients = {
             name: self.node.create_client(kind, name) for name, kind in _SERVICES.items()
         }
@@ -102,7 +99,7 @@ class DrillConnection:
         return self.watch.status
 
     def find(self, patience: float | None = None) -> None:
-        """Wait until the drill is found, has published its status and hears commands.
+        """Wait until the drill is found and has published its status.
 
         Args:
             patience: time limit [s]; None for that of the connection.
@@ -123,13 +120,8 @@ class DrillConnection:
             domain = self.listening.domain_id
             raise NoDrillError(no_drill(self.node, self.namespace, domain, patience)) from None
         self._introduce(patience)
-        publishers = self._publishers.values()
         try:
-            self.listening.until(
-                lambda: self.watch.status and all(p.get_subscription_count() for p in publishers),
-                patience,
-                "",
-            )
+            self.listening.until(lambda: self.watch.status, patience, "")
         except NoAnswerError:
             raise NoDrillError(
                 f"the drill in {self.namespace} published no status within {patience:g} s: it is "
@@ -163,11 +155,27 @@ class DrillConnection:
         Raises:
             RefusedError: if the drill refuses it.
         """
+        self.find()
+        publisher = self._publisher(name)
         confirmation = Confirmation(name, values, shown, self.status)
-        self._publishers[name].publish(message)
+        publisher.publish(message)
         reason = self.watch.confirm(confirmation, self._patience)
         if reason is not None:
             raise RefusedError(reason)
+
+    def _publisher(self, name: str) -> Publisher:
+        """Return the publisher of a command, which the drill hears.
+
+        It is made for the first command: the drill warns of several publishers, and whoever only
+        watches must not be one of them.
+        """
+        if name not in self._publishers:
+            topic = f"command/{name}"
+            publisher = self.node.create_publisher(_COMMANDS[name], topic, _COMMAND_DEPTH)
+            self._introduce(self._patience)
+            self._publishers[name] = publisher
+            self.until(publisher.get_subscription_count, f"the drill did not subscribe to {topic}")
+        return self._publishers[name]
 
     def call(self, name: str, request: Any, repeat: bool = False) -> Any:
         """Call a service of the drill and return its response.

@@ -105,8 +105,14 @@ class DrillWatch:
             if not confirmation.refused:
                 return False
             refused_at = refused_at or time.monotonic()
-            # The counter does not say whose command was refused.
-            alone = self.status is not None and self.status.commanders <= 1
+            # The counter does not say whose command was refused. The latest status may be older than
+            # the publisher of this command.
+            node = self._listening.node
+            alone = (
+                self.status is not None
+                and self.status.commanders <= 1
+                and node.count_publishers(f"command/{confirmation.kind}") <= 1
+            )
             return alone or time.monotonic() >= refused_at + _GRACE
 
         self._confirmation = confirmation
