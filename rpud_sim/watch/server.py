@@ -106,6 +106,7 @@ class PageServer:
     ) -> None:
         # Whatever the environment says, the browser gets BokehJS from here.
         settings.resources = "server"
+        settings.log_level = "error"  # of BokehJS: it warns at each picture of an empty plot
         logging.getLogger("tornado.access").setLevel(logging.ERROR)
         logging.getLogger("bokeh").setLevel(logging.ERROR)
         try:

@@ -105,8 +105,8 @@ class DrillWatch:
             if not confirmation.refused:
                 return False
             refused_at = refused_at or time.monotonic()
-            # The counter does not say whose command was refused. The latest status may be older than
-            # the publisher of this command.
+            # The counter does not say whose command was refused. The latest status may be older
+            # than the publisher of this command.
             node = self._listening.node
             alone = (
                 self.status is not None
