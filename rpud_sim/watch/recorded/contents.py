@@ -12,6 +12,7 @@ CHOSEN = 2
 """Plots whose signal the reader chooses."""
 
 _MOST_OTHERS = 6  # plots of a bag without a drill
+_OURS = "rpud_msgs/"
 _STATUS = "rpud_msgs/msg/Status"
 
 
@@ -100,11 +101,11 @@ _PLOTS: tuple[
 
 
 def drills(recording: Recording) -> list[str]:
-    """Return the namespaces with signals, those of drills first."""
+    """Return the namespaces of drills; of a bag without a drill, those with signals."""
     found = {signal.drill for signal in recording.signals}
-    first = {signal.drill for signal in recording.signals if signal.type == IMPACTS}
+    first = {signal.drill for signal in recording.signals if signal.type.startswith(_OURS)}
     first |= {drill for drill in found if recording.trajectory(drill)}
-    return [*sorted(first), *sorted(found - first)]
+    return sorted(first or found)
 
 
 def contents(
