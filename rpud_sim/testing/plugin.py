@@ -50,8 +50,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Declare the mark."""
+    """Declare the mark, and ignore a warning that importing ROS's own Python causes."""
     config.addinivalue_line("markers", _MARK)
+    config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning:lark")
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:

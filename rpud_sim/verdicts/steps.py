@@ -97,6 +97,10 @@ def _known(steps: Steps) -> np.ndarray:
     return values
 
 
+def _unknown_where_absent(steps: Steps) -> Steps:
+    return Steps(steps.starts, _known(steps), np.zeros(len(steps.starts), bool))
+
+
 def over_window(
     steps: Steps, start: int, end: int | None, least: bool, once: bool = False
 ) -> Steps:
@@ -168,10 +172,10 @@ def until(left: Steps, right: Steps, start: int, end: int | None) -> Steps:
     plain = _until_at_once(left, right, FALSE if end is None else UNKNOWN)
     parts = [plain]
     if start:
-        held = over_window(left, 0, start - 1, least=True)
+        held = over_window(_unknown_where_absent(left), 0, start - 1, least=True)
         parts = [held, over_window(plain, start, start, least=True)]
     if end is not None:
-        parts.append(over_window(right, start, end, least=False))
+        parts.append(over_window(_unknown_where_absent(right), start, end, least=False))
     found = combine(parts, least=True)
     starts = np.unique(np.concatenate([found.starts, left.starts, right.starts]))
     found = found.on(starts)

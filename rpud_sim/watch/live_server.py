@@ -44,7 +44,8 @@ def serve_drills(
         prepare(server)
         server.every(_REAP_PERIOD, pool.close_unused)
         try:
-            announce(server, finder)
-            server.run()
+            with server:
+                announce(server, finder)
+                server.run()
         finally:
             pool.close()

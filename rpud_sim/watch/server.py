@@ -147,19 +147,25 @@ class PageServer:
         """End `run`, from any thread or from a handler of a signal."""
         self._loop.add_callback_from_signal(self._loop.stop)
 
-    def run(self) -> None:
-        """Serve until SIGINT, SIGTERM or `stop`."""
-        handlers = {
+    def __enter__(self) -> PageServer:
+        """Let SIGINT and SIGTERM end `run`, also before it begins."""
+        self._handlers = {
             number: signal.signal(number, lambda *_: self.stop())
             for number in (signal.SIGINT, signal.SIGTERM)
         }
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+
+    def run(self) -> None:
+        """Serve until `stop`."""
         try:
             self._server.start()
             self._loop.start()
         finally:
             self._server.stop(wait=False)
-            for number, handler in handlers.items():
-                signal.signal(number, handler)
 
 
 def serve(
@@ -179,9 +185,9 @@ def serve(
     Raises:
         ServerError: if it cannot listen there.
     """
-    server = PageServer(applications, place, handlers)
-    announce(server)
-    server.run()
+    with PageServer(applications, place, handlers) as server:
+        announce(server)
+        server.run()
 
 
 class Guard(AuthProvider):

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from random_expectations import record_of
 
@@ -308,6 +308,15 @@ for _name in ("not", "and", "or"):
 
 @settings(max_examples=150, deadline=None)
 @given(formulas(), samples(1), samples(1))
+@example(  # whether the weight held before its first message is not known
+    Until(
+        compared(Signal("status", "weight_on_bit"), "<", 1.0),
+        compared(Signal("reacting_force", "force"), "<", 1.0),
+        Window(2, None),
+    ),
+    {0: 0.0},
+    {1: 0.0, 2: 0.0},
+)
 def test_each_instant_has_the_value_of_the_definitions(formula, force, weight):
     record = record_of(force=force, weight=weight)
     oracle = Oracle(force, weight)

@@ -36,7 +36,7 @@ def test_a_waveform_is_six_arrays(length):
     message.header.stamp, message.header.frame_id = STAMP, "rpud_mount"
     names = list(Waveform.get_fields_and_field_types())[3:]
     for number, name in enumerate(names):
-        setattr(message, name, [number + each for each in range(length)])
+        setattr(message, name, [float(number + each) for each in range(length)])
     heard = []
     _waves_to(lambda *each: heard.append(each))(serialize_message(message))
     [(stamp, (sequence, period, arrays))] = heard
