@@ -231,10 +231,10 @@ class Oracle:
             candidates.append(tuple(min(each) for each in zip(*parts, strict=True)))
         bounds = tuple(max(each) for each in zip(*candidates, strict=True))
         absent = any(self.at(part, time)[1] for part in (formula.formula, formula.goal))
+        came = (UNKNOWN, True) if absent and bounds[2] < bounds[3] else (bounds, False)
         if not formula.weak:
-            return bounds, absent and bounds[2] < bounds[3]
-        held = self.always(Always(formula.formula), time)
-        return self.together([(bounds, absent and bounds[2] < bounds[3]), held], max)
+            return came
+        return self.together([came, self.always(Always(formula.formula), time)], max)
 
     def after(self, formula, time):
         trigger = formula.trigger
