@@ -61,10 +61,11 @@ def live(browser: Browser, out: Path, folder: Path) -> None:
 def bag(browser: Browser, out: Path, folder: Path) -> None:
     """Take the page of `rpud watch BAG`, zoomed into one contact of a run with faults."""
     recorded = record_faults(folder)
-    with background("watch", str(recorded), "--port", "0") as watch:
+    with background("watch", recorded.name, "--port", "0", folder=folder) as watch:
         pages = open_in_both(browser, printed_url(watch), WIDE)
         for page in pages:
             page.wait_for_timeout(4_000)
+            page.get_by_role("textbox", name="cursor").fill("3.3")
             page.get_by_role("button", name="next impact").click()
             page.wait_for_timeout(2_000)
             page.get_by_role("button", name="zoom to this contact").click()
@@ -103,11 +104,10 @@ def show_plots(page: Page) -> None:
 
 
 @contextmanager
-def background(*words: str) -> Iterator[subprocess.Popen[str]]:
-    """Run a command of `rpud` meanwhile; its output is a pipe."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rpud_sim.cli.main", *words], stdout=subprocess.PIPE, text=True
-    )
+def background(*words: str, folder: Path | None = None) -> Iterator[subprocess.Popen[str]]:
+    """Run a command of `rpud` in a folder meanwhile; its output is a pipe."""
+    command = [sys.executable, "-m", "rpud_sim.cli.main", *words]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder)
     try:
         yield process
     finally:

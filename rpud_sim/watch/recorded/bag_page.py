@@ -345,7 +345,8 @@ def _detail(answer: Answer | None) -> str:
         return "Shown: least and greatest values of parts of the time."
     if answer.detail == MESSAGES:
         return "Shown: every message."
-    return f"Shown: every message, and the waveform rebuilt exactly at {answer.rate / 1e6:.6g} MHz."
+    rate = f"{answer.rate / 1e6:.6g} MHz"
+    return f"Shown: every impact, and the exact waveform at {rate} in place of its samples."
 
 
 def _element(root: Any) -> Markup:

@@ -26,6 +26,8 @@ class Layer:
         channel: of the waveform that is rebuilt from the trajectory; empty for a signal.
         points: whether it has the single messages of impacts, and is empty in the overview.
         spread: whether it has the spread of these, and is empty elsewhere.
+        sampled: channel of the waveform that the signal samples; the signal is left out where that
+            is drawn, since a line between its samples would contradict it.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Layer:
     channel: str = ""
     points: bool = False
     spread: bool = False
+    sampled: str = ""
 
 
 @dataclass(frozen=True)
@@ -52,20 +55,20 @@ class Content:
     chosen: bool = False
 
 
-# Title, unit, signals (name, type, column), channels (name, channel).
+# Title, unit, signals (name, type, column, sampled channel), channels (name, channel).
 _PLOTS: tuple[
-    tuple[str, str, tuple[tuple[str, str, str], ...], tuple[tuple[str, str], ...]], ...
+    tuple[str, str, tuple[tuple[str, str, str, str], ...], tuple[tuple[str, str], ...]], ...
 ] = (
     (
         "contact force",
         "N",
-        (("peak of an impact", IMPACTS, "peak_force"),),
+        (("peak of an impact", IMPACTS, "peak_force", ""),),
         (("rebuilt force", "contact_force"),),
     ),
     (
         "position along the drill axis",
         "m",
-        (("nodal plane", "rpud_msgs/msg/NodalPlane", "position"),),
+        (("nodal plane", "rpud_msgs/msg/NodalPlane", "position", "nodal_plane_position"),),
         (
             ("rebuilt nodal plane", "nodal_plane_position"),
             ("rebuilt actuator tip", "actuator_position"),
@@ -75,15 +78,15 @@ _PLOTS: tuple[
     (
         "displacement of the drill tool",
         "m",
-        (("drill tool", "rpud_msgs/msg/DrillTool", "displacement"),),
+        (("drill tool", "rpud_msgs/msg/DrillTool", "displacement", "drill_tool_displacement"),),
         (("rebuilt drill tool", "drill_tool_displacement"),),
     ),
     (
         "reacting force",
         "N",
         (
-            ("reacting force", "rpud_msgs/msg/ReactingForce", "force"),
-            ("weight on bit", _STATUS, "weight_on_bit"),
+            ("reacting force", "rpud_msgs/msg/ReactingForce", "force", "reacting_force"),
+            ("weight on bit", _STATUS, "weight_on_bit", ""),
         ),
         (("rebuilt reacting force", "reacting_force"),),
     ),
@@ -91,9 +94,9 @@ _PLOTS: tuple[
         "power",
         "W",
         (
-            ("work of the vibration", _STATUS, "actuator_power"),
-            ("taken by tool and rock", _STATUS, "absorbed_power"),
-            ("electrical", _STATUS, "electrical_power"),
+            ("work of the vibration", _STATUS, "actuator_power", ""),
+            ("taken by tool and rock", _STATUS, "absorbed_power", ""),
+            ("electrical", _STATUS, "electrical_power", ""),
         ),
         (),
     ),
@@ -142,8 +145,8 @@ def _drill_plots(recording: Recording, drill: str, signals: list[Signal]) -> Ite
     rebuilt = recording.trajectory(drill) is not None
     for title, unit, wanted, channels in _PLOTS:
         layers = [
-            Layer(name, by_kind[kind, column], points=kind == IMPACTS)
-            for name, kind, column in wanted
+            Layer(name, by_kind[kind, column], points=kind == IMPACTS, sampled=channel)
+            for name, kind, column, channel in wanted
             if (kind, column) in by_kind
         ]
         layers += [

@@ -149,8 +149,11 @@ class Windows:
         waveform = self.waveform(request.drill, request.start, request.end, numbers=numbers)
         for key, layer in channels.items():
             traces[key] = _waveform_trace(waveform, layer.channel, _PER_PIXEL * request.width)
-        detail = WAVEFORM if len(waveform.times) else MESSAGES
-        return Answer(request, detail, whole, traces, waveform.rate)
+        if not len(waveform.times):
+            return Answer(request, MESSAGES, whole, traces, waveform.rate)
+        sampled = [key for key, layer in request.layers.items() if layer.sampled]
+        traces |= dict.fromkeys(sampled, EMPTY)
+        return Answer(request, WAVEFORM, whole, traces, waveform.rate)
 
     def waveform(
         self,
