@@ -10,22 +10,12 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.terminal import printable
+from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS, flows
 from rpud_sim.pages.flow import flow_picture
 from rpud_sim.watch.picture import Impact, Picture, Section, Series
 
 _CHANGING = 40  # rows at the end of a series that may still change
 _OUTCOMES = 8
-_POWERS_IN = {
-    "actuator_power": "work of the vibration",
-    "weight_power": "weight on bit and gravity",
-    "change_power": "changed parameters",
-}
-_POWERS_OUT = {
-    "load_damper_power": "lost in the load damper",
-    "collision_power": "lost in collisions",
-    "absorbed_power": "into drill tool and rock",
-    "stored_power": "stored in motion and springs",
-}
 
 
 class Frames:
@@ -202,15 +192,9 @@ def _section(section: Section, impacts: tuple[Impact, ...]) -> dict[str, Any]:
 
 
 def _flow(status: Mapping[str, Any]) -> str:
-    """Return the picture of the powers; a negative one flows the other way."""
-    into: dict[str, float] = {}
-    out: dict[str, float] = {}
-    for names, there, back in ((_POWERS_IN, into, out), (_POWERS_OUT, out, into)):
-        for field, name in names.items():
-            power = float(status[field])
-            if math.isfinite(power):
-                (there if power >= 0.0 else back)[name] = abs(power)
-    if sum(into.values()) + sum(out.values()) <= 0.0:
+    """Return the picture of the powers; empty while nothing flows."""
+    into, out = flows({name: float(status[name]) for name in (*INFLOWS, *OUTFLOWS)})
+    if not into and not out:
         return ""
     said = ", ".join(f"{name} {value:.3g} W" for name, value in {**into, **out}.items())
     return str(flow_picture(into, out, "W", f"Mean powers of the last second: {said}."))
