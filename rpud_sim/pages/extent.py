@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -77,8 +78,9 @@ def axis_ends(plot: Plot, side: str) -> tuple[float, float]:
 
 
 def _log_ends(low: float, high: float) -> tuple[float, float]:
-    margin = (high / low) ** _MARGIN if high > low else 2.0
-    return low / margin, high * margin
+    # By logarithms: the quotient of floats may overflow.
+    margin = 10.0 ** (_MARGIN * (math.log10(high) - math.log10(low))) if high > low else 2.0
+    return max(low / margin, math.ulp(0.0)), min(high * margin, sys.float_info.max)
 
 
 def _rests_on_zero(plot: Plot, side: str) -> bool:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rpud_sim.pages.extent import axis_ends, readable_unit
@@ -22,6 +22,7 @@ def test_an_axis_holds_all_values(values):
 
 
 @given(st.lists(st.floats(-1.0, 1e9), min_size=1, max_size=20))
+@example([258737.0, 1.4392717472011676e-303])
 def test_a_logarithmic_axis_holds_what_is_positive(values):
     found = np.array(values)
     line = Line("b", np.arange(float(len(values))), found)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity
+from rpud_sim.foundation.terminal import printable
 from rpud_sim.foundation.yaml_files import read_yaml
 from rpud_sim.model.parameters import NAMES, QUANTITIES
 from rpud_sim.simulation import Parameters, preset
@@ -274,7 +275,8 @@ def _mapping(entry: str, content: Any) -> Mapping[Any, Any]:
 def _refuse_unknown(prefix: str, content: Mapping[Any, Any], names: Any) -> None:
     for name in content:
         if name not in names:
-            raise SweepError(f"{prefix}{name}: is unknown; known are {', '.join(names)}")
+            known = ", ".join(names)
+            raise SweepError(f"{prefix}{printable(name)}: is unknown; known are {known}")
 
 
 def _choice(entry: str, value: Any, choices: tuple[str, ...]) -> str:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rpud_sim.model.parameters import CONTACT_MODELS, QUANTITIES, REGIMES
@@ -177,6 +177,7 @@ ANYTHING = st.recursive(
 
 
 @given(entries=st.dictionaries(KEYS, ANYTHING, max_size=3), spread=ANYTHING)
+@example(entries={"\n": None}, spread=None)
 def test_hostile_content_is_taken_or_refused_in_one_line(entries, spread):
     for content in (entries, GRID | entries, swept(free_mass=spread), changed(fixed=spread)):
         try:
