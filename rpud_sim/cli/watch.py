@@ -183,7 +183,7 @@ def open_browser(url: str) -> None:
 
 
 def _stop_at_end(server: PageServer) -> None:
-    """Stop the server when standard input ends: whoever started it has gone."""
+    """Stop the server when standard input ends: its parent process has ended."""
     # Without the lock of sys.stdin, which the end of the program could not take.
     while os.read(sys.stdin.fileno(), 1024):
         pass

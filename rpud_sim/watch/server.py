@@ -191,7 +191,7 @@ def serve(
 
 
 class Guard(AuthProvider):
-    """Lets in who knows the token, and nobody whom another page has sent.
+    """Requires the token, and rejects requests that another page sends.
 
     A page of another site may ask the browser to connect here, or its name may suddenly resolve to
     this machine. The browser tells both: in ``Origin`` and in ``Host``.
@@ -208,7 +208,7 @@ class Guard(AuthProvider):
 
     @property
     def get_user(self) -> None:
-        """Nobody: Bokeh asks the asynchronous one."""
+        """None: Bokeh calls the asynchronous one."""
         return None
 
     @property

@@ -180,7 +180,7 @@ class TerminalView(App[None]):
     # Inside
 
     def _act(self, name: str, arguments: Mapping[str, Any]) -> None:
-        assert self._drill is not None  # whoever acts has a picture
+        assert self._drill is not None  # an action needs a picture
         try:
             self._drill.act(name, **arguments)
         except ParameterError as error:

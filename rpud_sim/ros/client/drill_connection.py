@@ -166,8 +166,8 @@ class DrillConnection:
     def _publisher(self, name: str) -> Publisher:
         """Return the publisher of a command, which the drill hears.
 
-        It is made for the first command: the drill warns of several publishers, and whoever only
-        watches must not be one of them.
+        It is made for the first command: the drill warns of several publishers, and a client that
+        only watches must not be one of them.
         """
         if name not in self._publishers:
             topic = f"command/{name}"

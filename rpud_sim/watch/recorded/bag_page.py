@@ -87,7 +87,7 @@ class _Page:
             for end in ("start", "end"):
                 self._range.on_change(end, lambda attribute, old, new: self._moved())
         self._show_answer(self._view.windows.answer(self._request()))
-        with document.models.freeze():  # all are counted once, not anew after each
+        with document.models.freeze():  # count all of them once, not after each
             for drawn in (self._timeline, *self._drawn):
                 document.add_root(drawn.figure)
         self._answerer = Answerer(self._view, self._deliver)

@@ -44,7 +44,7 @@ def with_gaps(times: np.ndarray, values: np.ndarray) -> Trace:
 def held(times: np.ndarray, values: np.ndarray, end: float) -> Trace:
     """Return steps: each value holds until the next one, the last one until ``end`` [s].
 
-    After a gap the line begins anew; before it the value holds for the usual time.
+    A gap breaks the line; before it the value holds for the usual time.
     """
     if not len(times):
         return EMPTY
