@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import operator
 from collections import deque
 
 import numpy as np
@@ -59,20 +60,12 @@ class EnergyAccount:
     @staticmethod
     def of(block: Block) -> EnergyAccount:
         """Return the account of a block."""
-        joules = np.zeros(len(TERMS))
-        add_segments(
-            block.rpud,
-            block.covering,
-            *split_fraction(block.start),
-            *split_fraction(block.end),
-            joules,
-        )
-        terms = dict(zip(TERMS, joules.tolist(), strict=True))
+        terms = dict(zip(TERMS, _joules_of(block).tolist(), strict=True))
         return EnergyAccount(**terms, electrical=block.electrical_energy)
 
     def __add__(self, other: EnergyAccount) -> EnergyAccount:
         """Return the account of both."""
-        pairs = zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True)
+        pairs = zip(_values_of(self), _values_of(other), strict=True)
         return EnergyAccount(*(one + another for one, another in pairs))
 
     @property
@@ -105,6 +98,22 @@ class EnergyAccount:
         return {name: value if math.isfinite(value) else None for name, value in terms.items()}
 
 
+_values_of = operator.attrgetter(*(field.name for field in dataclasses.fields(EnergyAccount)))
+
+
+def _joules_of(block: Block) -> np.ndarray:
+    """Return the ``TERMS`` of a block's account [J]."""
+    joules = np.zeros(len(TERMS))
+    add_segments(
+        block.rpud,
+        block.covering,
+        *split_fraction(block.start),
+        *split_fraction(block.end),
+        joules,
+    )
+    return joules
+
+
 def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
     """Return the mean of at least one account, term by term."""
     table = np.array([dataclasses.astuple(account) for account in accounts])
@@ -115,11 +124,12 @@ class RecentEnergy:
     """Accounts of the blocks of the last second of simulation time."""
 
     def __init__(self) -> None:
-        self._blocks: deque[tuple[int, int, EnergyAccount]] = deque()
+        # Start, end and terms of each block; as bytes, which copies of a run share.
+        self._blocks: deque[tuple[int, int, bytes]] = deque()
 
     def add(self, block: Block) -> None:
         """Add the block that follows."""
-        self._blocks.append((block.start, block.end, EnergyAccount.of(block)))
+        self._blocks.append((block.start, block.end, _joules_of(block).tobytes()))
         while self._blocks and self._blocks[0][1] <= block.end - _WINDOW:
             self._blocks.popleft()
 
@@ -129,7 +139,12 @@ class RecentEnergy:
         ``actuator_power + weight_power + change_power`` is ``load_damper_power + collision_power +
         absorbed_power + stored_power``.
         """
-        total = sum((account for _, _, account in self._blocks), EnergyAccount())
+        rows = b"".join(terms for _, _, terms in self._blocks)
+        # A status waits for it, and a second has up to 1,000 blocks. Block by block in their order,
+        # or the powers would have other bits than those of earlier versions.
+        table = np.frombuffer(bytes(8 * len(TERMS)) + rows).reshape(-1, len(TERMS))
+        terms = dict(zip(TERMS, table.cumsum(axis=0)[-1].tolist(), strict=True))
+        total = EnergyAccount(**terms)
         duration = (self._blocks[-1][1] - self._blocks[0][0]) / SECOND if self._blocks else 0.0
         joules = {
             "actuator_power": total.actuator_work,
