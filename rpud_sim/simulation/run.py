@@ -243,10 +243,10 @@ class Run:
             yield from self._telemetry.prompt(block, simulation.faults.since(block.start))
             yield from self._changed_faults()
             stream = self._telemetry.streams(block)
-            if stream is not None and defer is not None:
-                defer(stream)
-            elif stream is not None:
+            if defer is None:
                 yield from messages_of(stream)
+            elif stream is not None:
+                defer(stream)
             self._on_block(block)
 
     def changes(self) -> Iterator[Entry]:

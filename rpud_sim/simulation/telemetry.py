@@ -169,6 +169,6 @@ class Telemetry:
             yield block.end, "waveform", values
 
 
-def messages_of(stream: Stream) -> Iterator[Entry]:
-    """Yield the messages of a stream."""
-    return (entry for entry in stream if entry is not None)
+def messages_of(stream: Stream | None) -> Iterator[Entry]:
+    """Yield the messages of a stream, if there is one."""
+    return (entry for entry in stream or () if entry is not None)
