@@ -24,7 +24,7 @@ from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.telemetry import Stream
 
 _STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
-_PART = 0.0004  # that a part of other work takes between two deadlines at most, usually [s]
+_PART = 0.0002  # that a part of other work between two deadlines takes [s]
 
 
 class PacedRun:
@@ -169,12 +169,14 @@ class PacedRun:
     def _fill_time(self, until: int) -> None:
         """Publish what has no deadline, in parts, until a deadline is near.
 
-        A stream is finished before the next one: on a machine without time to spare, they are late
-        by a period of theirs, and their number is bounded.
+        Without time to spare a stream that has waited for a period of streams goes on by a part in
+        each block, and one that has waited for two is finished: so their number is bounded.
         """
         if self._pacer.remaining(until) > _PART:
             self._account.publish_diagnostics()
-        while self._streams and (len(self._streams) > 1 or self._pacer.remaining(until) > _PART):
+        if len(self._streams) > 1:
+            self._publish_part()
+        while self._streams and (len(self._streams) > 2 or self._pacer.remaining(until) > _PART):
             self._publish_part()
 
     def _publish_rest(self) -> None:
