@@ -36,6 +36,7 @@ MEASUREMENTS: Mapping[str, str] = {
     "recorder": "bench.recorder:recorder",
     "telemetry": "bench.telemetry:telemetry",
     "start": "bench.start:start",
+    "watch": "bench.watch:watch",
     "growth": "bench.growth:growth",
 }
 """Functions that yield the rows of each measurement."""
