@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
 from rpud_sim.simulation.fields import (
     Fields,
     actuator_state_fields,
     contact_force_fields,
     drill_tool_fields,
+    header_fields,
     joint_state_fields,
     nodal_plane_fields,
     reacting_force_fields,
@@ -22,6 +29,7 @@ from rpud_sim.simulation.fields import (
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
+from rpud_sim.simulation.span import Span
 
 _SENSORS = (
     ("nodal_plane", nodal_plane_fields),
@@ -30,8 +38,70 @@ _SENSORS = (
     ("wrench", wrench_fields),
 )
 
+# Order in which a block's messages are published.
+_ORDER = {
+    topic: number
+    for number, topic in enumerate(
+        (
+            "contact_force",
+            *(topic for topic, _ in _SENSORS),
+            "joint_states",
+            "actuator_state",
+            "waveform",
+            "trajectory",
+        )
+    )
+}
+
+# Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
+# saves no time.
+_TOGETHER = SECOND
+
 # A message: simulation time at which it is published [ns], topic, fields.
 Entry = tuple[int, str, Fields]
+
+
+@dataclasses.dataclass(frozen=True)
+class Columns:
+    """Messages of one topic, as columns.
+
+    Args:
+        topic: its name.
+        orders: place of each among all messages of its span, ascending; equal for messages of one
+            topic that follow each other, shape (n,), int64.
+        times: simulation time at which each is published [ns], shape (n,), int64.
+        fields: as of one message, with an array in place of each value that differs.
+    """
+
+    topic: str
+    orders: np.ndarray
+    times: np.ndarray
+    fields: Fields
+
+
+class Single(NamedTuple):
+    """Message among columns: its place as in ``Columns``, and the parts of an ``Entry``."""
+
+    order: int
+    time: int
+    topic: str
+    fields: Fields
+
+
+@dataclasses.dataclass(frozen=True)
+class Together:
+    """All messages of a span.
+
+    Args:
+        end: of the span: simulation time [ns].
+        columns: of topics, each at most once.
+        singles: messages of other lengths than their neighbours, in order; sequences of numbers
+            are NumPy arrays.
+    """
+
+    end: int
+    columns: tuple[Columns, ...]
+    singles: tuple[Single, ...]
 
 
 class Telemetry:
@@ -81,7 +151,7 @@ class Telemetry:
             values = contact_force_fields(impact, self.origin)
             began = max(block.start, stamp_of(values) - self.origin)
             yield from self._signal("contact_force", began, values, faults)
-        if self._boundary(block) is not None:
+        if self._boundary(block.end) is not None:
             yield from self._samples(block, faults)
         for channel, values in self._signals.release(block.end, faults):
             yield block.end, channel, values
@@ -89,9 +159,113 @@ class Telemetry:
     def streams(self, block: Block) -> Iterator[Entry]:
         """Yield waveform and trajectory if a period of theirs ends with this block."""
         self._pending.append(block)
-        number = self._boundary(block)
+        number = self._boundary(block.end)
         if number is not None and number % self._stream_period == 0:
             yield from self.flush()
+
+    def stride(self, start: int, time: int) -> int:
+        """Return the number of blocks from ``start`` that can be done together, up to a time [ns].
+
+        They are whole periods of waveform and trajectory, of about ``_TOGETHER`` [ns], and 0 if
+        something has to be done block by block first.
+        """
+        number = self._boundary(start)
+        if number is None or number % self._stream_period or self._pending or self._signals.busy:
+            return 0
+        most = max(1, _TOGETHER * self._rate // SECOND // self._stream_period)
+        periods = (boundaries_until(time, self._rate) - number) // self._stream_period
+        return min(most, periods) * self._stream_period
+
+    def ends(self, start: int, count: int) -> np.ndarray:
+        """Return the ends of the blocks that follow a boundary [ns]."""
+        first = boundaries_until(start, self._rate) + 1
+        return np.array([boundary(first + k, self._rate) for k in range(count)], np.int64)
+
+    def together(self, span: Span) -> Together:
+        """Return all messages of a span of healthy signals, for which ``stride`` gave the length.
+
+        They are those that ``prompt`` and ``streams`` would yield block by block.
+        """
+        blocks = len(span)
+        orders = np.arange(blocks, dtype=np.int64) * len(_ORDER)
+        ends = span.ends
+        stamps = self.origin + ends
+        samples = span.sample_ends()
+        columns = []
+
+        def add(topic: str, order: np.ndarray, times: np.ndarray, fields: Fields) -> None:
+            columns.append(Columns(topic, order + _ORDER[topic], times, fields))
+
+        if len(span.impacts):
+            blocks_of = np.searchsorted(span.struck, np.arange(len(span.impacts)), side="right")
+            fields = contact_force_fields(span.impacts, self.origin)
+            times = np.maximum(span.starts[blocks_of], stamp_of(fields) - self.origin)
+            add("contact_force", orders[blocks_of], times, fields)
+            self._signals.note("contact_force", partial(self._last_impact, span.impacts[-1]))
+        for topic, make in _SENSORS:
+            add(topic, orders, ends, make(samples, None, stamps))
+            self._signals.note(topic, partial(make, samples, blocks - 1, self.origin + span.end))
+        if self._wanted("joint_states"):
+            add("joint_states", orders, ends, joint_state_fields(samples, None, stamps))
+        if span.readings:
+            powers = self._powers(span)
+            if self._wanted("actuator_state"):
+                add("actuator_state", orders, ends, _readings(span.readings, powers, stamps))
+        singles = tuple(self._streams_together(span, orders, add))
+        return Together(span.end, tuple(columns), singles)
+
+    def _powers(self, span: Span) -> list[float]:
+        """Return the actuator's mean mechanical power in each block [W]."""
+        powers = []
+        for end, reading in zip(span.ends.tolist(), span.readings, strict=True):
+            powers.append(self._power(end, reading))
+        return powers
+
+    def _power(self, end: int, reading: ActuatorReading) -> float:
+        work = reading.mechanical_work - self._actuator_work
+        elapsed = end - self._actuator_time
+        self._actuator_time, self._actuator_work = end, reading.mechanical_work
+        return work * SECOND / elapsed if elapsed else 0.0
+
+    def _last_impact(self, impact: np.void) -> Fields:
+        return contact_force_fields(impact, self.origin)
+
+    def _streams_together(
+        self, span: Span, orders: np.ndarray, add: Callable[..., None]
+    ) -> Iterator[Single]:
+        """Add the waveforms of a span, and yield its trajectories; or yield both."""
+        period = self._stream_period
+        last = slice(period - 1, None, period)
+        orders, ends, finished = orders[last], span.ends[last], span.finished[last]
+        if self._wanted("waveform"):
+            rate = self._sample_rate
+            # Numbers of the samples, as of ``Block.grid``; 64 bits would overflow within days.
+            cuts = np.array([-(-end * rate // SECOND) for end in (span.start, *ends.tolist())])
+            counts = np.diff(cuts)
+            count = int(counts[0])
+            times = Times.from_grid(int(cuts[0]), int(cuts[-1] - cuts[0]), rate)
+            samples = span.sample_parts(period, cuts - cuts[0], times)
+            stamps = self.origin + np.array([cut * SECOND // rate for cut in cuts[:-1].tolist()])
+            if count and (counts == count).all():
+                rows = partial(np.reshape, shape=(len(counts), count))
+                fields = waveform_fields(samples, stamps, cuts[:-1], rate, rows)
+                add("waveform", orders, ends, fields)
+            else:
+                for k in np.flatnonzero(counts).tolist():
+                    part = slice(int(cuts[k] - cuts[0]), int(cuts[k + 1] - cuts[0]))
+                    fields = waveform_fields(
+                        samples, int(stamps[k]), int(cuts[k]), rate, lambda v, part=part: v[part]
+                    )
+                    order = int(orders[k]) + _ORDER["waveform"]
+                    yield Single(order, int(ends[k]), "waveform", fields)
+        first = 0
+        for order, end, after in zip(orders.tolist(), ends.tolist(), finished.tolist(), strict=True):
+            segments, number = span.covering[first:after], self._segments
+            self._segments += after - first
+            first = after
+            if self._wanted("trajectory"):
+                for fields in trajectory_fields(segments, number, self.origin, lambda v: v):
+                    yield Single(order + _ORDER["trajectory"], end, "trajectory", fields)
 
     def drop_pending(self) -> None:
         """Begin waveform and trajectory here; what is pending of them is not published."""
@@ -110,13 +284,13 @@ class Telemetry:
         self._segments += len(block.segments)
         yield from self._waveform(block)
         if self._wanted("trajectory"):
-            for values in trajectory_fields(block, first, self.origin):
+            for values in trajectory_fields(block.segments, first, self.origin):
                 yield block.end, "trajectory", values
 
-    def _boundary(self, block: Block) -> int | None:
-        """Number of the telemetry period that ends with a block, if one does."""
-        number = boundaries_until(block.end, self._rate)
-        return number if boundary(number, self._rate) == block.end else None
+    def _boundary(self, time: int) -> int | None:
+        """Number of the telemetry period that ends at a time [ns], if one does."""
+        number = boundaries_until(time, self._rate)
+        return number if boundary(number, self._rate) == time else None
 
     def _signal(
         self, channel: str, time: int, values: Fields, faults: Sequence[FaultRecord]
@@ -133,10 +307,7 @@ class Telemetry:
         if self._wanted("joint_states"):
             yield block.end, "joint_states", joint_state_fields(samples, 0, stamp)
         if (reading := block.actuator) is not None:
-            work = reading.mechanical_work - self._actuator_work
-            elapsed = block.end - self._actuator_time
-            power = work * SECOND / elapsed if elapsed else 0.0
-            self._actuator_time, self._actuator_work = block.end, reading.mechanical_work
+            power = self._power(block.end, reading)
             if self._wanted("actuator_state"):
                 yield block.end, "actuator_state", actuator_state_fields(reading, power, stamp)
 
@@ -148,3 +319,16 @@ class Telemetry:
             stamp = self.origin + numbers.start * SECOND // rate
             values = waveform_fields(samples, stamp, numbers.start, rate)
             yield block.end, "waveform", values
+
+
+def _readings(
+    readings: Sequence[ActuatorReading], powers: Sequence[float], stamps: np.ndarray
+) -> Fields:
+    """Return the columns of ``actuator_state``."""
+    if all(reading is readings[0] for reading in readings):
+        fields = actuator_state_fields(readings[0], 0.0, stamps)
+    else:
+        rows = [actuator_state_fields(reading, 0.0, 0) for reading in readings]
+        fields = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        fields["header"] = header_fields("actuator_state", stamps)
+    return {**fields, "mechanical_power": np.array(powers)}
