@@ -176,7 +176,9 @@ class Simulation:
                 # The actuator has no power here, and nothing changes what it reads.
                 covering, impacts = self._plant.drain()
                 readings = (self._plant.reading,) * len(ends)
-                return Span(start, ends, covering, impacts, *reached, self._rpud, math.nan, readings)
+                return Span(
+                    start, ends, covering, impacts, *reached, self._rpud, math.nan, readings
+                )
         return span_of([self.advance_to(end) for end in ends.tolist()])
 
     def apply(self, command: WeightOnBit | Drive) -> None:

@@ -259,7 +259,9 @@ class Telemetry:
                     order = int(orders[k]) + _ORDER["waveform"]
                     yield Single(order, int(ends[k]), "waveform", fields)
         first = 0
-        for order, end, after in zip(orders.tolist(), ends.tolist(), finished.tolist(), strict=True):
+        for order, end, after in zip(
+            orders.tolist(), ends.tolist(), finished.tolist(), strict=True
+        ):
             segments, number = span.covering[first:after], self._segments
             self._segments += after - first
             first = after
