@@ -13,27 +13,18 @@ import numpy as np
 import zstandard
 from mcap.opcode import Opcode
 
-from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.chunk_blocks import HEAD
+from rpud_sim.bag.message_block import MessageBlock, items
 
 COMPRESSIONS = {"none": "", "lz4": "lz4", "zstd": "zstd"}
 """Names of the compressions in MCAP, by those in options."""
 
-HEAD_SIZE = 31
+HEAD_SIZE = HEAD.itemsize
 """Size of a message's record before its data [bytes]."""
 
 # Twice as fast as the library's default, for 2 % more bytes of a drill's messages.
 _LEVEL = 1
 _HEAD = struct.Struct("<BQHIQQ")  # kind, length, channel, number, log and publish time
-_HEAD_RECORD = np.dtype(
-    [
-        ("kind", "u1"),
-        ("length", "<u8"),
-        ("channel", "<u2"),
-        ("number", "<u4"),
-        ("log_time", "<u8"),
-        ("publish_time", "<u8"),
-    ]
-)
 _INDEX = struct.Struct("<BQHI")  # kind, length, channel, size of the entries
 # Messages of at most this size are moved all at once, larger ones one by one [bytes].
 _SMALL = 2048
@@ -81,19 +72,16 @@ def in_order(parts: list[tuple[int, MessageBlock, np.ndarray]]) -> Records:
 def _place(data: np.ndarray, begins: np.ndarray, channel: int, block: MessageBlock) -> None:
     """Write the records of a block's messages to their places."""
     count = len(block)
-    heads = np.zeros(count, _HEAD_RECORD)
-    heads["kind"] = Opcode.MESSAGE
+    heads = np.zeros(count, HEAD)
+    heads["opcode"] = Opcode.MESSAGE
     heads["length"] = block.sizes + (HEAD_SIZE - 9)
     heads["channel"] = channel
     heads["log_time"] = block.log_times
     heads["publish_time"] = block.publish_times
-    bytes_of = heads.view(np.uint8).reshape(count, HEAD_SIZE)
-    data[begins[:, None] + np.arange(HEAD_SIZE)] = bytes_of
+    items(data, HEAD_SIZE)[begins] = heads.view(f"V{HEAD_SIZE}")
     size = int(block.sizes[0]) if count else 0
-    if size <= _SMALL and (block.sizes == size).all():
-        row = np.arange(size)
-        rows = block.data[block.starts[:, None] + row]
-        data[begins[:, None] + (HEAD_SIZE + row)] = rows
+    if 0 < size <= _SMALL and (block.sizes == size).all():
+        items(data, size)[begins + HEAD_SIZE] = items(block.data, size)[block.starts]
         return
     places = zip(begins.tolist(), block.starts.tolist(), block.sizes.tolist(), strict=True)
     for begin, start, length in places:

@@ -8,7 +8,7 @@ import numpy as np
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock
-from rpud_sim.simulation.telemetry import Columns, Single, Together
+from rpud_sim.simulation.together import Columns, Single, Together
 
 
 def encoded(
@@ -22,22 +22,19 @@ def encoded(
         prefix: of the names in a bag.
     """
     blocks = [
-        (encoded_columns(columns, codecs[columns.topic], prefix), columns.orders)
+        (encoded_columns(columns, codecs[columns.topic], prefix), columns.places)
         for columns in together.columns
         if columns.topic in codecs
     ]
-    singles: dict[str, list[Single]] = {}
-    for single in together.singles:
-        if single.topic in codecs:
-            singles.setdefault(single.topic, []).append(single)
-    for topic, group in singles.items():
-        blocks.append((_encoded_singles(group, codecs[topic], prefix), _orders(group)))
+    for topic, group in together.grouped_singles().items():
+        if topic in codecs:
+            blocks.append((encoded_singles(group, codecs[topic], prefix), _places(group)))
     return blocks
 
 
 def encoded_columns(columns: Columns, codec: Codec, prefix: str) -> MessageBlock:
     """Return the messages of columns."""
-    count = len(columns.times)
+    count = len(columns)
     rows = codec.encode_columns(columns.fields, count)
     size = rows.shape[1]
     times = columns.times
@@ -46,7 +43,8 @@ def encoded_columns(columns: Columns, codec: Codec, prefix: str) -> MessageBlock
     return MessageBlock(prefix + columns.topic, times, times, rows.reshape(-1), starts, sizes)
 
 
-def _encoded_singles(singles: list[Single], codec: Codec, prefix: str) -> MessageBlock:
+def encoded_singles(singles: list[Single], codec: Codec, prefix: str) -> MessageBlock:
+    """Return the single messages of a topic, at least one."""
     data = [codec.encode(single.fields) for single in singles]
     times = np.array([single.time for single in singles], np.int64)
     sizes = np.array([len(each) for each in data], np.int64)
@@ -55,5 +53,5 @@ def _encoded_singles(singles: list[Single], codec: Codec, prefix: str) -> Messag
     return MessageBlock(prefix + singles[0].topic, times, times, joined, starts, sizes)
 
 
-def _orders(singles: list[Single]) -> np.ndarray:
-    return np.array([single.order for single in singles], np.int64)
+def _places(singles: list[Single]) -> np.ndarray:
+    return np.array([single.place for single in singles], np.int64)

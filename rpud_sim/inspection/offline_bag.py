@@ -17,7 +17,7 @@ from rpud_sim.inspection.encoded import encoded
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.telemetry import Entry, Together
+from rpud_sim.simulation.together import Entry, Together
 from rpud_sim.simulation.topics import TOPICS
 
 NAMESPACE = "/rpud"

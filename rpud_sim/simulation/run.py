@@ -17,7 +17,8 @@ from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_field
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.telemetry import Entry, Telemetry, Together
+from rpud_sim.simulation.telemetry import Telemetry
+from rpud_sim.simulation.together import Entry, Together
 from rpud_sim.simulation.versions import PHYSICS, engine_and_processor
 
 

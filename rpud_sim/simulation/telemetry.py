@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +28,7 @@ from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.span import Span
+from rpud_sim.simulation.together import Columns, Entry, Single, Together
 
 _SENSORS = (
     ("nodal_plane", nodal_plane_fields),
@@ -38,70 +37,9 @@ _SENSORS = (
     ("wrench", wrench_fields),
 )
 
-# Order in which a block's messages are published.
-_ORDER = {
-    topic: number
-    for number, topic in enumerate(
-        (
-            "contact_force",
-            *(topic for topic, _ in _SENSORS),
-            "joint_states",
-            "actuator_state",
-            "waveform",
-            "trajectory",
-        )
-    )
-}
-
 # Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
 # saves no time.
 _TOGETHER = SECOND
-
-# A message: simulation time at which it is published [ns], topic, fields.
-Entry = tuple[int, str, Fields]
-
-
-@dataclasses.dataclass(frozen=True)
-class Columns:
-    """Messages of one topic, as columns.
-
-    Args:
-        topic: its name.
-        orders: place of each among all messages of its span, ascending; equal for messages of one
-            topic that follow each other, shape (n,), int64.
-        times: simulation time at which each is published [ns], shape (n,), int64.
-        fields: as of one message, with an array in place of each value that differs.
-    """
-
-    topic: str
-    orders: np.ndarray
-    times: np.ndarray
-    fields: Fields
-
-
-class Single(NamedTuple):
-    """Message among columns: its place as in ``Columns``, and the parts of an ``Entry``."""
-
-    order: int
-    time: int
-    topic: str
-    fields: Fields
-
-
-@dataclasses.dataclass(frozen=True)
-class Together:
-    """All messages of a span.
-
-    Args:
-        end: of the span: simulation time [ns].
-        columns: of topics, each at most once.
-        singles: messages of other lengths than their neighbours, in order; sequences of numbers
-            are NumPy arrays.
-    """
-
-    end: int
-    columns: tuple[Columns, ...]
-    singles: tuple[Single, ...]
 
 
 class Telemetry:
@@ -186,33 +124,35 @@ class Telemetry:
 
         They are those that ``prompt`` and ``streams`` would yield block by block.
         """
-        blocks = len(span)
-        orders = np.arange(blocks, dtype=np.int64) * len(_ORDER)
+        blocks = np.arange(len(span))
         ends = span.ends
         stamps = self.origin + ends
         samples = span.sample_ends()
         columns = []
 
-        def add(topic: str, order: np.ndarray, times: np.ndarray, fields: Fields) -> None:
-            columns.append(Columns(topic, order + _ORDER[topic], times, fields))
+        def add(topic: str, blocks: np.ndarray, times: np.ndarray, fields: Fields) -> None:
+            columns.append(Columns(topic, blocks, times, fields))
 
         if len(span.impacts):
             blocks_of = np.searchsorted(span.struck, np.arange(len(span.impacts)), side="right")
             fields = contact_force_fields(span.impacts, self.origin)
             times = np.maximum(span.starts[blocks_of], stamp_of(fields) - self.origin)
-            add("contact_force", orders[blocks_of], times, fields)
-            self._signals.note("contact_force", partial(self._last_impact, span.impacts[-1]))
+            add("contact_force", blocks_of, times, fields)
+            self._signals.note(
+                "contact_force", partial(contact_force_fields, span.impacts[-1], self.origin)
+            )
         for topic, make in _SENSORS:
-            add(topic, orders, ends, make(samples, None, stamps))
-            self._signals.note(topic, partial(make, samples, blocks - 1, self.origin + span.end))
+            add(topic, blocks, ends, make(samples, None, stamps))
+            last = partial(make, samples, len(span) - 1, self.origin + span.end)
+            self._signals.note(topic, last)
         if self._wanted("joint_states"):
-            add("joint_states", orders, ends, joint_state_fields(samples, None, stamps))
+            add("joint_states", blocks, ends, joint_state_fields(samples, None, stamps))
         if span.readings:
             powers = self._powers(span)
             if self._wanted("actuator_state"):
-                add("actuator_state", orders, ends, _readings(span.readings, powers, stamps))
-        singles = tuple(self._streams_together(span, orders, add))
-        return Together(span.end, tuple(columns), singles)
+                add("actuator_state", blocks, ends, _readings(span.readings, powers, stamps))
+        singles = sorted(self._streams_together(span, blocks, add), key=lambda single: single.place)
+        return Together(ends, tuple(columns), tuple(singles))
 
     def _powers(self, span: Span) -> list[float]:
         """Return the actuator's mean mechanical power in each block [W]."""
@@ -227,16 +167,13 @@ class Telemetry:
         self._actuator_time, self._actuator_work = end, reading.mechanical_work
         return work * SECOND / elapsed if elapsed else 0.0
 
-    def _last_impact(self, impact: np.void) -> Fields:
-        return contact_force_fields(impact, self.origin)
-
     def _streams_together(
-        self, span: Span, orders: np.ndarray, add: Callable[..., None]
+        self, span: Span, blocks: np.ndarray, add: Callable[..., None]
     ) -> Iterator[Single]:
         """Add the waveforms of a span, and yield its trajectories; or yield both."""
         period = self._stream_period
         last = slice(period - 1, None, period)
-        orders, ends, finished = orders[last], span.ends[last], span.finished[last]
+        blocks, ends, finished = blocks[last], span.ends[last], span.finished[last]
         if self._wanted("waveform"):
             rate = self._sample_rate
             # Numbers of the samples, as of ``Block.grid``; 64 bits would overflow within days.
@@ -249,25 +186,24 @@ class Telemetry:
             if count and (counts == count).all():
                 rows = partial(np.reshape, shape=(len(counts), count))
                 fields = waveform_fields(samples, stamps, cuts[:-1], rate, rows)
-                add("waveform", orders, ends, fields)
+                add("waveform", blocks, ends, fields)
             else:
                 for k in np.flatnonzero(counts).tolist():
                     part = slice(int(cuts[k] - cuts[0]), int(cuts[k + 1] - cuts[0]))
                     fields = waveform_fields(
                         samples, int(stamps[k]), int(cuts[k]), rate, lambda v, part=part: v[part]
                     )
-                    order = int(orders[k]) + _ORDER["waveform"]
-                    yield Single(order, int(ends[k]), "waveform", fields)
+                    yield Single("waveform", int(blocks[k]), int(ends[k]), fields)
         first = 0
-        for order, end, after in zip(
-            orders.tolist(), ends.tolist(), finished.tolist(), strict=True
+        for block, end, after in zip(
+            blocks.tolist(), ends.tolist(), finished.tolist(), strict=True
         ):
             segments, number = span.covering[first:after], self._segments
             self._segments += after - first
             first = after
             if self._wanted("trajectory"):
                 for fields in trajectory_fields(segments, number, self.origin, lambda v: v):
-                    yield Single(order + _ORDER["trajectory"], end, "trajectory", fields)
+                    yield Single("trajectory", block, end, fields)
 
     def drop_pending(self) -> None:
         """Begin waveform and trajectory here; what is pending of them is not published."""
