@@ -28,6 +28,7 @@ GOAL = Goal(most=1.1)
 """Of exponents: n log n is not above it from a thousand on, by more than its interval."""
 
 _LEVEL = 0.95
+_RISE = 3.0  # of the cost, from the least to the greatest amount
 _NAME = re.compile(r"growth of (?P<curve>.+) at (?P<amount>[0-9.e+-]+)")
 
 
@@ -53,18 +54,25 @@ def growth() -> Iterator[Row]:
 
     Raises:
         RuntimeError: at the end, if a source failed.
+        KeyboardInterrupt: at the end, if it came: what was measured until then is not lost.
     """
     points: list[Point] = []
     failed = []
+    interrupt: KeyboardInterrupt | None = None
     for source in SOURCES:
         try:
             for each in importlib.import_module(source).growth():
                 points.append(Point(*each))
                 print(f"  {points[-1]}", file=sys.stderr, flush=True)
+        except KeyboardInterrupt as error:
+            interrupt = error
+            break
         except Exception as error:
             traceback.print_exc()
             failed.append(f"{source}: {error}")
     yield from rows_of_points(points)
+    if interrupt is not None:
+        raise interrupt
     if failed:
         raise RuntimeError("; ".join(failed))
 
@@ -97,7 +105,8 @@ def points_of_rows(rows: Iterable[Row]) -> Iterator[Point]:
 def fit(points: Sequence[Point]) -> Exponent:
     """Return the power p of cost = start + factor * amount ** p, by least squares of log cost.
 
-    A curve that does not double has no such power: of it this is the slope of the logarithms.
+    A curve that hardly rises above the cost of starting does not show its power: of it this is the
+    slope of the logarithms.
 
     Args:
         points: of one curve, at two amounts or more; without a repeat there is no interval.
@@ -118,8 +127,8 @@ def fit(points: Sequence[Point]) -> Exponent:
         return height + exponent * x
 
     logs = np.log(costs / top)
-    doubles = top > 2.0 * float(np.median(least))
-    if doubles and len(set(amounts.tolist())) > 3:
+    rises = top > _RISE * float(np.median(least))
+    if rises and len(set(amounts.tolist())) > 3:
         first = (math.log(float(np.median(least)) / top) - 0.7, 0.0, 1.0)
         bounds = ((-30.0, -3.0, 0.0), (1.0, 3.0, 6.0))
         values, covariance = curve_fit(power, across, logs, first, bounds=bounds)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from bench.checkout import Checkout, work_tree
@@ -36,11 +36,12 @@ def _costs(version: Checkout, length: float) -> Iterator[Point]:
     with tempfile.TemporaryDirectory() as name:
         bag, out = Path(name, "bag"), Path(name, "out")
         run = ("rpud", "simulate", "--regime", "drilling", "--duration", str(length))
-        for work, command in {
+        commands: Mapping[str, Sequence[str | Path]] = {
             "simulate --bag": [*run, "--bag", bag],
             "verify": ["rpud", "verify", bag],
             "export": ["rpud", "export", bag, "--out", out],
             "report": ["rpud", "report", bag, "--out", out.with_suffix(".html")],
             "arrays of 3 topics": ["python", "-c", _ARRAYS, bag],
-        }.items():
-            yield Point(f"{work} (s of bag)", length, version.run(command).processor)
+        }
+        for work, command in commands.items():
+            yield Point(f"{work} (seconds of bag)", length, version.run(command).processor)

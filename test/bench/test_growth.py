@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bench import growth, lengths
 from bench.growth import GOAL, Point, fit, points_of_rows, rows_of_points
 
 AMOUNTS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
@@ -53,3 +54,20 @@ def test_points_survive_the_rows_that_are_kept():
         "growth of verify (s of bag): exponent",
         "growth of replay at 1x (messages): exponent",
     }
+
+
+@pytest.mark.parametrize("error", [OSError("no disk"), KeyboardInterrupt()])
+def test_what_was_measured_before_a_source_failed_is_not_lost(error, monkeypatch):
+    def fails():
+        yield from curve(lambda n: n)
+        raise error
+
+    monkeypatch.setattr(lengths, "growth", fails)
+    monkeypatch.setattr(growth, "SOURCES", ("bench.lengths",))
+
+    rows = []
+    with pytest.raises((RuntimeError, KeyboardInterrupt)):  # noqa: PT012
+        for each in growth.growth():
+            rows.append(each)
+
+    assert len(rows) == len(AMOUNTS) + 1

@@ -24,7 +24,7 @@ class Panel:
     Attributes:
         work: what is done.
         amount: unit of its amount.
-        exponent: power that it grows with.
+        exponent: power that it grows with, and the reach of its interval.
         x, y: upper left corner.
         dots: medians at each amount.
         reference: line of cost proportional to work, through the last dot.
@@ -73,6 +73,8 @@ def _panel(place: int, points: Sequence[Point]) -> Panel:
     ]
     across = _Axis(amounts, _LEFT, WIDTH - _RIGHT)
     up = _Axis(costs, HEIGHT - _LOWER, _UPPER)
+    fitted = fit(points)
+    reach = f" ±{fitted.high - fitted.value:.2f}" if math.isfinite(fitted.high) else ""
     work, _, amount = points[0].curve.rstrip(")").partition(" (")
     # Proportional cost through the last dot, down to the first amount or the floor.
     least = max(amounts[0], amounts[-1] * 10**up.least / costs[-1])
@@ -80,7 +82,7 @@ def _panel(place: int, points: Sequence[Point]) -> Panel:
     return Panel(
         work,
         amount,
-        f"{fit(points).value:.2f}",
+        f"{max(0.0, fitted.value):.2f}{reach}",
         GAP + (place % COLUMNS) * (WIDTH + GAP),
         TOP + (place // COLUMNS) * (HEIGHT + GAP),
         tuple((across.at(x), up.at(y)) for x, y in zip(amounts, costs, strict=True)),
@@ -99,10 +101,12 @@ class _Axis:
         self._begin, self._end = begin, end
 
     def at(self, value: float) -> float:
+        """Return the coordinate of a value [px]."""
         share = (math.log10(value) - self.least) / (self._most - self.least)
         return round(self._begin + share * (self._end - self._begin), 1)
 
     def ticks(self) -> tuple[tuple[float, str], ...]:
+        """Return the coordinates of the decades with their labels."""
         return tuple((self.at(10.0**p), _power(p)) for p in range(self.least, self._most + 1))
 
 
