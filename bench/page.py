@@ -44,6 +44,9 @@ def speed(parts: Sequence[Part]) -> Iterator[str]:
     for row in results.rows_of(parts):
         if matched := _SPEED.fullmatch(row.name):
             found.setdefault(matched["other"], {})[matched["regime"]] = row.median
+    if not found:
+        yield "Not measured yet."
+        return
     yield "| times as fast as | drilling | before drilling |"
     yield "|---|---|---|"
     for other, regimes in found.items():
