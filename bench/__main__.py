@@ -28,10 +28,8 @@ from bench.row import Row
 TELEMETRY_SECONDS = 20.0
 MEASUREMENTS: Mapping[str, str] = {
     "engine": "bench.engine:engine",
-    "ensemble": "bench.ensemble:ensemble",
     "sweeps": "bench.sweep:sweeps",
     "offline": "bench.offline:offline",
-    "reading": "bench.reading:reading",
     "replay": "bench.replay:replay",
     "recorder": "bench.recorder:recorder",
     "telemetry": "bench.telemetry:telemetry",
