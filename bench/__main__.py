@@ -33,6 +33,7 @@ MEASUREMENTS: Mapping[str, str] = {
     "replay": "bench.replay:replay",
     "recorder": "bench.recorder:recorder",
     "telemetry": "bench.telemetry:telemetry",
+    "drills": "bench.drills:drills",
     "start": "bench.start:start",
     "watch": "bench.watch:watch",
     "growth": "bench.growth:growth",
