@@ -218,8 +218,7 @@ class BagReader:
         from rpud_sim.bag.tables import batches  # loads what listing a bag does not need
 
         tables, _ = self._tables([topics] if isinstance(topics, str) else topics)
-        end = None if duration is None else self.start_time + start + duration
-        return batches(self.path, self.messages(tables, start), tables, end, leave_out)
+        return batches(self.path, self.blocks(tables, start, duration), tables, leave_out)
 
     def arrays(
         self, topic: str, start: int = 0, duration: int | None = None
