@@ -185,7 +185,8 @@ class BagReader:
         """
         found = [piece for file in self._filled for piece in file.pieces()]
         if self._compressed:
-            found = [replace(piece, read=partial(self._uncompressed, piece)) for piece in found]
+            read = self._uncompressed
+            found = [replace(piece, read=partial(read, piece), blocks=None) for piece in found]
         return sorted(found, key=lambda piece: piece.start_time)
 
     def _uncompressed(self, piece: Piece, topics: Collection[str] | None) -> Iterator[Message]:

@@ -85,7 +85,7 @@ class Table:
             )
         if summary.definition is None:
             raise BagFormatError("the bag does not hold the definition of its type")
-        self._codec, self._fields = _compiled(summary.topic.type, summary.definition)
+        self._codec, self._fields = compiled(summary.topic.type, summary.definition)
         self._reader = FieldReader(self._codec, self._fields)
         self._blocks = holds_rows(summary.topic.type, self._fields)
 
@@ -161,7 +161,12 @@ def _late_messages(block: MessageBlock) -> dict[int, str]:
 
 
 @lru_cache(maxsize=256)  # topics of one type share it
-def _compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]]:
+def compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]]:
+    """Return the codec of a type, and the columns of its fields.
+
+    Raises:
+        BagFormatError: if the definition cannot be understood.
+    """
     codec = Codec(type_name, definition)
     return codec, columns_of(codec, definition)
 
