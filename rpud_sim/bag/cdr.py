@@ -92,6 +92,14 @@ class Codec:
         """
         return self._encoder.encode(fields)
 
+    def encode_columns(self, columns: Mapping[str, Any], count: int) -> np.ndarray:
+        """Return ``count`` serialized messages, each a row; as ``Encoder.encode_columns``.
+
+        Raises:
+            BagFormatError: if the type has members that an ``Encoder`` cannot encode.
+        """
+        return self._encoder.encode_columns(columns, count)
+
     def decode(self, data: bytes) -> Any:
         """Return a message as an object with its fields, and with NumPy arrays for sequences.
 

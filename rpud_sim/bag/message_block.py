@@ -70,12 +70,18 @@ def gathered(data: np.ndarray, starts: np.ndarray, sizes: np.ndarray) -> np.ndar
     if (starts[1:] == ends[:-1]).all():
         return data[starts[0] : ends[-1]].copy()
     if (sizes == size).all():
-        # An overlapping view with one item for each place: NumPy copies whole messages out of it.
-        places = np.ndarray((len(data) - size + 1,), f"V{size}", data, strides=(1,))
-        return places[starts].view(np.uint8)
+        return items(data, size)[starts].view(np.uint8)
     view = data.data
     pairs = zip(starts.tolist(), ends.tolist(), strict=True)
     return np.frombuffer(b"".join([view[start:end] for start, end in pairs]), np.uint8)
+
+
+def items(data: np.ndarray, size: int) -> np.ndarray:
+    """Return an overlapping view of bytes with an item of ``size`` bytes at each place.
+
+    NumPy copies whole items, which is faster than byte by byte.
+    """
+    return np.ndarray((len(data) - size + 1,), f"V{size}", data, strides=(1,))
 
 
 def joined(blocks: Sequence[MessageBlock]) -> MessageBlock:
