@@ -34,6 +34,12 @@ class FieldValues:
     columns: dict[str, np.ndarray | Sequences]
     errors: tuple[tuple[int, str], ...]
 
+    def array(self, name: str) -> np.ndarray:
+        """Return the values of a column that holds no sequences."""
+        values = self.columns[name]
+        assert not isinstance(values, Sequences)
+        return values
+
 
 class FieldReader:
     """Reader of some columns of one type.

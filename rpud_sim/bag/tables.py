@@ -260,8 +260,8 @@ def batches(
                 largest = max(waiting, key=lambda each: waiting[each].size)
                 total -= waiting[largest].size
                 yield batch(largest)
-    for name, rest in waiting.items():
-        if rest.blocks:
+    for name, left in waiting.items():
+        if left.blocks:
             yield batch(name)
 
 

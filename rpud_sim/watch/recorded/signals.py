@@ -149,10 +149,10 @@ class TopicReader:
             self.reason = found.errors[0][1]
         self.unreadable += len(found.errors)
         logs = block.log_times[found.rows].astype(np.int64)
-        stamps = found.columns[self._stamp[0].name] if self._stamp else logs
+        stamps = found.array(self._stamp[0].name) if self._stamp else logs
         values = {}
         for signal in self.signals:
-            numbers = found.columns[signal.column].astype(float)
+            numbers = found.array(signal.column).astype(float)
             values[signal.column] = np.where(usable(numbers), numbers, np.nan)
         return Rows(logs, stamps, values)
 
