@@ -1,5 +1,7 @@
 """Columns of many messages at once: the same as those of each message decoded by itself."""
 
+from types import SimpleNamespace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -125,7 +127,7 @@ def assert_same(codec, definition, messages, gap=b""):
         assert each == [row[place] for _, row in rows], column.name
 
 
-@settings(max_examples=50)
+@settings(max_examples=40)
 @given(types(), st.data())
 def test_columns_are_those_of_the_decoded_messages(kind, data):
     definition, values = kind
@@ -138,7 +140,7 @@ def test_columns_are_those_of_the_decoded_messages(kind, data):
     assert_same(codec, definition, messages, data.draw(st.binary(max_size=9)))
 
 
-@settings(max_examples=50)
+@settings(max_examples=40)
 @given(types(), st.data())
 def test_what_is_no_message_gives_the_same_error(kind, data):
     definition, values = kind
@@ -163,6 +165,22 @@ def test_what_is_no_message_gives_the_same_error(kind, data):
     assert_same(codec, definition, [*others, *changed, *whole])
 
 
+CODEC = Codec("pkg/msg/All", EVERYTHING)
+STORE = get_typestore(Stores.EMPTY)
+STORE.register(get_types_from_msg(EVERYTHING, "pkg/msg/All"))
+
+
+def to_bytes(fields):
+    """Serialize as `serialized` does, with types that are compiled once."""
+
+    def to_object(value):
+        if isinstance(value, dict):
+            return SimpleNamespace(**{name: to_object(item) for name, item in value.items()})
+        return [*map(to_object, value)] if isinstance(value, list) else value
+
+    return bytes(STORE.serialize_cdr(to_object({**MESSAGE, **fields}), "pkg/msg/All"))
+
+
 FIELDS = st.fixed_dictionaries(
     {
         "part": st.fixed_dictionaries({"x": st.floats(), "turn": st.floats()}),
@@ -179,9 +197,9 @@ FIELDS = st.fixed_dictionaries(
     st.lists(FIELDS, max_size=6), st.lists(st.binary(max_size=40), max_size=3), st.integers(0, 300)
 )
 def test_numbers_behind_lists_of_messages_are_read_too(many, others, cut):
-    messages = [serialized("pkg/msg/All", EVERYTHING, {**MESSAGE, **fields}) for fields in many]
+    messages = [to_bytes(fields) for fields in many]
     messages += [*others, *(data[:cut] for data in messages)]
-    codec = Codec("pkg/msg/All", EVERYTHING)
+    codec = CODEC
     columns = [each for each in columns_of(codec, EVERYTHING) if each.kind is not Kind.NESTED]
     assert any(each.kind is Kind.NESTED for each in columns_of(codec, EVERYTHING))
     found = FieldReader(codec, columns).read(block_of(messages))
