@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -149,15 +150,17 @@ class Waveform:
         periods = columns["sample_period"]
         samples = np.array([columns[name] for name in CHANNELS])
         cuts = np.flatnonzero((np.diff(numbers) != 1) | (np.diff(periods) != 0.0)) + 1
-        for part in np.split(np.arange(len(numbers)), cuts):
-            rate = 1.0 / float(periods[part[0]])
+        for start, end in pairwise([0, *cuts.tolist(), len(numbers)]):
+            part = samples[:, start:end]
+            rate = 1.0 / float(periods[start])
             if rate != self.rate:
                 self.spectrum, self.rate = Spectrum(len(CHANNELS)), rate
-            if numbers[part[0]] != self._next or not usable(samples[:, part]).all():
+            readable = usable(part).all()
+            if numbers[start] != self._next or not readable:
                 self.spectrum.gap()
-            if usable(samples[:, part]).all():
-                self.spectrum.add(samples[:, part])
-            self._next = int(numbers[part[-1]]) + 1
+            if readable:
+                self.spectrum.add(part)
+            self._next = int(numbers[end - 1]) + 1
         self._keep_closer(columns, times)
 
     def _keep_closer(self, columns: Columns, times: np.ndarray) -> None:

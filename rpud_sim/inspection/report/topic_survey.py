@@ -147,11 +147,12 @@ class TopicSurvey:
         columns = batch.columns
         times = self.timeline.elapsed(columns[self._stamp], columns["log_time"])
         for series in self.series:
-            values = columns[series.column.name].astype(float)
+            values = columns[series.column.name].astype(float, copy=False)
             series.values.add(values)
             valid = usable(values)
-            series.envelope.add(times[valid], values[valid])
-            series.changing.add(times[valid], values[valid])
+            chosen = slice(None) if valid.all() else valid  # nearly always all: no copies
+            series.envelope.add(times[chosen], values[chosen])
+            series.changing.add(times[chosen], values[chosen])
         if len(batch):
             self.end = max(self.end, float(times.max()))
             self._add_timing(columns, times)
