@@ -16,6 +16,11 @@ from rpud_sim.simulation.block import Block
 _WINDOW = SECOND
 
 
+def absorbed(impacts: float, release: float, drill_tool_damper: float) -> float:
+    """Return what drill tool and rock took for good, from its terms [J]."""
+    return math.fsum((impacts, release, drill_tool_damper))
+
+
 @dataclasses.dataclass(frozen=True)
 class EnergyAccount:
     """Energy that flowed in, was lost and is stored, in joules.
@@ -85,7 +90,7 @@ class EnergyAccount:
     @property
     def absorbed(self) -> float:
         """What drill tool and rock took for good [J]."""
-        return math.fsum((self.impacts, self.release, self.drill_tool_damper))
+        return absorbed(self.impacts, self.release, self.drill_tool_damper)
 
     @property
     def lost(self) -> float:
