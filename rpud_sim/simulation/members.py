@@ -111,6 +111,7 @@ class QuietRuns:
         self._quantiles = np.full(len(phases), -1)
         self._drawn = [0.0] * len(phases)
         self._progress = Progress(configuration.rock)
+        self._begun = False
         self._time = 0
 
     @property
@@ -131,7 +132,7 @@ class QuietRuns:
             whole: whether the energy accounts are wanted.
         """
         tallies = empty_tallies(len(self._states))
-        self._advance(end, tallies, _room.classes, (True, True, True, whole))
+        self._advance(end, tallies, _room.classes, (True, True, True, True, whole))
         return [self._result(tallies, number, whole) for number in range(len(tallies))]
 
     def advance_to(self, time: int, statistics: Statistics | None = None) -> np.ndarray:
@@ -149,11 +150,13 @@ class QuietRuns:
         """
         [_] = self._states
         begin = self._time
+        counts = begin == 0
         if statistics is None:
             tallies, classes = empty_tallies(1), _room.classes
         else:
             tallies, classes = statistics.sums
-        options = (begin == 0, False, statistics is not None, True)
+            counts = counts and not statistics.begun
+        options = (not self._begun, False, statistics is not None, counts, True)
         count = self._advance(time, tallies, classes, options)
         if (error := self._error(0)) is not None:
             raise error
@@ -169,7 +172,7 @@ class QuietRuns:
         time: int,
         tallies: np.ndarray,
         classes: np.ndarray,
-        options: tuple[bool, bool, bool, bool],
+        options: tuple[bool, bool, bool, bool, bool],
     ) -> int:
         """Advance all runs; return how many impacts the last one had."""
         members = (
@@ -193,6 +196,7 @@ class QuietRuns:
             progress,
         ):
             _room.grow()
+        self._begun = True
         self._time = time
         return int(progress[2])
 

@@ -11,7 +11,7 @@ from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
 from rpud_sim.simulation.conditions import check_honoured, conditions, honoured_kinds
-from rpud_sim.simulation.configuration import Configuration, to_values
+from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
 from rpud_sim.simulation.fault_schedule import FaultSchedule
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.journal import Journal
@@ -48,8 +48,7 @@ class Simulation:
         scenario: Scenario | None = None,
         journal: Journal | None = None,
     ) -> None:
-        if isinstance(configuration, Parameters):
-            configuration = Configuration(configuration)
+        configuration = whole_configuration(configuration)
         parameters = configuration.parameters
         drive = nominal_drive(configuration)
         self._configuration = configuration

@@ -167,6 +167,11 @@ class Statistics:
         )
 
     @property
+    def begun(self) -> bool:
+        """Whether anything was added."""
+        return self._begun
+
+    @property
     def sums(self) -> tuple[np.ndarray, np.ndarray]:
         """One ``TALLY`` and the classes of contact forces, for a kernel to add to."""
         return self._tally, self._classes

@@ -1,8 +1,8 @@
 """Tally of a run: sums over its segments and impacts, added in compiled code.
 
-The kernels add up what a trajectory's records say, in the same order for a block that somebody
-keeps (``add_block``) as for members of an ensemble, whose records nobody keeps
-(``advance_members``). All kernels are in this file, so that each of them is compiled again when one changes.
+The kernels add up what a trajectory's records say. They add in the same order for a block that
+somebody keeps (``add_block``) and for members of an ensemble, whose records nobody keeps
+(``advance_members``). All kernels are in this file, so that all are compiled again when it changes.
 """
 
 import math
@@ -351,8 +351,8 @@ def advance_members(
         seconds: whole seconds of the time to advance to.
         fraction: the rest of it [s].
         options: whether the members begin now, whether they end then, whether anything is added,
-            and whether the account is whole. Several members must begin and end in one call, as
-            they share the classes.
+            whether the event of the first segment counts, and whether the account is whole. Several
+            members must begin and end in one call, as they share the classes.
         room: for segments, for impacts, for the classes of contact forces, and for the sums of the
             part in progress.
         progress: member to go on with, how many impacts it has, -1 before it is its turn, and how
@@ -363,7 +363,7 @@ def advance_members(
         more, which holds the present ones.
     """
     states, open_segments, open_impacts, tallies, statuses, quantiles = members
-    starts, ends, added, whole = options
+    starts, ends, added, counts, whole = options
     segments, impacts, classes, part = room
     while progress[0] < len(states):
         i = progress[0]
@@ -376,7 +376,7 @@ def advance_members(
             if starts:
                 progress[1] = start(drill, one, segment, impact, impacts)
             if added:
-                _begin(rpud, segment[0], start_seconds, start_fraction, starts, tally, part)
+                _begin(rpud, segment[0], start_seconds, start_fraction, counts, tally, part)
         status = FULL
         while status == FULL:
             if len(impacts) - progress[1] < IMPACT_ROOM:
