@@ -103,6 +103,7 @@ def compile_kernels(
         statistics = Statistics()
         statistics.add(block)
         statistics.figures()
+        EnergyAccount.of(block)
         block.sample(Times.from_nanoseconds(0))
         simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
         simulation.advance_to(2000)  # the engine gets changes when time goes on

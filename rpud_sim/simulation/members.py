@@ -160,8 +160,9 @@ class QuietRuns:
         count = self._advance(time, tallies, classes, options)
         if (error := self._error(0)) is not None:
             raise error
+        electrical = self._electrical(0)
         if statistics is not None:
-            statistics.note_part(begin, time, self._electrical(0))
+            statistics.note_part(begin, time, electrical)
         found = _room.impacts[:count]
         if self._drill.in_rock:
             self._progress.add(found)
