@@ -21,7 +21,7 @@ from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import Scenario
-from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.together import Entry
 from rpud_sim.simulation.topics import TOPICS
 
 STRING = "std_msgs/msg/String"

@@ -7,10 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
 from mcap.records import Attachment, Schema
 
 from rpud_sim.bag.errors import BagError, BagExistsError
 from rpud_sim.bag.latched import REPEATED_KEY
+from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.metadata import (
     FILE_NAME,
     RECORD_KEY,
@@ -21,7 +23,8 @@ from rpud_sim.bag.metadata import (
     metadata_of,
     stored_name,
 )
-from rpud_sim.bag.output_file import COMPRESSIONS, OutputFile
+from rpud_sim.bag.open_chunk import COMPRESSIONS
+from rpud_sim.bag.output_file import OutputFile
 from rpud_sim.bag.reserve import Reserve
 
 CHUNK_SIZE = 1 << 20
@@ -40,6 +43,7 @@ class BagFolder:
         chunk_size: uncompressed size after which a chunk is closed [bytes].
         custom_data: for the bag's metadata.
         reserved: whether ``hold`` keeps room on the disk.
+        ahead: chunks that another thread compresses meanwhile.
 
     Raises:
         BagExistsError: if anything exists at ``path``.
@@ -53,10 +57,11 @@ class BagFolder:
         chunk_size: int = CHUNK_SIZE,
         custom_data: Mapping[str, str] | None = None,
         reserved: bool = False,
+        ahead: int = 0,
     ) -> None:
         _check_compression(compression)
         self.path = Path(os.path.abspath(path))
-        self._compression, self._chunk_size = compression, chunk_size
+        self._compression, self._chunk_size, self._ahead = compression, chunk_size, ahead
         self._custom_data = dict(custom_data or {})
         # By their numbers in the bag; ``_numbers`` are those in the open file.
         self._channels: list[tuple[str, str, Schema | None, dict[str, str]]] = []
@@ -127,6 +132,20 @@ class BagFolder:
             raise self._failure(error) from error
         self._counts[self._channels[channel][0]] += 1
 
+    def write_blocks(self, parts: Sequence[tuple[int, MessageBlock, np.ndarray]]) -> None:
+        """Add many messages at once.
+
+        Args:
+            parts: number of a channel, its messages with times from 0 to ``LATEST``, and the place
+                of each among the messages of all parts.
+        """
+        with self._writing():
+            self._opened.write_blocks(
+                [(self._numbers[channel], block, places) for channel, block, places in parts]
+            )
+        for channel, block, _ in parts:
+            self._counts[self._channels[channel][0]] += len(block)
+
     def split(self, repeated: Iterable[tuple[int, bytes, int, int]]) -> None:
         """Complete the file and open the next one.
 
@@ -194,7 +213,8 @@ class BagFolder:
 
     def _open_file(self) -> OutputFile:
         name = f"{self.path.name}_{len(self._closed_files)}.mcap"
-        file = OutputFile(self.path / name, self._compression, self._chunk_size, self._reserve)
+        path = self.path / name
+        file = OutputFile(path, self._compression, self._chunk_size, self._reserve, self._ahead)
         self._numbers = [file.add_channel(*channel) for channel in self._channels]
         _sync(self.path)
         return file

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
@@ -90,6 +91,14 @@ class Codec:
             BagFormatError: if the type has members that an ``Encoder`` cannot encode.
         """
         return self._encoder.encode(fields)
+
+    def encode_columns(self, columns: Mapping[str, Any], count: int) -> np.ndarray:
+        """Return ``count`` serialized messages, each a row; as ``Encoder.encode_columns``.
+
+        Raises:
+            BagFormatError: if the type has members that an ``Encoder`` cannot encode.
+        """
+        return self._encoder.encode_columns(columns, count)
 
     def decode(self, data: bytes) -> Any:
         """Return a message as an object with its fields, and with NumPy arrays for sequences.

@@ -12,6 +12,8 @@ from array import array
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+
 TEXT = "s"
 # Codes of the struct, by the names of types in definitions and in IDL.
 CODES = {
@@ -37,6 +39,8 @@ CODES = {
 _ENCAPSULATION = b"\0\1\0\0" if sys.byteorder == "little" else b"\0\0\0\0"
 
 _SIZES = {code: struct.calcsize(f"={code}") for code in CODES.values() if code != TEXT}
+# Layouts that an encoder keeps: lengths of sequences may differ from message to message.
+_MOST_LAYOUTS = 256
 _COUNT = ("I", 4, 4)  # before each text and sequence
 
 
@@ -60,15 +64,16 @@ class Encoder:
 
     def __init__(self, members: Members) -> None:
         self._members = members
-        self._lengths: list[int] = []
-        self._struct: struct.Struct | None = None
+        # By the lengths of texts and sequences.
+        self._structs: dict[tuple[int, ...], struct.Struct] = {}
+        self._records: dict[tuple[int, ...], np.dtype] = {}
 
     def encode(self, values: Mapping[str, Any]) -> bytes:
         """Return the serialized message.
 
         Args:
-            values: of all members. Messages are mappings, sequences of numbers ``array.array``,
-                other sequences lists.
+            values: of all members. Messages are mappings, sequences of numbers ``array.array`` or
+                NumPy arrays, other sequences lists.
 
         Raises:
             KeyError: if a member is missing.
@@ -77,10 +82,42 @@ class Encoder:
         flat: list[Any] = []
         lengths: list[int] = []
         _flatten(self._members, values, flat, lengths)
-        if self._struct is None or lengths != self._lengths:
-            self._struct = struct.Struct(_layout(self._members, lengths))
-            self._lengths = lengths
-        return self._struct.pack(_ENCAPSULATION, *flat)
+        key = tuple(lengths)
+        packer = self._structs.get(key)
+        if packer is None:
+            packer = struct.Struct(_layout(self._members, lengths))
+            _keep(self._structs, key, packer)
+        return packer.pack(_ENCAPSULATION, *flat)
+
+    def encode_columns(self, columns: Mapping[str, Any], count: int) -> np.ndarray:
+        """Return serialized messages of one size as rows of bytes, shape (count, size), uint8.
+
+        Args:
+            columns: as the values of one message, with an array in place of each number that
+                differs from message to message. Sequences of numbers are arrays with a row for each
+                message; texts and other sequences are the same in all.
+            count: of the messages.
+
+        Raises:
+            KeyError: if a member is missing.
+            TypeError, ValueError: if a value does not fit its type.
+        """
+        flat: list[Any] = []
+        lengths: list[int] = []
+        _flatten(self._members, columns, flat, lengths)
+        key = tuple(lengths)
+        dtype = self._records.get(key)
+        if dtype is None:
+            dtype = _record(self._members, lengths)
+            _keep(self._records, key, dtype)
+        rows = np.zeros(count, dtype)
+        for name, value in zip(dtype.names or (), (_ENCAPSULATION, *flat), strict=True):
+            rows[name] = value
+            if rows.dtype[name].base.kind in "iu" and not np.array_equal(
+                rows[name], np.broadcast_to(value, rows[name].shape)
+            ):
+                raise ValueError(f"a value of {name} does not fit {rows.dtype[name]}")
+        return rows.view(np.uint8).reshape(count, dtype.itemsize)
 
 
 def _flatten(kind: Members, values: Mapping[str, Any], flat: list[Any], lengths: list[int]) -> None:
@@ -102,15 +139,46 @@ def _flatten(kind: Members, values: Mapping[str, Any], flat: list[Any], lengths:
 def _flatten_sequence(
     element: str | Members, values: Any, flat: list[Any], lengths: list[int]
 ) -> None:
+    number = isinstance(element, str) and element != TEXT
+    if number and isinstance(values, np.ndarray):
+        if values.dtype != np.dtype(element) or values.ndim not in (1, 2):
+            raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
+        lengths.append(values.shape[-1])
+        flat.append(values.shape[-1])
+        if values.ndim == 1 or not values.size:
+            flat.append(values.tobytes())
+        else:  # columns: the bytes of each row
+            flat.append(np.ascontiguousarray(values).view(f"S{values[0].nbytes}")[:, 0])
+        return
     lengths.append(len(values))
     flat.append(len(values))
-    if isinstance(element, str) and element != TEXT:
+    if number:
         if not isinstance(values, array) or values.typecode != element:
             raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
         flat.append(values.tobytes())
     else:
         for value in values:
             _flatten(Members((("", element),)), {"": value}, flat, lengths)
+
+
+def _keep(known: dict[tuple[int, ...], Any], key: tuple[int, ...], value: Any) -> None:
+    if len(known) >= _MOST_LAYOUTS:
+        known.clear()
+    known[key] = value
+
+
+def _record(kind: Members, lengths: list[int]) -> np.dtype:
+    """Return the type of a message as a record of NumPy, with a field for each part."""
+    formats, offsets = [f"S{len(_ENCAPSULATION)}"], [0]
+    end = len(_ENCAPSULATION)
+    for code, size, alignment in _parts(kind, iter(lengths)):
+        end += -(end - len(_ENCAPSULATION)) % alignment
+        offsets.append(end)
+        formats.append(f"S{size}" if code.endswith("s") else code)
+        end += size
+    names = [f"part {number}" for number in range(len(formats))]
+    dtype = {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
+    return np.dtype(dtype)
 
 
 def _layout(kind: Members, lengths: list[int]) -> str:

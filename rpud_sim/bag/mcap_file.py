@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from mcap.records import Channel, ChunkIndex, Metadata, Schema
 
@@ -20,6 +20,9 @@ from rpud_sim.bag.metadata import Topic, load_offered_qos
 from rpud_sim.bag.record_walk import RecordWalk, Stretch
 from rpud_sim.bag.records import MAGIC, parse, read_record
 from rpud_sim.bag.topic_summary import TopicSummary
+
+if TYPE_CHECKING:
+    from rpud_sim.bag.message_block import MessageBlock
 
 RECORDS_LIMIT = 64 * 2**20
 """Greatest size of all metadata records of one name together [bytes]."""
@@ -196,6 +199,7 @@ class McapFile:
                 partial(
                     self._guarded, partial(chunk_messages, self._stream, index, wanted, start_time)
                 ),
+                partial(self._chunk_blocks, index, wanted, start_time),
             )
 
     def pieces(self) -> Iterator[Piece]:
@@ -237,6 +241,14 @@ class McapFile:
     def _read_chunk(self, index: ChunkIndex, topics: Collection[str] | None) -> Iterator[Message]:
         wanted = self._wanted(topics)
         return self._guarded(partial(chunk_messages, self._stream, index, wanted, 0))
+
+    def _chunk_blocks(
+        self, index: ChunkIndex, wanted: dict[int, str], start_time: int
+    ) -> list[MessageBlock]:
+        from rpud_sim.bag.chunk_blocks import chunk_blocks  # NumPy, which listing does not need
+
+        with self._reading():
+            return chunk_blocks(self._stream, index, wanted, start_time)
 
     def _read_stretch(self, stretch: Stretch, topics: Collection[str] | None) -> Iterator[Message]:
         read = partial(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,8 +14,9 @@ class MessageBlock:
 
     Attributes:
         topic: its name.
-        log_times: when they were received [ns since the epoch], int64, shape (n,).
-        publish_times: when they were sent [ns since the epoch], int64, shape (n,).
+        log_times: when they were received [ns since the epoch], int64, shape (n,); uint64 only if a
+            damaged file has a time that int64 cannot hold.
+        publish_times: when they were sent [ns since the epoch], as ``log_times``.
         data: bytes (CDR) of all messages, uint8; they may have other bytes between them.
         starts: where each message begins in ``data``, int64, shape (n,).
         sizes: of each message [bytes], int64, shape (n,).
@@ -35,3 +37,72 @@ class MessageBlock:
         """Return the bytes of one message."""
         start = int(self.starts[number])
         return self.data[start : start + int(self.sizes[number])].tobytes()
+
+    def part(self, chosen: slice | np.ndarray) -> MessageBlock:
+        """Return some of the messages, in the same buffer."""
+        return replace(
+            self,
+            log_times=self.log_times[chosen],
+            publish_times=self.publish_times[chosen],
+            starts=self.starts[chosen],
+            sizes=self.sizes[chosen],
+        )
+
+    def packed(self) -> MessageBlock:
+        """Return the same messages in a buffer that holds nothing else."""
+        data = gathered(self.data, self.starts, self.sizes)
+        return replace(self, data=data, starts=np.cumsum(self.sizes) - self.sizes)
+
+
+def gathered(data: np.ndarray, starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Return the bytes of messages one behind the other.
+
+    Args:
+        data: that holds them, uint8.
+        starts: of each message in it.
+        sizes: of each message [bytes].
+    """
+    count = len(starts)
+    if not count or not sizes.any():
+        return np.empty(0, np.uint8)
+    size = int(sizes[0])
+    ends = starts + sizes
+    if (starts[1:] == ends[:-1]).all():
+        return data[starts[0] : ends[-1]].copy()
+    if (sizes == size).all():
+        return items(data, size)[starts].view(np.uint8)
+    view = memoryview(data)
+    pairs = zip(starts.tolist(), ends.tolist(), strict=True)
+    return np.frombuffer(b"".join([view[start:end] for start, end in pairs]), np.uint8)
+
+
+def items(data: np.ndarray, size: int) -> np.ndarray:
+    """Return an overlapping view of bytes with an item of ``size`` bytes at each place.
+
+    NumPy copies whole items, which is faster than byte by byte.
+    """
+    return np.ndarray((len(data) - size + 1,), f"V{size}", data, strides=(1,))
+
+
+def joined(blocks: Sequence[MessageBlock]) -> MessageBlock:
+    """Return the messages of blocks of one topic in one packed block, in their order."""
+    packed = [block.packed() for block in blocks]
+    if len(packed) == 1:
+        return packed[0]
+    sizes = np.concatenate([block.sizes for block in packed])
+    return MessageBlock(
+        packed[0].topic,
+        same_times([block.log_times for block in packed]),
+        same_times([block.publish_times for block in packed]),
+        np.concatenate([block.data for block in packed]),
+        np.cumsum(sizes) - sizes,
+        sizes,
+    )
+
+
+def same_times(times: Sequence[np.ndarray]) -> np.ndarray:
+    """Return times together; int64 and uint64 would become inexact numbers."""
+    kinds = {part.dtype for part in times}
+    if len(kinds) > 1:
+        times = [part.astype(np.uint64) for part in times]
+    return np.concatenate(times)

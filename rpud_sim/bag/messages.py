@@ -7,13 +7,14 @@ reader neither stalls for long nor holds more than the chunks that overlap in ti
 from __future__ import annotations
 
 import heapq
+import os
 from array import array
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from mcap.opcode import Opcode
 from mcap.records import Chunk, ChunkIndex
@@ -28,6 +29,9 @@ from rpud_sim.bag.records import (
     records_in,
     uncompressed,
 )
+
+if TYPE_CHECKING:
+    from rpud_sim.bag.message_block import MessageBlock
 
 OVERLAP_LIMIT = 256 * 2**20
 """Greatest size of the chunks that are open at once, because they overlap in time [bytes]."""
@@ -58,11 +62,13 @@ class Source:
         start_time: no message is earlier [ns].
         size: memory that they take while they are open [bytes].
         open: begins to read them.
+        blocks: returns all of them as blocks; None if there may be too many.
     """
 
     start_time: int
     size: int
     open: Callable[[], Iterator[Message]]
+    blocks: Callable[[], list[MessageBlock]] | None = None
 
 
 @dataclass(frozen=True)
@@ -85,6 +91,35 @@ class Piece:
     read: Callable[[Collection[str] | None], Iterator[Message]]
 
 
+class _Place:
+    """Place in a file of its own, so that threads may read the same file."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._descriptor = stream.fileno()
+        self._offset = 0
+
+    def seek(self, offset: int) -> None:
+        self._offset = offset
+
+    def read(self, length: int) -> bytes:
+        found = os.pread(self._descriptor, length, self._offset)
+        self._offset += len(found)
+        return found
+
+
+def read_chunk(stream: BinaryIO, index: ChunkIndex) -> bytes:
+    """Return a chunk's uncompressed data; the position of ``stream`` stays as it is.
+
+    Raises:
+        BagFormatError: if the chunk is damaged.
+    """
+    start = index.chunk_start_offset
+    chunk = parse(read_record(_Place(stream), start, start + index.chunk_length))
+    if not isinstance(chunk, Chunk) or chunk.uncompressed_size != index.uncompressed_size:
+        raise BagFormatError("a chunk is not what its index says")
+    return uncompressed(chunk)
+
+
 def chunk_messages(
     stream: BinaryIO, index: ChunkIndex, topics: Mapping[int, str], start_time: int
 ) -> Iterator[Message]:
@@ -99,13 +134,7 @@ def chunk_messages(
     Raises:
         BagFormatError: if the chunk is damaged.
     """
-    start = index.chunk_start_offset
-    chunk = parse(read_record(stream, start, start + index.chunk_length))
-    if not isinstance(chunk, Chunk) or chunk.uncompressed_size != index.uncompressed_size:
-        raise BagFormatError("a chunk is not what its index says")
-    data = uncompressed(chunk)
-    del chunk
-    yield from messages_in(data, topics, start_time)
+    yield from messages_in(read_chunk(stream, index), topics, start_time)
 
 
 def unchunked_messages(
@@ -193,10 +222,7 @@ def merged(sources: Iterable[Source]) -> Iterator[Message]:
         while pending and (not queue or pending[0].start_time <= queue[0][0]):
             source = pending.popleft()
             if queue and total + source.size > OVERLAP_LIMIT:
-                raise BagFormatError(
-                    f"more than {OVERLAP_LIMIT} bytes of chunks overlap in time, "
-                    "too much to put their messages in order"
-                )
+                raise overlap_error()
             messages = source.open()
             for message in messages:
                 heapq.heappush(queue, (message.log_time, len(sizes), message, messages))
@@ -213,3 +239,11 @@ def merged(sources: Iterable[Source]) -> Iterator[Message]:
         else:
             heapq.heappop(queue)
             total -= sizes[number]
+
+
+def overlap_error() -> BagFormatError:
+    """Return the error of sources that are too large to be open at once."""
+    return BagFormatError(
+        f"more than {OVERLAP_LIMIT} bytes of chunks overlap in time, "
+        "too much to put their messages in order"
+    )

@@ -8,20 +8,17 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.records import Attachment, Channel, Schema
-from mcap.writer import CompressionType, Writer
 
+from rpud_sim.bag.mcap_writer import McapWriter
+from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.metadata import LATEST, FileInformation, stored_name
+from rpud_sim.bag.open_chunk import COMPRESSIONS, HEAD_SIZE, in_order
 from rpud_sim.bag.reserve import Reserve, ReservedFile
 
-COMPRESSIONS = {
-    "none": CompressionType.NONE,
-    "lz4": CompressionType.LZ4,
-    "zstd": CompressionType.ZSTD,
-}
-
-_MESSAGE_SIZE = 31 + 16  # bytes of a message without its data, and of its entry in the index
+_MESSAGE_SIZE = HEAD_SIZE + 16  # bytes of a message without its data, and of its entry in the index
 _END_SIZE = 16_384  # bytes at the end of a file without its lists, and of the index of times
 
 
@@ -33,19 +30,23 @@ class OutputFile:
         compression: of the chunks, one of ``COMPRESSIONS``.
         chunk_size: uncompressed size after which a chunk is closed [bytes].
         reserve: room for the file's end; None without one.
+        ahead: chunks that another thread compresses meanwhile; the size then is that of before.
 
     Raises:
         OSError: if the disk fails, as from every method that writes.
     """
 
     def __init__(
-        self, path: Path, compression: str, chunk_size: int, reserve: Reserve | None = None
+        self,
+        path: Path,
+        compression: str,
+        chunk_size: int,
+        reserve: Reserve | None = None,
+        ahead: int = 0,
     ) -> None:
         self.path = path
         self._stream = io.BufferedWriter(ReservedFile(path, reserve))
-        self._writer = Writer(
-            self._stream, chunk_size=chunk_size, compression=COMPRESSIONS[compression]
-        )
+        self._writer = McapWriter(self._stream, chunk_size, COMPRESSIONS[compression], ahead)
         self._writer.start(profile="ros2", library="rpud_sim")
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channel_count = 0
@@ -73,7 +74,7 @@ class OutputFile:
     @property
     def closed_size(self) -> int:
         """Greatest size of the file, were it closed now [bytes]."""
-        size = self._written + self._pending
+        size = self._written + self._pending + self._writer.in_flight
         return size + self._chunk_count * (128 + 10 * self._channel_count) + self.end_size
 
     @property
@@ -93,10 +94,11 @@ class OutputFile:
                 self._schemas[key] = self._writer.register_schema(*key)
             schema_id = self._schemas[key]
             dataclasses.replace(schema, id=schema_id).write(copies)
-        number = self._writer.register_channel(topic, encoding, schema_id, dict(metadata))
+        number = self._writer.register_channel(topic, encoding, schema_id, metadata)
         Channel(number, topic, encoding, dict(metadata), schema_id).write(copies)
-        # The library declares it in the first chunk only. If that were damaged, all other chunks
+        # The writer declares it in the first chunk only. If that were damaged, all other chunks
         # would be unreadable. So the declaration is outside of the chunks as well.
+        self._writer.settle()
         content = copies.end()
         self._stream.write(content)
         self._channel_count += 1
@@ -121,15 +123,26 @@ class OutputFile:
             self._touch()
             self._pending = 0
 
+    def write_blocks(self, parts: list[tuple[int, MessageBlock, np.ndarray]]) -> None:
+        """Add many messages: channel, messages, and the place of each among all of them."""
+        records = in_order(parts)
+        if not len(records.ends):
+            return
+        chunks = self._writer.chunk_count
+        self._writer.add_messages(records)
+        self._unsafe = True
+        self._count += len(records.ends)
+        self._first = min(self._first, int(records.log_times.min()))
+        self._last = max(self._last, int(records.log_times.max()))
+        self._pending += len(records.data) + (_MESSAGE_SIZE - HEAD_SIZE) * len(records.ends)
+        if self._writer.chunk_count != chunks:
+            self._chunk_count += self._writer.chunk_count - chunks
+            self._written = self._stream.tell()
+            self._pending = self._writer.pending
+
     def add_attachment(self, attachment: Attachment) -> None:
         """Add an attached file."""
-        self._writer.add_attachment(
-            attachment.create_time,
-            attachment.log_time,
-            attachment.name,
-            attachment.media_type,
-            attachment.data,
-        )
+        self._writer.add_attachment(attachment)
         self._touch()
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
@@ -156,6 +169,7 @@ class OutputFile:
 
     def close(self) -> None:
         """Close the file, complete or not."""
+        self._writer.close()
         self._stream.close()
 
     def _touch(self) -> None:

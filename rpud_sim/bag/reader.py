@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas
 
     from rpud_sim.bag.columns import Column
+    from rpud_sim.bag.message_block import MessageBlock
     from rpud_sim.bag.tables import Batch, Table
 
 
@@ -147,6 +148,34 @@ class BagReader:
             source for file in self._filled for source in file.sources(topics, start_time)
         )
         return uncompressed_messages(found, self.path) if self._compressed else found
+
+    def blocks(
+        self,
+        topics: Collection[str] | None = None,
+        start: int = 0,
+        duration: int | None = None,
+    ) -> Iterator[MessageBlock]:
+        """Yield the messages of ``messages`` in blocks of one topic, in bounded memory.
+
+        Within a topic they have the same order; between topics only the chunks do. A block of a
+        chunk is a view of it: who keeps blocks should keep ``packed`` ones.
+
+        Args:
+            topics: names of the wanted topics; None for all.
+            start: time to skip from the bag's beginning [ns].
+            duration: time after that [ns]; None for all.
+
+        Raises:
+            BagFormatError: if a file is damaged.
+        """
+        from rpud_sim.bag.block_order import gathered_blocks, ordered_blocks
+
+        start_time = self.start_time + start
+        end = None if duration is None else start_time + duration
+        found = [source for file in self._filled for source in file.sources(topics, start_time)]
+        if self._compressed or any(source.blocks is None for source in found):
+            return gathered_blocks(self.messages(topics, start), end)
+        return ordered_blocks(found, end)
 
     def pieces(self) -> list[Piece]:
         """Return the parts that can be read by themselves, sorted by their beginnings.

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 from mcap.records import Schema
 
 from rpud_sim.bag.bag_folder import CHUNK_SIZE, BagFolder
 from rpud_sim.bag.errors import BagError
 from rpud_sim.bag.latched import LatchedMessages
+from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.messages import Message
 from rpud_sim.bag.metadata import LATEST, Topic, dump_offered_qos
 from rpud_sim.foundation.time import SECOND
@@ -33,6 +35,8 @@ class BagWriter:
         max_file_size: a new file begins before one is larger [bytes], unless a single message is.
         max_file_duration: a new file begins before one lasts longer [s].
         reserved: whether ``reserve`` keeps room on the disk to close the bag.
+        ahead: chunks that another thread compresses meanwhile. They are in the file later, and the
+            size of an open file is known less well. So it is for bags that are not split.
 
     Raises:
         BagExistsError: if anything exists at ``path``.
@@ -49,8 +53,9 @@ class BagWriter:
         max_file_size: int | None = None,
         max_file_duration: float | None = None,
         reserved: bool = False,
+        ahead: int = 0,
     ) -> None:
-        self._folder = BagFolder(path, compression, chunk_size, custom_data, reserved)
+        self._folder = BagFolder(path, compression, chunk_size, custom_data, reserved, ahead)
         self._max_size = max_file_size
         self._max_duration = max_file_duration and round(max_file_duration * SECOND)
         self._channels: dict[str, int] = {}
@@ -124,10 +129,7 @@ class BagWriter:
         if channel is None:
             raise BagError(f"topic {topic} was not declared before its first message")
         if not (0 <= log_time <= LATEST and 0 <= publish_time <= LATEST):
-            raise BagError(
-                f"a message of {topic} has log_time {log_time} ns and publish_time "
-                f"{publish_time} ns; both must be from 0 to {LATEST}"
-            )
+            raise _time_error(topic, log_time, publish_time)
         if self._is_full(len(data), log_time):
             self.split()
         self._folder.write(channel, data, log_time, publish_time)
@@ -136,6 +138,55 @@ class BagWriter:
             self._began = log_time
         if topic in self._latched:
             self._latched.note(Message(topic, log_time, publish_time, data))
+
+    def write_blocks(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
+        """Add many serialized messages at once.
+
+        The file is the same as if they were written one by one in their order.
+
+        Args:
+            blocks: messages of a topic, and the place of each among those of all blocks, int64,
+                ascending. Messages of equal place follow each other as their blocks do.
+
+        Raises:
+            BagError: as ``write`` does.
+        """
+        blocks = [(block, places) for block, places in blocks if len(block)]
+        for block, _ in blocks:
+            self._check(block)
+        latched = any(block.topic in self._latched for block, _ in blocks)
+        if latched or self._max_size is not None or self._max_duration is not None:
+            self._write_one_by_one(blocks)
+            return
+        self._folder.write_blocks(
+            [(self._channels[block.topic], block, places) for block, places in blocks]
+        )
+        for block, places in blocks:
+            if places[-1] == max(int(others[-1]) for _, others in blocks):
+                self._last = int(block.log_times[-1])
+
+    def _write_one_by_one(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
+        """Write messages in their order, where each may begin a file or has to be kept."""
+        order = sorted(
+            (place, number, index)
+            for number, (_, places) in enumerate(blocks)
+            for index, place in enumerate(places.tolist())
+        )
+        for _, number, index in order:
+            block = blocks[number][0]
+            times = int(block.log_times[index]), int(block.publish_times[index])
+            self.write(block.topic, block.message(index), *times)
+
+    def _check(self, block: MessageBlock) -> None:
+        if block.topic not in self._channels:
+            raise BagError(f"topic {block.topic} was not declared before its first message")
+        for times in (block.log_times, block.publish_times):
+            wrong = np.flatnonzero((times < 0) | (times > LATEST))
+            if len(wrong):
+                first = int(wrong[0])
+                raise _time_error(
+                    block.topic, int(block.log_times[first]), int(block.publish_times[first])
+                )
 
     def split(self) -> None:
         """Complete the file and go on in a new one that begins with the latched messages."""
@@ -179,3 +230,10 @@ class BagWriter:
         if self._max_duration is not None and log_time - self._began >= self._max_duration:
             return True
         return self._max_size is not None and self._folder.open_size + size > self._max_size
+
+
+def _time_error(topic: str, log_time: int, publish_time: int) -> BagError:
+    return BagError(
+        f"a message of {topic} has log_time {log_time} ns and publish_time "
+        f"{publish_time} ns; both must be from 0 to {LATEST}"
+    )

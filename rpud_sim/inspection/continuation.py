@@ -13,7 +13,7 @@ from rpud_sim.inspection.recorded_changes import repeated
 from rpud_sim.inspection.recorded_run import ForkError
 from rpud_sim.simulation.changes import Changes, apply_change
 from rpud_sim.simulation.fields import Bookkeeping
-from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.together import Entry
 
 # A change of a run, at a time in nanoseconds; it yields messages.
 Event = tuple[int, Callable[[], Iterable[Entry]]]

@@ -18,7 +18,7 @@ from rpud_sim.inspection.fork import Fork, open_fork
 from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.simulation.changes import Changes
 from rpud_sim.simulation.fields import Fields
-from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.together import Entry
 from rpud_sim.simulation.topics import TOPICS
 
 

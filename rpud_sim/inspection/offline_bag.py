@@ -13,10 +13,11 @@ from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.encoded import encoded
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.together import Entry, Together
 from rpud_sim.simulation.topics import TOPICS
 
 NAMESPACE = "/rpud"
@@ -56,7 +57,7 @@ def write_offline_bag(
         versions=installed_versions(),
         machine=machine_name(),
     )
-    with BagWriter(path) as bag:
+    with BagWriter(path, ahead=1) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
         for name, topic in TOPICS.items():
             # The offers of the node's publishers, as a recorder discovers them.
@@ -65,20 +66,24 @@ def write_offline_bag(
                 Topic(f"{NAMESPACE}/{name}", topic.type, find_type_hash(topic.type), (offer,)),
                 find_definition(topic.type),
             )
-        for time, name, values in _messages(run, round(duration * SECOND), report):
-            bag.write(f"{NAMESPACE}/{name}", codecs[name].encode(values), time, time)
+        for found in _messages(run, round(duration * SECOND), report):
+            if isinstance(found, Together):
+                bag.write_blocks(encoded(found, codecs, f"{NAMESPACE}/"))
+            else:
+                time, name, values = found
+                bag.write(f"{NAMESPACE}/{name}", codecs[name].encode(values), time, time)
         losses = {f"{NAMESPACE}/{name}": Losses() for name in TOPICS}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
 
 
-def _messages(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Entry]:
+def _messages(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Entry | Together]:
     """Yield the messages of a run, with a status every second."""
     run.begin(0)
     yield from run.changes()
     yield run.status("running", Bookkeeping())
     while run.time < end:
         before = run.time
-        yield from run.advance_to(min(run.next_boundary, end))
+        yield from run.advance_together(min((before // SECOND + 1) * SECOND, end))
         report((run.time - before) / SECOND)
         if run.time % SECOND == 0:
             yield run.status("running", Bookkeeping())

@@ -12,7 +12,7 @@ from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun, repeat_change
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.together import Entry
 
 Repeat = Callable[[Run], Iterable[Entry]]
 

@@ -7,6 +7,7 @@ from collections import deque
 
 import numpy as np
 
+from rpud_sim.model.boundaries import advance_through
 from rpud_sim.model.drill import STATE, Drill, derive
 from rpud_sim.model.events import DONE, FULL, OVERLOADED, STALLED, advance, interrupt, start
 from rpud_sim.model.parameters import Parameters
@@ -19,6 +20,8 @@ from rpud_sim.model.unusual import unusual_values
 # Records that one call of the kernel can return; it is called again when they are full. With larger
 # arrays, every call gets fresh memory from the system, and short blocks take a fifth longer.
 _CAPACITY = 256
+# The same of a call through many times.
+_SPAN_CAPACITY = 4096
 # What would be lost first if numbers overflowed: every other number of the state follows from them.
 _FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
 
@@ -136,6 +139,58 @@ class Engine:
             self._advance(*time)
             self._interrupt(*time, drill, self._commands())
         self._advance(seconds, fraction)
+
+    def advance_through(
+        self, seconds: np.ndarray, fractions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Advance to times one after the other, in one call of a kernel.
+
+        Args:
+            seconds: whole seconds of the times, in ascending order, int64.
+            fractions: the rest of each, from 0 to 1.
+
+        Returns:
+            The numbers of segments and of impacts since the last ``drain`` that were finished at
+            each time. None if the engine cannot advance so: then it has not moved, and ``advance``
+            shows why.
+        """
+        if self._seating and self._seating[0][0] <= (seconds[-1], fractions[-1]):
+            return None
+        kept = [each.copy() for each in (self._state, self._open_segment, self._open_impact)]
+        drained = len(self._segments), len(self._impacts)
+        finished = np.empty(len(seconds), np.int64)
+        struck = np.empty(len(seconds), np.int64)
+        segments_before = sum(map(len, self._segments))
+        impacts_before = sum(map(len, self._impacts))
+        reached = 0
+        status = FULL
+        while status == FULL:
+            segments = np.empty(_SPAN_CAPACITY, SEGMENT)
+            impacts = np.empty(2 * _SPAN_CAPACITY + 2, IMPACT)
+            status, more, written, count = advance_through(
+                self._drill,
+                self._state,
+                self._open_segment,
+                self._open_impact,
+                seconds[reached:],
+                fractions[reached:],
+                segments,
+                impacts,
+                finished[reached:],
+                struck[reached:],
+            )
+            finished[reached : reached + more] += segments_before
+            struck[reached : reached + more] += impacts_before
+            reached += more
+            segments_before += written
+            impacts_before += count
+            self._segments.append(segments[:written])
+            self._impacts.append(impacts[:count])
+        if status != DONE or not is_finite(self._state):
+            self._state, self._open_segment, self._open_impact = kept
+            del self._segments[drained[0] :], self._impacts[drained[1] :]
+            return None
+        return finished, struck
 
     def change(
         self,

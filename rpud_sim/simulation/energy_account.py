@@ -9,8 +9,10 @@ from collections import deque
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND, split_fraction
+from rpud_sim.model.boundaries import add_blocks
 from rpud_sim.model.energy import TERMS, add_segments
 from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.span import Span
 
 # The powers of a status are means over this time [ns].
 _WINDOW = SECOND
@@ -64,15 +66,7 @@ class EnergyAccount:
     @staticmethod
     def of(block: Block) -> EnergyAccount:
         """Return the account of a block."""
-        joules = np.zeros(len(TERMS))
-        add_segments(
-            block.rpud,
-            block.covering,
-            *split_fraction(block.start),
-            *split_fraction(block.end),
-            joules,
-        )
-        terms = dict(zip(TERMS, joules.tolist(), strict=True))
+        terms = dict(zip(TERMS, _joules(block).tolist(), strict=True))
         return EnergyAccount(**terms, electrical=block.electrical_energy)
 
     def __add__(self, other: EnergyAccount) -> EnergyAccount:
@@ -110,6 +104,19 @@ class EnergyAccount:
         return {name: value if math.isfinite(value) else None for name, value in terms.items()}
 
 
+def _joules(block: Block) -> np.ndarray:
+    """Return the energies of a block by ``TERMS`` [J]."""
+    joules = np.zeros(len(TERMS))
+    add_segments(
+        block.rpud,
+        block.covering,
+        *split_fraction(block.start),
+        *split_fraction(block.end),
+        joules,
+    )
+    return joules
+
+
 def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
     """Return the mean of at least one account, term by term."""
     table = np.array([dataclasses.astuple(account) for account in accounts])
@@ -120,13 +127,44 @@ class RecentEnergy:
     """Accounts of the blocks of the last second of simulation time."""
 
     def __init__(self) -> None:
-        self._blocks: deque[tuple[int, int, EnergyAccount]] = deque()
+        # Beginning, end and joules of each block. Those of a span wait until they are wanted.
+        self._blocks: deque[tuple[int, int, np.ndarray]] = deque()
+        self._spans: deque[Span] = deque()
 
     def add(self, block: Block) -> None:
         """Add the block that follows."""
-        self._blocks.append((block.start, block.end, EnergyAccount.of(block)))
-        while self._blocks and self._blocks[0][1] <= block.end - _WINDOW:
+        self._calculate()
+        self._blocks.append((block.start, block.end, _joules(block)))
+        self._forget(block.end)
+
+    def add_span(self, span: Span) -> None:
+        """Add the blocks that follow."""
+        self._spans.append(span)
+        while self._spans[0].end <= span.end - _WINDOW:
+            self._spans.popleft()
+        self._forget(span.end)
+
+    def _forget(self, time: int) -> None:
+        while self._blocks and self._blocks[0][1] <= time - _WINDOW:
             self._blocks.popleft()
+
+    def _calculate(self) -> None:
+        """Calculate the accounts of the spans that wait."""
+        for span in self._spans:
+            seconds, rest = np.divmod(np.concatenate([[span.start], span.ends]), SECOND)
+            joules = np.zeros((len(span), len(TERMS)))
+            add_blocks(
+                span.rpud,
+                span.covering,
+                span.opened,
+                span.finished,
+                seconds,
+                rest / SECOND,
+                joules,
+            )
+            self._blocks.extend(zip(span.starts.tolist(), span.ends.tolist(), joules, strict=True))
+            self._forget(span.end)
+        self._spans.clear()
 
     def powers(self) -> dict[str, float]:
         """Return mean powers by their name in ``rpud_msgs/Status`` [W]; zero before the start.
@@ -134,9 +172,13 @@ class RecentEnergy:
         ``actuator_power + weight_power + change_power`` is ``load_damper_power + collision_power +
         absorbed_power + stored_power``.
         """
-        total = sum((account for _, _, account in self._blocks), EnergyAccount())
+        self._calculate()
+        joules = np.zeros(len(TERMS))
+        for _, _, more in self._blocks:
+            joules = joules + more
+        total = EnergyAccount(**dict(zip(TERMS, joules.tolist(), strict=True)))
         duration = (self._blocks[-1][1] - self._blocks[0][0]) / SECOND if self._blocks else 0.0
-        joules = {
+        energies = {
             "actuator_power": total.actuator_work,
             "weight_power": total.weight_on_bit_work + total.gravity_work,
             "change_power": total.changes,
@@ -145,4 +187,4 @@ class RecentEnergy:
             "absorbed_power": total.absorbed,
             "stored_power": total.stored,
         }
-        return {name: energy / duration if duration else 0.0 for name, energy in joules.items()}
+        return {name: energy / duration if duration else 0.0 for name, energy in energies.items()}

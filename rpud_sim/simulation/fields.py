@@ -3,13 +3,16 @@
 This is the one table from the simulation's records to the messages of ``msg_defs``: the node fills
 ROS messages from it, and offline bags are encoded from it. Messages are dictionaries, sequences
 ``array.array``, stamps integer nanoseconds; an origin is the stamp of simulation time zero.
+
+The same functions give many messages at once as columns: a stamp is then an array, and so is each
+value that differs from message to message. A sequence is an array with a row for each message.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from array import array
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any
 
@@ -18,7 +21,6 @@ import numpy as np
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
-from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.sampling import Samples
@@ -33,24 +35,28 @@ JOINTS = ("rpud_nodal_plane_joint", "rpud_free_mass_joint", "rpud_tool_tip_joint
 # Fields of a trajectory with a value for each segment; it holds the constants once.
 SEGMENT_ARRAYS = tuple(name for name in SEGMENT.names or () if name not in CONSTANTS)
 
+# Place of the constants among the numbers of a segment, which are all of one size.
+_FIRST_CONSTANT = (SEGMENT.fields or {})[CONSTANTS[0]][1] // 8
+_CONSTANTS = slice(_FIRST_CONSTANT, _FIRST_CONSTANT + len(CONSTANTS))
+
 _TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.uint8): "B"}
 
 
-def time_fields(nanoseconds: int) -> Fields:
-    """Fields of ``builtin_interfaces/Time``."""
+def time_fields(nanoseconds: Any) -> Fields:
+    """Fields of ``builtin_interfaces/Time``, or columns."""
     seconds, rest = divmod(nanoseconds, SECOND)
     return {"sec": seconds, "nanosec": rest}
 
 
-def header_fields(topic: str, stamp: int) -> Fields:
-    """Fields of ``std_msgs/Header`` on a topic, in the frame of ``TOPICS``."""
+def header_fields(topic: str, stamp: Any) -> Fields:
+    """Fields of ``std_msgs/Header`` on a topic, or columns, in the frame of ``TOPICS``."""
     return {"stamp": time_fields(stamp), "frame_id": TOPICS[topic].frame}
 
 
-def stamp_of(fields: Fields) -> int:
-    """Stamp in the header of a message [ns]."""
+def stamp_of(fields: Fields) -> Any:
+    """Stamp in the header of a message [ns], or of columns."""
     stamp = fields["header"]["stamp"]
-    return int(stamp["sec"]) * SECOND + int(stamp["nanosec"])
+    return stamp["sec"] * SECOND + stamp["nanosec"]
 
 
 def to_array(values: np.ndarray) -> array:
@@ -58,17 +64,22 @@ def to_array(values: np.ndarray) -> array:
     return array(_TYPE_CODES[values.dtype], np.ascontiguousarray(values).tobytes())
 
 
-def nodal_plane_fields(samples: Samples, index: int, stamp: int) -> Fields:
-    """Fields of ``rpud_msgs/NodalPlane`` for one sample."""
+def _value(column: np.ndarray, index: int | None) -> Any:
+    """Return one value of a column as a Python number, or the whole column."""
+    return column if index is None else column.item(index)
+
+
+def nodal_plane_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
+    """Fields of ``rpud_msgs/NodalPlane`` for one sample, or columns for all."""
     return {
         "header": header_fields("nodal_plane", stamp),
-        "position": float(samples.nodal_plane_position[index]),
-        "velocity": float(samples.nodal_plane_velocity[index]),
+        "position": _value(samples.nodal_plane_position, index),
+        "velocity": _value(samples.nodal_plane_velocity, index),
     }
 
 
-def actuator_state_fields(reading: ActuatorReading, mechanical_power: float, stamp: int) -> Fields:
-    """Fields of ``rpud_msgs/ActuatorState`` for one reading.
+def actuator_state_fields(reading: ActuatorReading, mechanical_power: float, stamp: Any) -> Fields:
+    """Fields of ``rpud_msgs/ActuatorState`` for one reading, or columns for the same at all stamps.
 
     Args:
         reading: of the actuator.
@@ -92,31 +103,33 @@ def actuator_state_fields(reading: ActuatorReading, mechanical_power: float, sta
     }
 
 
-def drill_tool_fields(samples: Samples, index: int, stamp: int) -> Fields:
-    """Fields of ``rpud_msgs/DrillTool`` for one sample."""
+def drill_tool_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
+    """Fields of ``rpud_msgs/DrillTool`` for one sample, or columns for all."""
     return {
         "header": header_fields("drill_tool", stamp),
-        "displacement": float(samples.drill_tool_displacement[index]),
-        "velocity": float(samples.drill_tool_velocity[index]),
-        "in_contact": bool(samples.in_contact[index]),
+        "displacement": _value(samples.drill_tool_displacement, index),
+        "velocity": _value(samples.drill_tool_velocity, index),
+        "in_contact": _value(samples.in_contact, index),
     }
 
 
-def reacting_force_fields(samples: Samples, index: int, stamp: int) -> Fields:
-    """Fields of ``rpud_msgs/ReactingForce`` for one sample."""
+def reacting_force_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
+    """Fields of ``rpud_msgs/ReactingForce`` for one sample, or columns for all."""
     return {
         "header": header_fields("reacting_force", stamp),
-        "force": float(samples.reacting_force[index]),
+        "force": _value(samples.reacting_force, index),
     }
 
 
-def wrench_fields(samples: Samples, index: int, stamp: int) -> Fields:
+def wrench_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
     """Fields of ``geometry_msgs/WrenchStamped`` as a wrist sensor at the mount gives one sample.
+
+    Without an index they are columns for all samples.
 
     The z axis of the mount's frame points along the drill toward the rock; the drill pushes the
     mount back, so that the force along z is the negative reacting force.
     """
-    force = -float(samples.reacting_force[index])
+    force = -_value(samples.reacting_force, index)
     return {
         "header": header_fields("wrench", stamp),
         "wrench": {
@@ -126,67 +139,105 @@ def wrench_fields(samples: Samples, index: int, stamp: int) -> Fields:
     }
 
 
-def joint_state_fields(samples: Samples, index: int, stamp: int) -> Fields:
+def joint_state_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
     """Fields of ``sensor_msgs/JointState`` for one sample of the ``JOINTS`` of ``urdf/rpud.urdf``.
 
-    The effort is the force between mount and body, positive toward the rock: the reacting force on
-    the nodal plane, and zero on free mass and drill tool, whose forces do not reach the mount in
-    the model. The sum of the efforts is the negative force of the wrench.
+    Without an index they are columns for all samples. The effort is the force between mount and
+    body, positive toward the rock: the reacting force on the nodal plane, and zero on free mass and
+    drill tool, whose forces do not reach the mount in the model. The sum of the efforts is the
+    negative force of the wrench.
     """
     position = (
-        samples.nodal_plane_position[index],
-        samples.free_mass_position[index],
-        samples.drill_tool_displacement[index],
+        samples.nodal_plane_position,
+        samples.free_mass_position,
+        samples.drill_tool_displacement,
     )
     velocity = (
-        samples.nodal_plane_velocity[index],
-        samples.free_mass_velocity[index],
-        samples.drill_tool_velocity[index],
+        samples.nodal_plane_velocity,
+        samples.free_mass_velocity,
+        samples.drill_tool_velocity,
     )
     return {
         "header": header_fields("joint_states", stamp),
         "name": list(JOINTS),
-        "position": array("d", position),
-        "velocity": array("d", velocity),
-        "effort": array("d", (samples.reacting_force[index], 0.0, 0.0)),
+        "position": _joints(position, index),
+        "velocity": _joints(velocity, index),
+        "effort": _joints((samples.reacting_force, None, None), index),
     }
 
 
-def contact_force_fields(impact: np.void, origin: int) -> Fields:
-    """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``."""
-    # All at once: one by one they would take longer than the rest of the message.
-    values = dict(zip(IMPACT.names or (), impact.item(), strict=True))
-    start = values.pop("seconds") * SECOND + round(values.pop("fraction") * SECOND)
+def _joints(columns: tuple[np.ndarray | None, ...], index: int | None) -> Any:
+    """Return a value for each joint, or a row of them for each sample; None for zeros."""
+    if index is not None:
+        return array("d", [0.0 if each is None else each.item(index) for each in columns])
+    count = next(len(each) for each in columns if each is not None)
+    rows = np.zeros((count, len(columns)))
+    for number, each in enumerate(columns):
+        if each is not None:
+            rows[:, number] = each
+    return rows
+
+
+def contact_force_fields(impact: Any, origin: int) -> Fields:
+    """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``, or columns for an array of them."""
+    names = IMPACT.names or ()
+    if isinstance(impact, np.ndarray):
+        values = {name: impact[name] for name in names}
+        fraction = np.rint(values.pop("fraction") * SECOND).astype(np.int64)
+    else:
+        # All at once: one by one they would take longer than the rest of the message.
+        values = dict(zip(names, impact.item(), strict=True))
+        fraction = round(values.pop("fraction") * SECOND)
+    start = values.pop("seconds") * SECOND + fraction
     return {"header": header_fields("contact_force", origin + start), **values}
 
 
-def waveform_fields(samples: Samples, stamp: int, sequence: int, sample_rate: int) -> Fields:
-    """Fields of ``rpud_msgs/Waveform``; stamp and number are the first sample's, the rate in Hz."""
+def waveform_fields(
+    samples: Samples,
+    stamp: Any,
+    sequence: Any,
+    sample_rate: int,
+    convert: Callable[[np.ndarray], Any] = to_array,
+) -> Fields:
+    """Fields of ``rpud_msgs/Waveform``, or columns.
+
+    Args:
+        samples: of the message, or of all.
+        stamp: of the first sample.
+        sequence: number of the first sample.
+        sample_rate: [Hz].
+        convert: makes a sequence of a channel; for columns, a row for each message.
+    """
     return {
         "header": header_fields("waveform", stamp),
         "sequence": sequence,
         "sample_period": 1.0 / sample_rate,
-        "nodal_plane_position": to_array(samples.nodal_plane_position),
-        "actuator_position": to_array(samples.actuator_position),
-        "free_mass_position": to_array(samples.free_mass_position),
-        "drill_tool_displacement": to_array(samples.drill_tool_displacement),
-        "contact_force": to_array(samples.contact_force),
-        "reacting_force": to_array(samples.reacting_force),
+        "nodal_plane_position": convert(samples.nodal_plane_position),
+        "actuator_position": convert(samples.actuator_position),
+        "free_mass_position": convert(samples.free_mass_position),
+        "drill_tool_displacement": convert(samples.drill_tool_displacement),
+        "contact_force": convert(samples.contact_force),
+        "reacting_force": convert(samples.reacting_force),
     }
 
 
-def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fields]:
-    """Fields of ``rpud_msgs/Trajectory`` for a block's segments: one message per set of constants.
+def trajectory_fields(
+    segments: np.ndarray,
+    sequence: int,
+    origin: int,
+    convert: Callable[[np.ndarray], Any] = to_array,
+) -> Iterator[Fields]:
+    """Fields of ``rpud_msgs/Trajectory`` for finished segments: one message per set of constants.
 
     Args:
-        block: whose segments they are.
+        segments: of a block.
         sequence: number of the first segment since the start.
         origin: stamp of simulation time zero.
+        convert: makes a sequence of a column.
     """
-    segments = block.segments
     if not len(segments):
         return
-    constants = np.column_stack([segments[name] for name in CONSTANTS])
+    constants = segments.view(np.float64).reshape(len(segments), -1)[:, _CONSTANTS]
     cuts = np.flatnonzero((constants[1:] != constants[:-1]).any(axis=1)) + 1
     for first, end in pairwise([0, *cuts.tolist(), len(segments)]):
         part = segments[first:end]
@@ -197,7 +248,7 @@ def trajectory_fields(block: Block, sequence: int, origin: int) -> Iterator[Fiel
             "sequence": sequence + first,
             "origin": time_fields(origin),
             **{name: float(part[name][0]) for name in CONSTANTS},
-            **{name: to_array(part[name]) for name in SEGMENT_ARRAYS},
+            **{name: convert(part[name]) for name in SEGMENT_ARRAYS},
         }
 
 

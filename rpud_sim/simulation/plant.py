@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rpud_sim.foundation.time import split_fraction
+from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.drill import derive
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.engine import Engine
@@ -85,6 +85,26 @@ class Plant:
         if time == self.actuator.next_step:
             self.actuator.step(time, self.engine.account(*split_fraction(time)))
         self.time = time
+
+    def advance_through(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Advance to times one after the other [ns], before the actuator's next step.
+
+        Returns:
+            The numbers of segments and of impacts since the last ``drain`` that were finished at
+            each time; None if it must be done one by one, and nothing has moved.
+        """
+        if self.actuator.resonance is not None:
+            return None  # each reading needs the account at its time
+        self._push_to_engine()
+        segments = sum(map(len, self._segments))
+        impacts = sum(map(len, self._impacts))
+        seconds, rest = np.divmod(ends, SECOND)
+        reached = self.engine.advance_through(seconds, rest / SECOND)
+        if reached is None:
+            return None
+        self.time = int(ends[-1])
+        finished, struck = reached
+        return finished + segments, struck + impacts
 
     def change(self, conditions: Conditions, hardness: float) -> None:
         """Put conditions into force at the present time; positions and velocities go on.

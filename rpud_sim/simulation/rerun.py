@@ -10,7 +10,7 @@ from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.together import Entry, Together
 
 
 class JournalError(ValueError):
@@ -52,8 +52,10 @@ class Rerun:
         """Stamp of simulation time zero [ns]."""
         return self._run.origin if self._run else 0
 
-    def repeat(self, entry: JournalEntry) -> Iterator[Entry]:
+    def repeat(self, entry: JournalEntry) -> Iterator[Entry | Together]:
         """Advance to the time of an entry, repeat its change, and yield the messages.
+
+        Where nothing changes, they come many at once.
 
         Raises:
             JournalError: if the entry cannot be repeated.
@@ -68,7 +70,7 @@ class Rerun:
                 raise JournalError("nothing has begun")
             if entry.time < self._run.time:
                 raise JournalError(f"its time {entry.time} ns is before that of the one before it")
-            yield from self._run.advance_to(entry.time)
+            yield from self._run.advance_together(entry.time)
             if entry.kind == "restore":
                 self._run = self._checkpoints.find(entry.content["name"])
                 return
@@ -81,9 +83,9 @@ class Rerun:
                 f"journal entry {entry.sequence} ({entry.kind:.20}) cannot be done: {reason}"
             ) from error
 
-    def advance_to(self, time: int) -> Iterator[Entry]:
-        """Advance to a simulation time [ns] and yield the messages."""
-        return self._run.advance_to(time) if self._run else iter(())
+    def advance_to(self, time: int) -> Iterator[Entry | Together]:
+        """Advance to a simulation time [ns] and yield the messages, as ``repeat`` does."""
+        return self._run.advance_together(time) if self._run else iter(())
 
 
 def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:

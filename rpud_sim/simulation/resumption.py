@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.simulation.block import boundaries_until, boundary
 from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import Settings, to_values
 from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Run
-from rpud_sim.simulation.telemetry import Entry
+from rpud_sim.simulation.together import Entry, Together
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,13 +60,15 @@ def resume(
     faults: Entry | None = None
     reached = 0
 
-    def hear(messages: Iterable[Entry]) -> list[Entry]:
+    def hear(messages: Iterable[Entry | Together]) -> list[Entry]:
         nonlocal faults, reached
         heard = []
         for message in messages:
-            if message[1] == "faults":
+            if isinstance(message, Together):
+                pass  # neither faults nor entries of the journal
+            elif message[1] == "faults":
                 faults = message
-            if message[1] == "journal":
+            elif message[1] == "journal":
                 heard.append(message)
             if rerun.time >= reached + SECOND:
                 report((rerun.time - reached) / SECOND)
@@ -78,8 +81,9 @@ def resume(
     run = rerun.run
     if run is None:
         raise JournalError("nothing has begun")
-    while run.next_boundary <= time:
-        hear(run.advance_to(run.next_boundary))
+    last = boundary(boundaries_until(time, run.beginning.settings.telemetry_rate))
+    if last > run.time:
+        hear(run.advance_together(last))
     journal.restart(entries[-1].sequence + 1)
     stops = hear(run.advance_to(time)) if stop else []
     listening.append(True)

@@ -63,33 +63,39 @@ CHANNELS = tuple(field.name for field in dataclasses.fields(Samples) if field.na
 
 
 @compiled
-def _fill(segments, seconds, fraction, channels, in_contact):
-    index = 0
-    for i in range(len(seconds)):
-        while index + 1 < len(segments):
-            after = segments[index + 1]
-            ahead = float(seconds[i] - after.start_seconds) + (fraction[i] - after.start_fraction)
-            if ahead < 0.0:
-                break
-            index += 1
-        segment = segments[index]
-        time = float(seconds[i] - segment.start_seconds) + (fraction[i] - segment.start_fraction)
-        motion = motion_at(segment, time)
-        for k in range(8):
-            channels[k, i] = motion[k]
-        force = 0.0
-        touching = segment.contact & CONTACT_DRILL_TOOL
-        if touching:
-            force, _ = force_on_drill_tool(segment, time)
-        channels[8, i] = force
-        channels[9, i] = reacting_force(
-            segment.weight_on_bit,
-            segment.load_spring_rate,
-            segment.load_spring_damping,
-            motion[0],
-            motion[1],
-        )
-        in_contact[i] = touching != 0
+def _fill(segments, firsts, lasts, cuts, seconds, fraction, channels, in_contact):
+    for k in range(len(firsts)):
+        index = firsts[k]
+        last = lasts[k]
+        for i in range(cuts[k], cuts[k + 1]):
+            while index < last:
+                after = segments[index + 1]
+                ahead = float(seconds[i] - after.start_seconds) + (
+                    fraction[i] - after.start_fraction
+                )
+                if ahead < 0.0:
+                    break
+                index += 1
+            segment = segments[index]
+            time = float(seconds[i] - segment.start_seconds) + (
+                fraction[i] - segment.start_fraction
+            )
+            motion = motion_at(segment, time)
+            for m in range(8):
+                channels[m, i] = motion[m]
+            force = 0.0
+            touching = segment.contact & CONTACT_DRILL_TOOL
+            if touching:
+                force, _ = force_on_drill_tool(segment, time)
+            channels[8, i] = force
+            channels[9, i] = reacting_force(
+                segment.weight_on_bit,
+                segment.load_spring_rate,
+                segment.load_spring_damping,
+                motion[0],
+                motion[1],
+            )
+            in_contact[i] = touching != 0
 
 
 def sample(segments: np.ndarray, times: Times) -> Samples:
@@ -103,6 +109,43 @@ def sample(segments: np.ndarray, times: Times) -> Samples:
     Returns:
         ``Samples`` of the same length as the times.
     """
+    one = Stretches(
+        np.zeros(1, np.int64),
+        np.array([len(segments) - 1], np.int64),
+        np.array([0, len(times.seconds)], np.int64),
+    )
+    return sample_stretches(segments, one, times)
+
+
+@dataclasses.dataclass(frozen=True)
+class Stretches:
+    """Parts of a trajectory and of the times at which it is sampled, each as if it were alone.
+
+    So a time at a joint of two segments is sampled from the same one, however far the trajectory
+    goes on before and after its part.
+
+    Args:
+        firsts: number of the first segment of each part, shape (n,), int64.
+        lasts: number of the last one, shape (n,), int64.
+        cuts: number of the first time of each part, and of all, shape (n + 1,), int64.
+    """
+
+    firsts: np.ndarray
+    lasts: np.ndarray
+    cuts: np.ndarray
+
+
+def sample_stretches(segments: np.ndarray, parts: Stretches, times: Times) -> Samples:
+    """Sample all channels of a trajectory in parts.
+
+    Args:
+        segments: ``SEGMENT`` records in order, without a gap.
+        parts: of the segments and of the times.
+        times: of each part as for ``sample``.
+
+    Returns:
+        ``Samples`` of the same length as the times.
+    """
     count = len(times.seconds)
     channels = np.empty((len(CHANNELS), count))
     in_contact = np.empty(count, np.bool_)
@@ -110,7 +153,16 @@ def sample(segments: np.ndarray, times: Times) -> Samples:
         # Always read-only: a kernel is compiled again for another type of array.
         segments = segments.view()
         segments.flags.writeable = False
-        _fill(segments, times.seconds, times.fraction, channels, in_contact)
+        _fill(
+            segments,
+            parts.firsts,
+            parts.lasts,
+            parts.cuts,
+            times.seconds,
+            times.fraction,
+            channels,
+            in_contact,
+        )
     channels.flags.writeable = False
     in_contact.flags.writeable = False
     return Samples(**dict(zip(CHANNELS, channels, strict=True)), in_contact=in_contact)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,8 +34,22 @@ class SignalFaults:
 
     def __init__(self, seed: int = 0) -> None:
         self._seed = seed
-        self._last: dict[str, Fields] = {}
+        self._last: dict[str, Fields | Callable[[], Fields]] = {}
         self._stages: dict[str, dict[int, _Stage]] = {}
+
+    @property
+    def busy(self) -> bool:
+        """Whether a fault acts on a channel, or holds messages of one."""
+        return bool(self._stages)
+
+    def note(self, channel: str, last: Callable[[], Fields]) -> None:
+        """Note what a healthy channel published last, without its messages passing through here.
+
+        Args:
+            channel: one of ``CHANNELS``.
+            last: makes this message, if a fault needs it.
+        """
+        self._last[channel] = last
 
     def apply(
         self, channel: str, time: int, fields: Fields, records: Sequence[FaultRecord]
@@ -99,6 +113,8 @@ class SignalFaults:
             np.random.SeedSequence(self._seed, spawn_key=(record.number,))
         )
         last = self._last.get(fault.channel)
+        if callable(last):
+            last = last()
         return _STAGES[fault.kind](CHANNELS[fault.channel], fault.magnitude, random, last)
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections import deque
 from typing import Any
+
+import numpy as np
 
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
@@ -18,6 +21,7 @@ from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.plant import Plant, nominal_drive, rpud_constants
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
+from rpud_sim.simulation.span import Span, span_of
 
 # Refusals that are kept until they are drained; the oldest are dropped.
 _MOST_REFUSALS = 100
@@ -113,6 +117,11 @@ class Simulation:
         """Mean rate over the last second [m/s]; NaN without a rock model."""
         return self._plant.progress.penetration_rate(self.time)
 
+    @property
+    def next_scheduled(self) -> int:
+        """Time of the next scheduled change [ns]; ``NEVER`` if none is planned."""
+        return self._schedule.next_time
+
     def drain_refusals(self) -> list[str]:
         """Return why scheduled faults did not begin, since the last call."""
         refusals = list(self._refusals)
@@ -136,6 +145,30 @@ class Simulation:
         reading = self._plant.reading
         drawn, self._drawn = reading.electrical_energy - self._drawn, reading.electrical_energy
         return Block(start, time, *self._plant.drain(), self._rpud, drawn, reading)
+
+    def advance_through(self, ends: np.ndarray) -> Span:
+        """Advance to times one after the other and return what happened up to each.
+
+        The result is that of ``advance_to`` for each of them; without a scheduled change before the
+        last one, it takes one call of the engine.
+
+        Args:
+            ends: in ascending order, after the present time, at least one [ns], int64.
+
+        Raises:
+            EngineError: if the simulation cannot go on.
+        """
+        start = self.time
+        if min(self._plant.actuator.next_step, self._schedule.next_time) > ends[-1]:
+            reached = self._plant.advance_through(ends)
+            if reached is not None:
+                # The actuator has no power here, and nothing changes what it reads.
+                covering, impacts = self._plant.drain()
+                readings = (self._plant.reading,) * len(ends)
+                return Span(
+                    start, ends, covering, impacts, *reached, self._rpud, math.nan, readings
+                )
+        return span_of([self.advance_to(end) for end in ends.tolist()])
 
     def apply(self, command: WeightOnBit | Drive) -> None:
         """Put a command into force at the present time.

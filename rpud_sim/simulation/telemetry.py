@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import numpy as np
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
 from rpud_sim.simulation.fields import (
     Fields,
     actuator_state_fields,
     contact_force_fields,
     drill_tool_fields,
+    header_fields,
     joint_state_fields,
     nodal_plane_fields,
     reacting_force_fields,
@@ -22,6 +27,8 @@ from rpud_sim.simulation.fields import (
 from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.signals import SignalFaults
+from rpud_sim.simulation.span import Span
+from rpud_sim.simulation.together import Columns, Entry, Single, Together
 
 _SENSORS = (
     ("nodal_plane", nodal_plane_fields),
@@ -30,8 +37,9 @@ _SENSORS = (
     ("wrench", wrench_fields),
 )
 
-# A message: simulation time at which it is published [ns], topic, fields.
-Entry = tuple[int, str, Fields]
+# Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
+# saves no time.
+_TOGETHER = SECOND
 
 
 class Telemetry:
@@ -81,7 +89,7 @@ class Telemetry:
             values = contact_force_fields(impact, self.origin)
             began = max(block.start, stamp_of(values) - self.origin)
             yield from self._signal("contact_force", began, values, faults)
-        if self._boundary(block) is not None:
+        if self._boundary(block.end) is not None:
             yield from self._samples(block, faults)
         for channel, values in self._signals.release(block.end, faults):
             yield block.end, channel, values
@@ -89,9 +97,113 @@ class Telemetry:
     def streams(self, block: Block) -> Iterator[Entry]:
         """Yield waveform and trajectory if a period of theirs ends with this block."""
         self._pending.append(block)
-        number = self._boundary(block)
+        number = self._boundary(block.end)
         if number is not None and number % self._stream_period == 0:
             yield from self.flush()
+
+    def stride(self, start: int, time: int) -> int:
+        """Return the number of blocks from ``start`` that can be done together, up to a time [ns].
+
+        They are whole periods of waveform and trajectory, of about ``_TOGETHER`` [ns], and 0 if
+        something has to be done block by block first.
+        """
+        number = self._boundary(start)
+        if number is None or number % self._stream_period or self._pending or self._signals.busy:
+            return 0
+        most = max(1, _TOGETHER * self._rate // SECOND // self._stream_period)
+        periods = (boundaries_until(time, self._rate) - number) // self._stream_period
+        return min(most, periods) * self._stream_period
+
+    def ends(self, start: int, count: int) -> np.ndarray:
+        """Return the ends of the blocks that follow a boundary [ns]."""
+        first = boundaries_until(start, self._rate) + 1
+        return np.array([boundary(first + k, self._rate) for k in range(count)], np.int64)
+
+    def together(self, span: Span) -> Together:
+        """Return all messages of a span of healthy signals, for which ``stride`` gave the length.
+
+        They are those that ``prompt`` and ``streams`` would yield block by block.
+        """
+        blocks = np.arange(len(span))
+        ends = span.ends
+        stamps = self.origin + ends
+        samples = span.sample_ends()
+        columns = []
+
+        def add(topic: str, blocks: np.ndarray, times: np.ndarray, fields: Fields) -> None:
+            columns.append(Columns(topic, blocks, times, fields))
+
+        if len(span.impacts):
+            blocks_of = np.searchsorted(span.struck, np.arange(len(span.impacts)), side="right")
+            fields = contact_force_fields(span.impacts, self.origin)
+            times = np.maximum(span.starts[blocks_of], stamp_of(fields) - self.origin)
+            add("contact_force", blocks_of, times, fields)
+            self._signals.note(
+                "contact_force", partial(contact_force_fields, span.impacts[-1], self.origin)
+            )
+        for topic, make in _SENSORS:
+            add(topic, blocks, ends, make(samples, None, stamps))
+            last = partial(make, samples, len(span) - 1, self.origin + span.end)
+            self._signals.note(topic, last)
+        if self._wanted("joint_states"):
+            add("joint_states", blocks, ends, joint_state_fields(samples, None, stamps))
+        if span.readings:
+            powers = self._powers(span)
+            if self._wanted("actuator_state"):
+                add("actuator_state", blocks, ends, _readings(span.readings, powers, stamps))
+        singles = sorted(self._streams_together(span, blocks, add), key=lambda single: single.place)
+        return Together(ends, tuple(columns), tuple(singles))
+
+    def _powers(self, span: Span) -> list[float]:
+        """Return the actuator's mean mechanical power in each block [W]."""
+        powers = []
+        for end, reading in zip(span.ends.tolist(), span.readings, strict=True):
+            powers.append(self._power(end, reading))
+        return powers
+
+    def _power(self, end: int, reading: ActuatorReading) -> float:
+        work = reading.mechanical_work - self._actuator_work
+        elapsed = end - self._actuator_time
+        self._actuator_time, self._actuator_work = end, reading.mechanical_work
+        return work * SECOND / elapsed if elapsed else 0.0
+
+    def _streams_together(
+        self, span: Span, blocks: np.ndarray, add: Callable[..., None]
+    ) -> Iterator[Single]:
+        """Add the waveforms of a span, and yield its trajectories; or yield both."""
+        period = self._stream_period
+        last = slice(period - 1, None, period)
+        blocks, ends, finished = blocks[last], span.ends[last], span.finished[last]
+        if self._wanted("waveform"):
+            rate = self._sample_rate
+            # Numbers of the samples, as of ``Block.grid``; 64 bits would overflow within days.
+            cuts = np.array([-(-end * rate // SECOND) for end in (span.start, *ends.tolist())])
+            counts = np.diff(cuts)
+            count = int(counts[0])
+            times = Times.from_grid(int(cuts[0]), int(cuts[-1] - cuts[0]), rate)
+            samples = span.sample_parts(period, cuts - cuts[0], times)
+            stamps = self.origin + np.array([cut * SECOND // rate for cut in cuts[:-1].tolist()])
+            if count and (counts == count).all():
+                rows = partial(np.reshape, shape=(len(counts), count))
+                fields = waveform_fields(samples, stamps, cuts[:-1], rate, rows)
+                add("waveform", blocks, ends, fields)
+            else:
+                for k in np.flatnonzero(counts).tolist():
+                    part = slice(int(cuts[k] - cuts[0]), int(cuts[k + 1] - cuts[0]))
+                    fields = waveform_fields(
+                        samples, int(stamps[k]), int(cuts[k]), rate, lambda v, part=part: v[part]
+                    )
+                    yield Single("waveform", int(blocks[k]), int(ends[k]), fields)
+        first = 0
+        for block, end, after in zip(
+            blocks.tolist(), ends.tolist(), finished.tolist(), strict=True
+        ):
+            segments, number = span.covering[first:after], self._segments
+            self._segments += after - first
+            first = after
+            if self._wanted("trajectory"):
+                for fields in trajectory_fields(segments, number, self.origin, lambda v: v):
+                    yield Single("trajectory", block, end, fields)
 
     def drop_pending(self) -> None:
         """Begin waveform and trajectory here; what is pending of them is not published."""
@@ -110,13 +222,13 @@ class Telemetry:
         self._segments += len(block.segments)
         yield from self._waveform(block)
         if self._wanted("trajectory"):
-            for values in trajectory_fields(block, first, self.origin):
+            for values in trajectory_fields(block.segments, first, self.origin):
                 yield block.end, "trajectory", values
 
-    def _boundary(self, block: Block) -> int | None:
-        """Number of the telemetry period that ends with a block, if one does."""
-        number = boundaries_until(block.end, self._rate)
-        return number if boundary(number, self._rate) == block.end else None
+    def _boundary(self, time: int) -> int | None:
+        """Number of the telemetry period that ends at a time [ns], if one does."""
+        number = boundaries_until(time, self._rate)
+        return number if boundary(number, self._rate) == time else None
 
     def _signal(
         self, channel: str, time: int, values: Fields, faults: Sequence[FaultRecord]
@@ -133,10 +245,7 @@ class Telemetry:
         if self._wanted("joint_states"):
             yield block.end, "joint_states", joint_state_fields(samples, 0, stamp)
         if (reading := block.actuator) is not None:
-            work = reading.mechanical_work - self._actuator_work
-            elapsed = block.end - self._actuator_time
-            power = work * SECOND / elapsed if elapsed else 0.0
-            self._actuator_time, self._actuator_work = block.end, reading.mechanical_work
+            power = self._power(block.end, reading)
             if self._wanted("actuator_state"):
                 yield block.end, "actuator_state", actuator_state_fields(reading, power, stamp)
 
@@ -148,3 +257,16 @@ class Telemetry:
             stamp = self.origin + numbers.start * SECOND // rate
             values = waveform_fields(samples, stamp, numbers.start, rate)
             yield block.end, "waveform", values
+
+
+def _readings(
+    readings: Sequence[ActuatorReading], powers: Sequence[float], stamps: np.ndarray
+) -> Fields:
+    """Return the columns of ``actuator_state``."""
+    if all(reading is readings[0] for reading in readings):
+        fields = actuator_state_fields(readings[0], 0.0, stamps)
+    else:
+        rows = [actuator_state_fields(reading, 0.0, 0) for reading in readings]
+        fields = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        fields["header"] = header_fields("actuator_state", stamps)
+    return {**fields, "mechanical_power": np.array(powers)}

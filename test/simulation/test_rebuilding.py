@@ -27,7 +27,7 @@ def block(request):
 
 
 def messages(block):
-    return [SimpleNamespace(**fields) for fields in trajectory_fields(block, 0, 0)]
+    return [SimpleNamespace(**fields) for fields in trajectory_fields(block.segments, 0, 0)]
 
 
 def test_segments_come_back_bit_for_bit(block):

@@ -15,6 +15,7 @@ from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import parse_scenario
+from rpud_sim.simulation.together import one_by_one
 
 MILLISECOND = 1_000_000
 RATES = {"telemetry_rate": 200, "sample_rate": 20_000, "block_duration": 0.02}
@@ -71,7 +72,8 @@ def again(entries):
     """Give the messages of a rerun, of entries that went through a bag; ground truth aside."""
     rerun = Rerun()
     for entry in entries:
-        yield from (item for item in rerun.repeat(entry) if item[1] != "faults")
+        messages = one_by_one(rerun.repeat(entry))
+        yield from (item for item in messages if item[1] != "faults")
 
 
 def bits(items):

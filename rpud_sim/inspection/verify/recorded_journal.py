@@ -8,6 +8,8 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
+import numpy as np
+
 from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.simulation.journal import JournalEntry
@@ -117,6 +119,17 @@ class Stretches:
             for times in (self._earliest, self._begins)
             for first, second in pairwise(times)
         )
+
+    def hold(self, stretch: int, publish_times: np.ndarray) -> np.ndarray:
+        """Return whether messages may belong to a stretch, by their publishing times [ns]."""
+        if not self._ordered:
+            return np.full(len(publish_times), stretch <= max(0, len(self._begins) - 1))
+        final = max(0, len(self._begins) - 1)
+        first = np.maximum(np.searchsorted(self._begins, publish_times) - 1, 0)
+        last = np.searchsorted(self._earliest, publish_times, side="right") - 1
+        last = np.minimum(np.maximum(first, last), final)
+        found: np.ndarray = (first <= stretch) & (stretch <= last)
+        return found
 
     def of(self, message: Message) -> tuple[int, int]:
         """Return the first and the last stretch that a message may belong to."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable
+from functools import partial
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.inspection.verify.computed_block import ComputedBlock
 from rpud_sim.inspection.verify.messages import (
     UNREADABLE,
     Key,
@@ -15,9 +17,9 @@ from rpud_sim.inspection.verify.messages import (
     first_difference,
     recorded_key,
     without_padding,
-    without_repeats,
 )
 from rpud_sim.inspection.verify.recorded_journal import Position, Span, Stretches
+from rpud_sim.inspection.verify.recorded_topics import RecordedMessages
 from rpud_sim.simulation.fields import Fields
 
 # Suspects kept of a topic: further ones show nothing that these do not.
@@ -105,7 +107,7 @@ class TopicComparison:
     Args:
         topic: name of the topic.
         codec: of its type.
-        recorded: its messages in the bag.
+        recorded: its messages in the bag, without repeats.
         stretches: of the journal; stamps may repeat in the next one.
         span: part of the runs that the bag covers.
 
@@ -118,7 +120,7 @@ class TopicComparison:
         self,
         topic: str,
         codec: Codec,
-        recorded: Iterator[Message],
+        recorded: RecordedMessages,
         stretches: Stretches,
         span: Span,
     ) -> None:
@@ -128,28 +130,83 @@ class TopicComparison:
         self._codec = codec
         self._stretches = stretches
         self._span = span
-        self._source = without_repeats(recorded)
+        self._source = recorded
         self._recorded: deque[_Recorded] = deque()
         self._computed: deque[_Computed] = deque()
-        self._last: tuple[Key, Fields] = (UNREADABLE, {})
+        self._last: tuple[Key, Callable[[], Fields]] = (UNREADABLE, dict)
         self._missing = 0  # computed messages skipped since the last recorded one
 
     @property
     def exhausted(self) -> bool:
         """Whether all recorded messages are compared."""
-        return self._peek(0) is None
+        return not self._recorded and self._source.exhausted
 
     def add(self, computed: Fields, position: Position) -> None:
         """Add the next computed message, and the progress of the drill at it."""
         key = computed_key(computed)
-        if (key, computed) == self._last:
+        if key == self._last[0] and computed == self._last[1]():
             # A repeated computed message adds nothing; repeats in the bag are skipped as well.
-            self._computed[-1] = dataclasses.replace(self._computed[-1], last_stretch=position[0])
+            if self._computed:
+                again = dataclasses.replace(self._computed[-1], last_stretch=position[0])
+                self._computed[-1] = again
             return
-        self._last = (key, computed)
+        self._last = (key, lambda: computed)
         self._computed.append(_Computed(key, computed, position, position[0]))
         while len(self._computed) > 1:
             self._step()
+
+    def add_block(self, computed: ComputedBlock) -> None:
+        """Add the next computed messages; what they equal bit for bit is compared at once.
+
+        A message and its follower need not be looked at where the bytes are equal and the times
+        fit: they match whatever follows.
+        """
+        number = 0
+        count = len(computed.messages)
+        if computed.key(0) == self._last[0]:
+            self.add(computed.fields(0), computed.position(0))
+            number = 1
+        while number < count:
+            self._match_equal()
+            if self._computed or self._recorded:
+                self.add(computed.fields(number), computed.position(number))
+                number += 1
+                continue
+            passed = self._source.pass_equal(
+                computed.messages, number, partial(self._stretches.hold, computed.stretch)
+            )
+            if passed:
+                self._count_equal(passed)
+                number += passed
+            elif self._source.exhausted:
+                for rest in range(number, count):
+                    self._add_tail(computed.position(rest))
+                number = count
+            else:
+                self.add(computed.fields(number), computed.position(number))
+                number += 1
+                continue
+            self._last = (computed.key(number - 1), partial(computed.fields, number - 1))
+
+    def _match_equal(self) -> None:
+        """Match the first messages of both sides while they are equal bit for bit."""
+        while self._computed and (recorded := self._peek(0)) is not None:
+            computed = self._computed[0]
+            if not (
+                recorded.first_stretch <= computed.last_stretch
+                and computed.position[0] <= recorded.last_stretch
+                and recorded.message.data == self._codec.encode(computed.fields)
+            ):
+                return
+            self._match(computed, recorded)
+
+    def _count_equal(self, more: int) -> None:
+        counts = self.counts
+        missing = self._missing if counts.equal + counts.different else 0
+        self._missing = 0
+        self.counts = dataclasses.replace(
+            counts, equal=counts.equal + more, missing=counts.missing + missing
+        )
 
     def finish(self) -> None:
         """Compare the remaining messages: no more are computed."""
@@ -160,7 +217,7 @@ class TopicComparison:
 
     def _peek(self, index: int) -> _Recorded | None:
         while len(self._recorded) <= index:
-            message = next(self._source, None)
+            message = self._source.pop()
             if message is None:
                 return None
             key = recorded_key(message, self._codec)
@@ -173,7 +230,7 @@ class TopicComparison:
         recorded = self._peek(0)
         if recorded is None:
             self._computed.popleft()  # the recording of this topic has ended
-            self._add_tail(computed)
+            self._add_tail(computed.position)
         elif computed.last_stretch < recorded.first_stretch:
             self._skip_computed()
         elif computed.position[0] > recorded.last_stretch:
@@ -223,11 +280,9 @@ class TopicComparison:
             found = first_difference(self._codec, recorded.message.data, expected)
             self._add_suspect(computed.key[0], recorded, *found)
 
-    def _add_tail(self, computed: _Computed) -> None:
+    def _add_tail(self, position: Position) -> None:
         matched = self.counts.equal + self.counts.different
-        if computed.position <= self._span.reached and (
-            matched or computed.position > self._span.begun
-        ):
+        if position <= self._span.reached and (matched or position > self._span.begun):
             # Skipped ones lie before an unexpected message here, so they are missing at the end.
             tail = self.counts.tail + self._missing * bool(matched) + 1
             self._missing = 0

@@ -12,6 +12,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.verify.computed_block import computed_blocks
 from rpud_sim.inspection.verify.content_comparison import ContentComparison
 from rpud_sim.inspection.verify.coverage import find_coverage
 from rpud_sim.inspection.verify.installed_types import (
@@ -22,15 +23,16 @@ from rpud_sim.inspection.verify.installed_types import (
 )
 from rpud_sim.inspection.verify.recorded_journal import (
     BEGINNINGS,
-    Position,
     Stretches,
     UnverifiableError,
     journal_entries,
 )
+from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.topic_comparison import Counts, Difference, Suspect, TopicComparison
 from rpud_sim.simulation import EngineError
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
+from rpud_sim.simulation.together import Entry, Together, one_by_one
 from rpud_sim.simulation.topics import PROVED, TOPICS
 from rpud_sim.simulation.versions import engine_and_processor, mended_since
 
@@ -180,23 +182,31 @@ class _Proof:
 
     def _compare(self, report: Callable[[float], object]) -> dict[str, TopicComparison]:
         """Compare each message with those of the run in which it was published."""
+        names = {name: self._summaries[name].topic.name for name in self._codecs}
+        recorded = RecordedTopics(self._bag, set(names.values()))
         comparisons = {
             name: TopicComparison(
-                self._summaries[name].topic.name,
+                names[name],
                 codec,
-                self._messages(name),
+                RecordedMessages(recorded, names[name]),
                 self._stretches,
                 self._coverage.span,
             )
             for name, codec in self._codecs.items()
         }
-        for name, values, position in self._computed(report):
-            if name in comparisons:
-                comparisons[name].add(values, position)
-                if position > self._coverage.span.reached and all(
-                    comparison.exhausted for comparison in comparisons.values()
-                ):
-                    break
+        for found, stretch, reached in self._computed(report):
+            if isinstance(found, Together):
+                origin = reached - found.end
+                for name, block in computed_blocks(found, self._codecs, stretch, origin):
+                    comparisons[name].add_block(block)
+            elif found[1] in comparisons:
+                comparisons[found[1]].add(found[2], (stretch, reached))
+            else:
+                continue
+            if (stretch, reached) > self._coverage.span.reached and all(
+                comparison.exhausted for comparison in comparisons.values()
+            ):
+                break
         for comparison in comparisons.values():
             comparison.finish()
         return comparisons
@@ -217,7 +227,7 @@ class _Proof:
             name: ContentComparison(group, self._codecs[name], self._messages(name))
             for name, group in suspects.items()
         }
-        for name, values, _ in self._computed(report):
+        for _, name, values in one_by_one(found for found, _, _ in self._computed(report)):
             if name in contents:
                 contents[name].add(values)
         self._simulated = simulated
@@ -237,8 +247,8 @@ class _Proof:
 
     def _computed(
         self, report: Callable[[float], object]
-    ) -> Iterator[tuple[str, dict[str, Any], Position]]:
-        """Yield what the simulation gives: topic, message, and the position of the drill."""
+    ) -> Iterator[tuple[Entry | Together, int, int]]:
+        """Yield the messages of the simulation, the stretch, and the stamp that it reached [ns]."""
         rerun = Rerun()
         stretch = -1
         try:
@@ -249,8 +259,8 @@ class _Proof:
                 if entry.kind == "begin":
                     self._check_versions(entry.content)
                     before = 0
-                for _, name, values in rerun.repeat(entry):
-                    yield name, values, (stretch, rerun.origin + rerun.time)
+                for found in rerun.repeat(entry):
+                    yield found, stretch, rerun.origin + rerun.time
                 # A restored checkpoint takes the time back.
                 reached = entry.time if entry.kind == "restore" else rerun.time
                 self._count(reached - before, report)
@@ -260,8 +270,8 @@ class _Proof:
             last = self._coverage.last_stamp + _TAIL - rerun.origin
             while rerun.time < last:
                 before = rerun.time
-                for _, name, values in rerun.advance_to(min(before + SECOND, last)):
-                    yield name, values, (stretch, rerun.origin + rerun.time)
+                for found in rerun.advance_to(min(before + SECOND, last)):
+                    yield found, stretch, rerun.origin + rerun.time
                 self._count(rerun.time - before, report)
         except (JournalError, EngineError) as error:
             raise UnverifiableError(f"{self._journal}: {error}") from error

@@ -68,7 +68,8 @@ def numbered_samples():
 
 def trajectories(block, sequence, origin):
     return [
-        filled(Trajectory(), values) for values in fields.trajectory_fields(block, sequence, origin)
+        filled(Trajectory(), values)
+        for values in fields.trajectory_fields(block.segments, sequence, origin)
     ]
 
 

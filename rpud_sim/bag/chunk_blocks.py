@@ -1,0 +1,171 @@
+"""Messages of an MCAP file by the block: a chunk's messages of a topic in one buffer."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Mapping
+from typing import BinaryIO
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
+
+from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.messages import read_chunk
+from rpud_sim.bag.records import CONTENT_LIMIT, MESSAGE, RECORD, records_in
+
+HEAD = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish_time", "<u8"),
+    ]
+)
+"""Beginning of a message's record; its bytes follow."""
+
+_ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
+_INDEX = struct.Struct("<HI")  # channel, length of the entries [bytes]
+_LARGEST = np.uint64(2**63 - 1)
+
+
+def chunk_blocks(
+    stream: BinaryIO, index: ChunkIndex, topics: Mapping[int, str], start_time: int
+) -> list[MessageBlock]:
+    """Return a chunk's messages from ``start_time`` [ns] on, a block for each topic.
+
+    Each block is in the order of log times. The position of ``stream`` stays as it is, so that a
+    thread may call this.
+
+    Args:
+        stream: the file.
+        index: of the chunk.
+        topics: names of the wanted channels, by their numbers.
+        start_time: earliest log time [ns].
+
+    Raises:
+        BagFormatError: if the chunk is damaged.
+    """
+    content = read_chunk(stream, index)
+    data = np.frombuffer(content, np.uint8)
+    end = index.chunk_start_offset + index.chunk_length
+    length = min(max(0, index.message_index_length), CONTENT_LIMIT)
+    entries = _entries(memoryview(os.pread(stream.fileno(), length, end)))
+    places = _indexed_places(data, entries)
+    if places is None:
+        places = _walked_places(content)
+    return _blocks(data, places, topics, start_time)
+
+
+def _entries(section: memoryview) -> np.ndarray | None:
+    """Return the places that a chunk's message indexes name; None if they are damaged."""
+    found: list[np.ndarray] = []
+    place = 0
+    while place < len(section):
+        if place + RECORD.size + _INDEX.size > len(section):
+            return None
+        opcode, length = RECORD.unpack_from(section, place)
+        place += RECORD.size
+        _, size = _INDEX.unpack_from(section, place)
+        if opcode != Opcode.MESSAGE_INDEX or size % _ENTRY.itemsize or _INDEX.size + size > length:
+            return None
+        if place + length > len(section):
+            return None
+        entries = np.frombuffer(section, _ENTRY, size // _ENTRY.itemsize, place + _INDEX.size)
+        found.append(entries["offset"])
+        place += length
+    return np.concatenate(found) if found else None
+
+
+def _indexed_places(data: np.ndarray, offsets: np.ndarray | None) -> np.ndarray | None:
+    """Return the places of all messages in the order of the chunk, from those in its indexes.
+
+    None unless a walk along the records would find the same: indexes may be wrong.
+    """
+    if offsets is None or len(data) < HEAD.itemsize:
+        return None
+    if len(offsets) and offsets.max() > len(data) - HEAD.itemsize:
+        return None
+    places = np.sort(offsets.astype(np.int64))
+    heads = _heads(data, places)
+    lengths = heads["length"]
+    if (heads["opcode"] != Opcode.MESSAGE).any() or (lengths < MESSAGE.size).any():
+        return None
+    if (lengths > len(data)).any():
+        return None
+    ends = places + RECORD.size + lengths.astype(np.int64)
+    before = np.concatenate([[0], ends])
+    behind = np.concatenate([places, [len(data)]])
+    # What lies between must be other records.
+    for start, end in zip(before[before != behind], behind[before != behind], strict=True):
+        if start > end or not _holds_no_message(data[start:end].tobytes()):
+            return None
+    return places
+
+
+def _holds_no_message(data: bytes) -> bool:
+    try:
+        return all(opcode != Opcode.MESSAGE for opcode, _, _ in records_in(data))
+    except BagFormatError:
+        return False
+
+
+def _walked_places(content: bytes) -> np.ndarray:
+    found = [start for opcode, start, _ in records_in(content) if opcode == Opcode.MESSAGE]
+    return np.array(found, np.int64) - RECORD.size
+
+
+def _heads(data: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return the beginnings of records from an overlapping view, with one item for each place."""
+    if not len(places):
+        return np.empty(0, HEAD)
+    found: np.ndarray = np.ndarray((len(data) - HEAD.itemsize + 1,), HEAD, data, strides=(1,))[
+        places
+    ]
+    return found
+
+
+def _blocks(
+    data: np.ndarray, places: np.ndarray, topics: Mapping[int, str], start_time: int
+) -> list[MessageBlock]:
+    heads = _heads(data, places)
+    channels = np.fromiter(topics, np.uint16, len(topics))
+    chosen = np.isin(heads["channel"], channels)
+    if start_time > 0:
+        chosen &= heads["log_time"] >= np.uint64(min(start_time, 2**64 - 1))
+    heads, places = heads[chosen], places[chosen]
+    names = list(dict.fromkeys(topics.values()))
+    numbers = np.zeros(2**16, np.int64)
+    number_of = {name: number for number, name in enumerate(names)}
+    numbers[channels] = [number_of[name] for name in topics.values()]
+    of_topic = numbers[heads["channel"]]
+    order = np.argsort(of_topic, kind="stable")
+    counts = np.bincount(of_topic, minlength=len(names))
+    blocks = []
+    end = 0
+    for number in np.flatnonzero(counts):
+        rows = order[end : end + counts[number]]
+        end += counts[number]
+        times = heads["log_time"][rows]
+        if (times[1:] < times[:-1]).any():
+            rows = rows[np.argsort(times, kind="stable")]
+        found = heads[rows]
+        blocks.append(
+            MessageBlock(
+                names[number],
+                _times(found["log_time"]),
+                _times(found["publish_time"]),
+                data,
+                places[rows] + HEAD.itemsize,
+                found["length"].astype(np.int64) - MESSAGE.size,
+            )
+        )
+    return blocks
+
+
+def _times(times: np.ndarray) -> np.ndarray:
+    return times.astype(np.uint64 if (times > _LARGEST).any() else np.int64)

@@ -1,0 +1,70 @@
+"""Computed messages of one topic and span, serialized and as fields."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.inspection.encoded import encoded_columns, encoded_singles
+from rpud_sim.inspection.verify.messages import Key, computed_key
+from rpud_sim.inspection.verify.recorded_journal import Position
+from rpud_sim.simulation.fields import Fields
+from rpud_sim.simulation.together import Columns, Single, Together
+
+
+@dataclass(frozen=True)
+class ComputedBlock:
+    """Computed messages of one topic, at least one; their keys ascend.
+
+    Args:
+        messages: serialized.
+        source: the same as columns, or one by one.
+        stretch: of the journal in which they were computed.
+        ends: stamp of the end of each message's block [ns].
+    """
+
+    messages: MessageBlock
+    source: Columns | Sequence[Single]
+    stretch: int
+    ends: np.ndarray
+
+    def fields(self, number: int) -> Fields:
+        """Return the fields of a message."""
+        if isinstance(self.source, Columns):
+            return self.source.row(number)
+        return self.source[number].row()
+
+    def key(self, number: int) -> Key:
+        """Return the key of a message."""
+        return computed_key(self.fields(number))
+
+    def position(self, number: int) -> Position:
+        """Return the progress of the drill at a message."""
+        return self.stretch, int(self.ends[number])
+
+
+def computed_blocks(
+    together: Together, codecs: Mapping[str, Codec], stretch: int, origin: int
+) -> Iterator[tuple[str, ComputedBlock]]:
+    """Yield the messages of each topic that has a codec.
+
+    Args:
+        together: the messages of a span.
+        codecs: of the wanted topics, by their names in the run.
+        stretch: of the journal.
+        origin: stamp of simulation time zero [ns].
+    """
+    ends = together.ends + origin
+    for columns in together.columns:
+        if columns.topic in codecs:
+            messages = encoded_columns(columns, codecs[columns.topic], "")
+            yield columns.topic, ComputedBlock(messages, columns, stretch, ends[columns.blocks])
+    for topic, group in together.grouped_singles().items():
+        if topic in codecs:
+            messages = encoded_singles(group, codecs[topic], "")
+            blocks = [single.block for single in group]
+            yield topic, ComputedBlock(messages, group, stretch, ends[blocks])

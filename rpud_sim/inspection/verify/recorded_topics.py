@@ -1,0 +1,175 @@
+"""Recorded messages of several topics, each in its order, read from the bag together."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection, Iterator
+
+import numpy as np
+
+from rpud_sim.bag import BagReader, Message
+from rpud_sim.bag.message_block import MessageBlock, items
+
+TimesFit = Callable[[np.ndarray], np.ndarray]
+"""Tells of publishing times [ns] whether messages fit."""
+
+_MOST_WAITING = 64 * 2**20
+"""Greatest size of the messages that wait for their turn [bytes]."""
+
+# Messages of at most this size are compared all at once, larger ones one by one [bytes].
+_SMALL = 2048
+
+
+class RecordedTopics:
+    """Reader of several topics at once, so that each chunk is uncompressed once.
+
+    A topic that is too far behind or ahead of the others gets a reader of its own. So memory is
+    bounded whatever the order of the messages.
+
+    Args:
+        bag: open.
+        topics: their names.
+    """
+
+    def __init__(self, bag: BagReader, topics: Collection[str]) -> None:
+        self._bag = bag
+        self._waiting: dict[str, deque[MessageBlock]] = {topic: deque() for topic in topics}
+        self._size = 0
+        self._passed = dict.fromkeys(topics, 0)  # messages of each topic so far
+        self._own: dict[str, Iterator[MessageBlock]] = {}
+        self._together = bag.blocks(topics)
+
+    def next(self, topic: str) -> MessageBlock | None:
+        """Return the next messages of a topic, at least one; None if there are none left.
+
+        Raises:
+            BagFormatError: if the bag is damaged.
+        """
+        if topic in self._own:
+            return next(self._own[topic], None)
+        waiting = self._waiting[topic]
+        while not waiting and self._size <= _MOST_WAITING:
+            block = next(self._together, None)
+            if block is None:
+                return None
+            if block.topic in self._own:
+                continue
+            if 2 * int(block.sizes.sum()) < len(block.data):
+                block = block.packed()  # it need not keep the rest of its chunk
+            self._waiting[block.topic].append(block)
+            self._size += len(block.data)
+        if not waiting:
+            self._own[topic] = self._separately(topic, self._passed[topic])
+            return next(self._own[topic], None)
+        block = waiting.popleft()
+        self._size -= len(block.data)
+        self._passed[topic] += len(block)
+        return block
+
+    def _separately(self, topic: str, passed: int) -> Iterator[MessageBlock]:
+        """Yield the messages of a topic after the first ones."""
+        for block in self._bag.blocks({topic}):
+            rest = block.part(slice(min(passed, len(block)), None))
+            passed -= len(block) - len(rest)
+            if len(rest):
+                yield rest
+
+
+class RecordedMessages:
+    """Recorded messages of one topic in order, without repeats of the one before.
+
+    Args:
+        source: of all topics.
+        topic: its name.
+    """
+
+    def __init__(self, source: RecordedTopics, topic: str) -> None:
+        self._source = source
+        self._topic = topic
+        self._block: MessageBlock | None = None
+        self._next = 0  # number in the block
+        self._last: bytes | None = None
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether no message is left."""
+        return self._first() is None
+
+    def pop(self) -> Message | None:
+        """Return the next message; None if there is none."""
+        block = self._first()
+        if block is None:
+            return None
+        number, self._next = self._next, self._next + 1
+        self._last = data = block.message(number)
+        log_time, publish_time = int(block.log_times[number]), int(block.publish_times[number])
+        return Message(self._topic, log_time, publish_time, data)
+
+    def pass_equal(self, computed: MessageBlock, first: int, times_fit: TimesFit) -> int:
+        """Skip the messages that are computed, bit for bit, and return their number.
+
+        Args:
+            computed: messages that all differ from their neighbours.
+            first: number of the first of them that counts.
+            times_fit: whether messages may be these by their publishing times [ns].
+        """
+        passed = 0
+        while first + passed < len(computed) and (block := self._first()) is not None:
+            count = min(len(computed) - first - passed, len(block) - self._next)
+            own = block.part(slice(self._next, self._next + count))
+            others = computed.part(slice(first + passed, first + passed + count))
+            equal = _equal_count(own, others)
+            fitting = times_fit(own.publish_times[:equal])
+            if not fitting.all():
+                equal = int(np.argmin(fitting))
+            if not equal:
+                break
+            self._next += equal
+            passed += equal
+            self._last = own.message(equal - 1)
+            if equal < count:
+                break
+        return passed
+
+    def _first(self) -> MessageBlock | None:
+        """Return the block of the next message, which is no repeat; None if there is none."""
+        while True:
+            if self._block is None or self._next >= len(self._block):
+                self._block, self._next = self._source.next(self._topic), 0
+                if self._block is None:
+                    return None
+            if self._last is None or not self._repeats(self._block, self._last):
+                return self._block
+            self._next += 1
+
+    def _repeats(self, block: MessageBlock, last: bytes) -> bool:
+        if int(block.sizes[self._next]) != len(last):
+            return False
+        return block.message(self._next) == last
+
+
+def _equal_count(first: MessageBlock, second: MessageBlock) -> int:
+    """Return the number of messages, from the first on, that are equal bit for bit."""
+    count = len(first)
+    same = first.sizes == second.sizes
+    if not same.all():
+        count = int(np.argmin(same))
+    if not count:
+        return 0
+    size = int(first.sizes[0])
+    if 0 < size <= _SMALL and (first.sizes[:count] == size).all():
+        rows = [
+            items(block.data, size)[block.starts[:count]].view(np.uint8).reshape(count, size)
+            for block in (first, second)
+        ]
+        equal = (rows[0] == rows[1]).all(axis=1)
+        return count if equal.all() else int(np.argmin(equal))
+    for number in range(count):
+        if not np.array_equal(_bytes(first, number), _bytes(second, number)):
+            return number
+    return count
+
+
+def _bytes(block: MessageBlock, number: int) -> np.ndarray:
+    start = int(block.starts[number])
+    return block.data[start : start + int(block.sizes[number])]

@@ -1,0 +1,83 @@
+"""Kernels over many blocks in one call, for runs that nothing changes from outside."""
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.energy import add_segments
+from rpud_sim.model.events import DONE, advance
+
+
+@compiled
+def advance_through(
+    drill,
+    states,
+    open_segments,
+    open_impacts,
+    seconds,
+    fractions,
+    segments,
+    impacts,
+    finished,
+    struck,
+):
+    """Advance to times one after the other, as far as the room for results reaches.
+
+    Args:
+        drill: the constants.
+        states: one ``STATE``.
+        open_segments: the one ``SEGMENT`` in progress.
+        open_impacts: the one ``IMPACT`` in progress.
+        seconds: whole seconds of the times, in ascending order.
+        fractions: the rest of each [s].
+        segments: room for finished segments.
+        impacts: room for finished impacts, at least two more than segments.
+        finished: gets the number of segments that were finished at each time.
+        struck: gets the number of impacts that were finished at each time.
+
+    Returns:
+        The status of the last ``advance``, the number of times that were reached, and the numbers
+        of finished segments and impacts.
+    """
+    written = 0
+    count = 0
+    for k in range(len(seconds)):
+        status, more, hits = advance(
+            drill,
+            states,
+            open_segments,
+            open_impacts,
+            seconds[k],
+            fractions[k],
+            segments[written:],
+            impacts[count:],
+        )
+        written += more
+        count += hits
+        if status != DONE:
+            return status, k, written, count
+        finished[k] = written
+        struck[k] = count
+    return DONE, len(seconds), written, count
+
+
+@compiled
+def add_blocks(rpud, covering, opened, finished, seconds, fractions, accounts):
+    """Add what happens in consecutive blocks to the account of each.
+
+    Args:
+        rpud: the ``RpudConstants``.
+        covering: ``SEGMENT`` records, in order, that cover all blocks.
+        opened: number of the segment that was open when each block began.
+        finished: number of the one that was open when each ended.
+        seconds: whole seconds of the first beginning, and of each end.
+        fractions: the rest of each [s].
+        accounts: to add to, a row for each block [J].
+    """
+    for k in range(len(finished)):
+        add_segments(
+            rpud,
+            covering[opened[k] : finished[k] + 1],
+            seconds[k],
+            fractions[k],
+            seconds[k + 1],
+            fractions[k + 1],
+            accounts[k],
+        )

@@ -1,0 +1,106 @@
+"""Spans: many consecutive blocks in one, for work on all of them at once."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from rpud_sim.model.energy import RpudConstants
+from rpud_sim.simulation.actuator import ActuatorReading
+from rpud_sim.simulation.block import Block, join_blocks
+from rpud_sim.simulation.sampling import Samples, Stretches, Times, sample_stretches
+
+
+@dataclasses.dataclass(frozen=True)
+class Span:
+    """Consecutive blocks, at least one, immutable. Times are nanoseconds of simulation time.
+
+    Args:
+        start: beginning of the first block.
+        ends: end of each block, shape (n,), int64.
+        covering: the ``SEGMENT`` records that cover all blocks, as those of a ``Block`` do.
+        impacts: the ``IMPACT`` records of all blocks.
+        finished: number of the segments that were finished at each end, shape (n,), int64. The
+            next one was open there.
+        struck: number of the impacts that were finished at each end, shape (n,), int64.
+        rpud: constants of the RPUD that the segments lack.
+        electrical_energy: that the actuator drew in them [J]; NaN where its model has no power.
+        readings: of the actuator at each end.
+    """
+
+    start: int
+    ends: np.ndarray
+    covering: np.ndarray
+    impacts: np.ndarray
+    finished: np.ndarray
+    struck: np.ndarray
+    rpud: RpudConstants
+    electrical_energy: float
+    readings: Sequence[ActuatorReading]
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Span:
+        """Return itself: copies of a run share what cannot change."""
+        return self
+
+    def __len__(self) -> int:
+        """Return the number of blocks."""
+        return len(self.ends)
+
+    @property
+    def end(self) -> int:
+        """End of the last block."""
+        return int(self.ends[-1])
+
+    @property
+    def starts(self) -> np.ndarray:
+        """Beginning of each block."""
+        return np.concatenate([[self.start], self.ends[:-1]])
+
+    @property
+    def opened(self) -> np.ndarray:
+        """Number of the segment that was open when each block began."""
+        return np.concatenate([[0], self.finished[:-1]])
+
+    @property
+    def block(self) -> Block:
+        """All blocks as one."""
+        electrical = self.electrical_energy
+        reading = self.readings[-1] if self.readings else None
+        return Block(
+            self.start, self.end, self.covering, self.impacts, self.rpud, electrical, reading
+        )
+
+    def sample_ends(self) -> Samples:
+        """Sample all channels at the end of each block."""
+        parts = Stretches(self.opened, self.finished, np.arange(len(self) + 1))
+        return sample_stretches(self.covering, parts, Times.from_nanoseconds(self.ends))
+
+    def sample_parts(self, length: int, cuts: np.ndarray, times: Times) -> Samples:
+        """Sample all channels in parts of ``length`` blocks, as their joined blocks would do.
+
+        Args:
+            length: of a part; the blocks are a whole multiple of it.
+            cuts: number of the first time of each part, and of all.
+            times: ascending, each from the beginning of its part to its end.
+        """
+        parts = Stretches(self.opened[::length], self.finished[length - 1 :: length], cuts)
+        return sample_stretches(self.covering, parts, times)
+
+
+def span_of(blocks: Sequence[Block]) -> Span:
+    """Return consecutive blocks, at least one, as a span."""
+    joined = join_blocks(blocks)
+    readings = [block.actuator for block in blocks if block.actuator is not None]
+    return Span(
+        joined.start,
+        np.array([block.end for block in blocks], np.int64),
+        joined.covering,
+        joined.impacts,
+        np.cumsum([len(block.segments) for block in blocks]),
+        np.cumsum([len(block.impacts) for block in blocks]),
+        joined.rpud,
+        joined.electrical_energy,
+        readings,
+    )
