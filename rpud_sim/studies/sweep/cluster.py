@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import logging
 import socket
 import time
 from collections import deque
@@ -75,12 +77,27 @@ def run_on_cluster(
         ) from None
     _check_reachable(address)
     queue = _Queue(chunks)
-    while True:
-        try:
-            yield from _run_on_scheduler(queue, address, work)
-            return
-        except _SchedulerLostError:
-            _wait_for_scheduler(address)
+    with _quiet_log():
+        while True:
+            try:
+                yield from _run_on_scheduler(queue, address, work)
+                return
+            except _SchedulerLostError:
+                _wait_for_scheduler(address)
+
+
+@contextlib.contextmanager
+def _quiet_log() -> Iterator[None]:
+    """Keep Dask from printing tracebacks of a lost connection, which is dealt with here."""
+    names = ("distributed", "distributed.client", "distributed.comm", "distributed.core")
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def _run_on_scheduler(
