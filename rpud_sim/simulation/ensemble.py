@@ -7,7 +7,7 @@ import dataclasses
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from queue import Empty, SimpleQueue
 
@@ -159,7 +159,7 @@ def run_members(
     scenario: Scenario | None = None,
     accounts: bool = False,
     threads: int = 1,
-) -> Iterator[Member]:
+) -> Generator[Member, None, None]:
     """Yield the result of one simulation per initial phase, in their order; failed ones as well.
 
     Args:

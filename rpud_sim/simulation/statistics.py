@@ -90,8 +90,9 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, floa
         energy,
         transferred,
         impulse,
-        account,
+        _,
     ) = tally.item()
+    account = tally["account"].tolist()
 
     def rate(total: float) -> float | None:
         return total / duration if duration > 0.0 else None
