@@ -29,6 +29,8 @@ TELEMETRY_SECONDS = 20.0
 MEASUREMENTS: Mapping[str, str] = {
     "engine": "bench.engine:engine",
     "sweeps": "bench.sweep:sweeps",
+    "ensembles": "bench.ensemble:ensembles",
+    "dask": "bench.dask_sweep:dask",
     "offline": "bench.offline:offline",
     "replay": "bench.replay:replay",
     "recorder": "bench.recorder:recorder",

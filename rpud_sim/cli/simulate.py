@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import importlib
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -112,13 +113,15 @@ def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
 def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write the bag, if one is requested, and return the figures."""
     from rpud_sim.simulation.configuration import to_settings
-    from rpud_sim.simulation.ensemble import compile_kernels, initial_phases
+    from rpud_sim.simulation.ensemble import compile_kernels, compile_members, initial_phases
 
     values = chosen_parameters(arguments)
     configuration = to_settings(values).configuration
     file = values.get("scenario", "")
     scenario = _scenario(file, arguments.seed)
-    compile_kernels(configuration, _show)
+    if arguments.bag or scenario:
+        compile_kernels(configuration, _show)
+    compile_members(configuration, _show)
     phases = initial_phases(arguments.repeat, arguments.seed)
     if arguments.bag:
         from rpud_sim.inspection.offline_bag import write_offline_bag
@@ -153,7 +156,8 @@ def _figures(
     duration = arguments.duration
     total = duration * arguments.repeat
     with progress_bar(" s", total) as bar:
-        ensemble = run_ensemble(configuration, duration, phases, bar.update, scenario)
+        threads = len(os.sched_getaffinity(0))
+        ensemble = run_ensemble(configuration, duration, phases, bar.update, scenario, threads)
     figures: dict[str, Any] = dict(ensemble.mean())
     figures["real_time_factor"] = ensemble.real_time_factor
     figures["energy_account"] = mean_account(list(ensemble.accounts)).to_dict()

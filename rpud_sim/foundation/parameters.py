@@ -85,7 +85,9 @@ class ParameterGroup:
     def __post_init__(self) -> None:
         group: Any = type(self)
         for name, declaration in declarations(group).items():
-            object.__setattr__(self, name, declaration.allowed.check(name, getattr(self, name)))
+            given = getattr(self, name)
+            if (value := declaration.allowed.check(name, given)) is not given:
+                object.__setattr__(self, name, value)
 
 
 @cache

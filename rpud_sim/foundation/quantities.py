@@ -82,6 +82,9 @@ class Quantity:
         Raises:
             ParameterError: if it is no finite number inside the range, or not whole.
         """
+        # The usual case first: studies check millions of values.
+        if type(value) is float and self.minimum < value < self.maximum and not self.whole:
+            return value
         number = math.nan
         if isinstance(value, (int, float)) and not isinstance(value, bool):
             try:

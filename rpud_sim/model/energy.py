@@ -252,8 +252,11 @@ def stored_energy(segment, motion, rpud_mass):
 
 
 @compiled
-def add_motion(rpud, segment, start, end, account):
-    """Add what happens in a part of a segment."""
+def add_motion(rpud, segment, start, end, whole, account):
+    """Add what happens in a part of a segment; without ``whole`` the tool's loss alone."""
+    account[DRILL_TOOL_DAMPER] += drill_tool_damper_loss(segment, start, end)
+    if not whole:
+        return
     nodal_plane, free_mass = travels(segment, start, end)
     account[ACTUATOR_WORK] += actuator_work(segment, start, end)
     account[WEIGHT_ON_BIT_WORK] += segment.weight_on_bit * nodal_plane
@@ -262,7 +265,6 @@ def add_motion(rpud, segment, start, end, account):
         gravity_work += rpud.mass * segment.gravity * nodal_plane
     account[GRAVITY_WORK] += gravity_work
     account[LOAD_DAMPER] += load_damper_loss(segment, start, end)
-    account[DRILL_TOOL_DAMPER] += drill_tool_damper_loss(segment, start, end)
 
 
 @compiled
@@ -347,6 +349,37 @@ def add_event(rpud, before, after, segment, account):
 
 
 @compiled
+def add_ended_segment(rpud, segment, after, start, whole, account):
+    """Add a segment from a time on, and the event that ends it.
+
+    Args:
+        rpud: the ``RpudConstants``.
+        segment: that has ended.
+        after: segment that followed.
+        start: time in the segment from which on it counts [s].
+        whole: whether all terms are wanted, or only those that drill tool and rock take.
+        account: to add to.
+
+    Returns:
+        ``motion_at`` the end of the segment, and at the start of the next one.
+    """
+    ended = motion_at(segment, segment.duration)
+    if segment.duration > start:
+        add_motion(rpud, segment, start, segment.duration, whole, account)
+    motion = motion_at(after, 0.0)
+    add_change(segment, after, ended, account)
+    add_event(rpud, add_rest(segment, after, ended, account), motion, after, account)
+    return ended, motion
+
+
+@compiled
+def time_in(segment, seconds, fraction):
+    """Time from a segment's start to a time, at least zero and at most its duration [s]."""
+    time = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
+    return min(max(time, 0.0), segment.duration)
+
+
+@compiled
 def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fraction, account):
     """Add what happens between two times to an account.
 
@@ -360,26 +393,14 @@ def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fractio
         fraction: the rest of it [s].
         account: to add to, shape (len(TERMS),) [J].
     """
-    first = covering[0]
-    start = float(start_seconds - first.start_seconds) + (start_fraction - first.start_fraction)
-    start = min(max(start, 0.0), first.duration)
-    motion = motion_at(first, start)
-    account[STORED] -= stored_energy(first, motion, rpud.mass)
+    start = time_in(covering[0], start_seconds, start_fraction)
+    motion = motion_at(covering[0], start)
+    account[STORED] -= stored_energy(covering[0], motion, rpud.mass)
     last = len(covering) - 1
-    for i in range(last + 1):
-        segment = covering[i]
-        end = segment.duration
-        if i == last:
-            end = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
-            end = min(max(end, 0.0), segment.duration)
-        ended = motion_at(segment, end)
-        if end > start:
-            add_motion(rpud, segment, start, end, account)
-        if i < last:
-            after = covering[i + 1]
-            motion = motion_at(after, 0.0)
-            add_change(segment, after, ended, account)
-            ended = add_rest(segment, after, ended, account)
-            add_event(rpud, ended, motion, after, account)
+    for i in range(last):
+        add_ended_segment(rpud, covering[i], covering[i + 1], start, True, account)
         start = 0.0
-    account[STORED] += stored_energy(covering[last], ended, rpud.mass)
+    end = time_in(covering[last], seconds, fraction)
+    if end > start:
+        add_motion(rpud, covering[last], start, end, True, account)
+    account[STORED] += stored_energy(covering[last], motion_at(covering[last], end), rpud.mass)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NoReturn
 
 import numpy as np
 
@@ -31,6 +30,53 @@ class EngineError(RuntimeError):
     """Failure of the engine; the text is one line with the time and the likely parameters."""
 
 
+def initial_state(
+    parameters: Parameters, initial_phase: float, drive: bool, resonance: Resonance | None
+) -> np.ndarray:
+    """Return the ``STATE`` before time zero, shape (1,); see ``Engine``."""
+    state = np.zeros(1, STATE)
+    amplitude = parameters.vibration_amplitude if drive else 0.0
+    state["phase"] = initial_phase % 1.0
+    state["frequency"] = parameters.vibration_frequency
+    state["amplitude"] = amplitude
+    state["target_amplitude"] = amplitude
+    state["weight_on_bit"] = parameters.weight_on_bit
+    if resonance is not None:
+        state["resonant"] = 1
+        state["amplitude"] = state["target_amplitude"] = 0.0
+        state["drive_phase"] = state["phase"]
+        state["decay_time"] = resonance.decay_time
+        state["resistance"] = resonance.resistance
+        state["amplitude_per_volt"] = resonance.amplitude_per_volt
+        state["voltage"] = resonance.voltage
+        state["drive_frequency"] = resonance.drive_frequency
+        state["resonance_frequency"] = resonance.frequency
+    return state
+
+
+def is_finite(state: np.ndarray) -> bool:
+    """Return whether the motion of one ``STATE`` is finite."""
+    return all(math.isfinite(state[0][name]) for name in _FINITE)
+
+
+def failure(status: int, parameters: Parameters, drill: Drill, state: np.ndarray) -> EngineError:
+    """Return the error of an advance that failed.
+
+    Args:
+        status: of the advance.
+        parameters: at the start of the run.
+        drill: the constants in force.
+        state: one ``STATE``.
+    """
+    reason = {
+        STALLED: f"more than {LONGEST_STANDSTILL} events at one instant",
+        OVERLOADED: f"events exceed their budget of {EVENT_BUDGET:g} in a simulated second",
+    }.get(status, "the motion cannot be computed in double precision")
+    time = float(state[0]["seconds"] + state[0]["fraction"])
+    unusual = ", ".join(unusual_values(parameters, drill, state[0]))
+    return EngineError(f"{reason} at {time:.6g} s, with {unusual}")
+
+
 class Engine:
     """Motion of the drill from time zero on, event by event.
 
@@ -53,19 +99,11 @@ class Engine:
         self._target = self._drill
         # Times and constants of the steps to come.
         self._seating: deque[tuple[tuple[int, float], Drill]] = deque()
-        self._state = np.zeros(1, STATE)
+        self._state = initial_state(parameters, initial_phase, drive, resonance)
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
-        amplitude = parameters.vibration_amplitude if drive else 0.0
-        self._state["phase"] = initial_phase % 1.0
-        self._state["frequency"] = parameters.vibration_frequency
-        self._state["amplitude"] = amplitude
-        self._state["target_amplitude"] = amplitude
-        self._state["weight_on_bit"] = parameters.weight_on_bit
-        if resonance is not None:
-            self._begin_resonance(resonance)
         impacts = np.zeros(2, IMPACT)
         count = start(self._drill, self._state, self._open_segment, self._open_impact, impacts)
         self._impacts.append(impacts[:count])
@@ -148,7 +186,7 @@ class Engine:
             impacts_before += count
             self._segments.append(segments[:written])
             self._impacts.append(impacts[:count])
-        if status != DONE or not self._finite:
+        if status != DONE or not is_finite(self._state):
             self._state, self._open_segment, self._open_impact = kept
             del self._segments[drained[0] :], self._impacts[drained[1] :]
             return None
@@ -190,18 +228,6 @@ class Engine:
             self._drill = self._seating.popleft()[1]
         self._interrupt(seconds, fraction, self._drill, (*commands, resonance_frequency))
 
-    def _begin_resonance(self, resonance: Resonance) -> None:
-        state = self._state
-        state["resonant"] = 1
-        state["amplitude"] = state["target_amplitude"] = 0.0
-        state["drive_phase"] = state["phase"]
-        state["decay_time"] = resonance.decay_time
-        state["resistance"] = resonance.resistance
-        state["amplitude_per_volt"] = resonance.amplitude_per_volt
-        state["voltage"] = resonance.voltage
-        state["drive_frequency"] = resonance.drive_frequency
-        state["resonance_frequency"] = resonance.frequency
-
     def _commands(self) -> tuple[float, float, float, float]:
         """Commands in force, and the resonance frequency."""
         state = self._state[0]
@@ -234,23 +260,8 @@ class Engine:
             )
             self._segments.append(segments[:written])
             self._impacts.append(impacts[:count])
-        if status == STALLED:
-            self._fail(f"more than {LONGEST_STANDSTILL} events at one instant")
-        if status == OVERLOADED:
-            self._fail(f"events exceed their budget of {EVENT_BUDGET:g} in a simulated second")
-        if not self._finite:
-            self._fail("the motion cannot be computed in double precision")
-
-    @property
-    def _finite(self) -> bool:
-        state = self._state[0]
-        return all(math.isfinite(state[name]) for name in _FINITE)
-
-    def _fail(self, reason: str) -> NoReturn:
-        state = self._state[0]
-        time = float(state["seconds"] + state["fraction"])
-        unusual = ", ".join(unusual_values(self._parameters, self._drill, state))
-        raise EngineError(f"{reason} at {time:.6g} s, with {unusual}")
+        if status != DONE or not is_finite(self._state):
+            raise failure(status, self._parameters, self._drill, self._state)
 
     def _interrupt(
         self,

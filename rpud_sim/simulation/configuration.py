@@ -80,6 +80,16 @@ class Configuration(ParameterGroup):
             )
 
 
+_ACTUATOR, _ROCK = ActuatorParameters(), RockParameters()
+
+
+def whole_configuration(drill: Configuration | Parameters) -> Configuration:
+    """Return a configuration as it is, and parameters with the default actuator and rock."""
+    if isinstance(drill, Configuration):
+        return drill
+    return Configuration(drill, _ACTUATOR, _ROCK)
+
+
 @dataclasses.dataclass(frozen=True)
 class Settings(ParameterGroup):
     """Settings of a run: all parameters.

@@ -2,33 +2,42 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from queue import Empty, SimpleQueue
 
 import numpy as np
 from numba.core import event
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.compile import compilation_notice
+from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
-from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount
+from rpud_sim.simulation.members import Figures, Member, QuietRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
-# Simulated time between two reports of progress [ns].
-_STRIDE = 10 * SECOND
+# Simulated time between two reports of progress, and between two looks at Ctrl-C [ns].
+_STRETCH = 10 * SECOND
+
+# Longest wait for a report of another thread [s].
+_PATIENCE = 0.1
 
 _LONG = 1.0  # time of compiling after which it is reported [s]
 
-Figures = dict[str, float | int | None]
+
+class _StoppedError(Exception):
+    """Nobody waits for the other members any more."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +48,7 @@ class Ensemble:
         phases: initial phase of each member [cycles].
         members: the figures of each member, at least one; all have the same names.
         accounts: the energy account of each member.
-        real_time_factor: simulated seconds over wall seconds in the engine, over all members.
+        real_time_factor: simulated seconds over wall seconds, over all members.
     """
 
     phases: tuple[float, ...]
@@ -91,7 +100,10 @@ def compile_kernels(
     with _notice(report):
         simulation = Simulation(configuration)
         block = simulation.advance_to(1000)
-        Statistics().add(block)
+        statistics = Statistics()
+        statistics.add(block)
+        statistics.figures()
+        EnergyAccount.of(block)
         block.sample(Times.from_nanoseconds(0))
         simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
         simulation.advance_to(2000)  # the engine gets changes when time goes on
@@ -112,7 +124,7 @@ class _CompilationListener(event.Listener):
         """Numba has compiled."""
 
 
-@contextmanager
+@contextlib.contextmanager
 def _notice(report: Callable[[str], object]) -> Iterator[None]:
     notice = threading.Timer(_LONG, lambda: report(compilation_notice()))
     try:
@@ -122,12 +134,146 @@ def _notice(report: Callable[[str], object]) -> Iterator[None]:
         notice.cancel()
 
 
+def compile_members(
+    configuration: Configuration | Parameters, report: Callable[[str], object] = lambda text: None
+) -> None:
+    """Compile, or load from the cache, what runs members of ensembles.
+
+    Args:
+        configuration: of the drill, or its parameters alone.
+        report: called in another thread with a line that says so, if compiling takes long.
+    """
+    configuration = whole_configuration(configuration)
+    if not runs_by_itself(configuration):
+        compile_kernels(configuration, report)
+        return
+    with _notice(report):
+        QuietRuns(configuration, (0.0,)).advance_to(1000, Statistics())
+
+
+def run_members(
+    configuration: Configuration | Parameters,
+    duration: float,
+    phases: Sequence[float],
+    report: Callable[[float], None] = lambda simulated: None,
+    scenario: Scenario | None = None,
+    accounts: bool = False,
+    threads: int = 1,
+) -> Generator[Member, None, None]:
+    """Yield the result of one simulation per initial phase, in their order; failed ones as well.
+
+    Args:
+        configuration: of the drill, or its parameters alone.
+        duration: of each run [s].
+        phases: initial phase of each run [cycles].
+        report: called now and then with the simulated seconds since the last call.
+        scenario: faults that begin by themselves, in each run at the same times.
+        accounts: whether the energy accounts are wanted.
+        threads: to run members on; the compiled code needs no GIL.
+
+    Raises:
+        FaultError: if a fault of the scenario cannot be honoured.
+    """
+    configuration = whole_configuration(configuration)
+    end = round(duration * SECOND)
+    quiet = runs_by_itself(configuration, scenario)
+    drills = configuration.rock.rock_model != "none"
+    # Short runs go together: a call of the compiled code takes as long as a stretch of a run.
+    size = max(_STRETCH // max(end, 1), 1) if quiet and not drills else 1
+    batches = [phases[i : i + size] for i in range(0, len(phases), size)]
+
+    def run(batch: Sequence[float], report: Callable[[float], None]) -> list[Member]:
+        if not quiet:
+            return [_run(configuration, batch[0], scenario, end, report)]
+        if drills or end > _STRETCH:
+            return [_run_quietly(configuration, batch[0], end, report)]
+        members = QuietRuns(configuration, batch).run(end, accounts)
+        report(len(batch) * end / SECOND)
+        return members
+
+    if threads == 1 or len(batches) == 1:
+        for batch in batches:
+            yield from run(batch, report)
+        return
+    # The caller's thread alone reports.
+    reported: SimpleQueue[float] = SimpleQueue()
+    stopped = threading.Event()
+
+    def tell(simulated: float) -> None:
+        if stopped.is_set():
+            raise _StoppedError
+        reported.put(simulated)
+
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            running = [pool.submit(run, batch, tell) for batch in batches]
+            for future in running:
+                while not future.done():
+                    with contextlib.suppress(Empty):
+                        report(reported.get(timeout=_PATIENCE))
+                yield from future.result()
+            while not reported.empty():
+                report(reported.get())
+        finally:
+            # Or the pool would finish all other members, after a failure or Ctrl-C, before it ends.
+            stopped.set()
+            pool.shutdown(cancel_futures=True)
+
+
+def _run(
+    configuration: Configuration,
+    phase: float,
+    scenario: Scenario | None,
+    end: int,
+    report: Callable[[float], None],
+) -> Member:
+    """Run a member to which something happens."""
+    simulation = Simulation(configuration, phase, scenario)
+
+    def advance(time: int, statistics: Statistics) -> None:
+        statistics.add(simulation.advance_to(time))
+
+    return _stretch_by_stretch(configuration, simulation, advance, end, report)
+
+
+def _run_quietly(
+    configuration: Configuration, phase: float, end: int, report: Callable[[float], None]
+) -> Member:
+    """Run a long member, or one whose depth is wanted."""
+    run = QuietRuns(configuration, (phase,))
+    return _stretch_by_stretch(configuration, run, run.advance_to, end, report)
+
+
+def _stretch_by_stretch(
+    configuration: Configuration,
+    run: Simulation | QuietRuns,
+    advance: Callable[[int, Statistics], object],
+    end: int,
+    report: Callable[[float], None],
+) -> Member:
+    statistics = Statistics()
+    time = 0
+    while time < end:
+        before, time = time, min(time + _STRETCH, end)
+        try:
+            advance(time, statistics)
+        except EngineError as error:
+            return Member({}, failure=error)
+        report((time - before) / SECOND)
+    figures = statistics.figures()
+    if configuration.rock.rock_model != "none":
+        figures["depth"] = run.depth
+        figures["penetration_rate"] = run.depth / statistics.duration
+    return Member(figures, statistics.account)
+
+
 def run_ensemble(
     configuration: Configuration | Parameters,
     duration: float,
     phases: Sequence[float],
     report: Callable[[float], None] = lambda simulated: None,
     scenario: Scenario | None = None,
+    threads: int = 1,
 ) -> Ensemble:
     """Run one simulation per initial phase.
 
@@ -137,35 +283,32 @@ def run_ensemble(
         phases: initial phase of each run [cycles].
         report: called now and then with the simulated seconds since the last call.
         scenario: faults that begin by themselves, in each run at the same times.
+        threads: to run members on.
 
     Returns:
         The ``Ensemble``. With a rock model its members have the depth at the end [m] and the mean
         penetration rate [m/s] as well.
 
     Raises:
+        EngineError: if a member cannot go on; the first of them in order.
         FaultError: if a fault of the scenario cannot be honoured.
     """
-    compile_kernels(configuration)
-    end = round(duration * SECOND)
+    configuration = whole_configuration(configuration)
+    compile_members(configuration)
+    if scenario:
+        compile_kernels(configuration)
     members: list[Figures] = []
     accounts: list[EnergyAccount] = []
-    wall = 0.0
-    for phase in phases:
-        simulation = Simulation(configuration, phase, scenario)
-        statistics = Statistics()
-        while simulation.time < end:
-            before = simulation.time
-            started = time.perf_counter()
-            block = simulation.advance_to(min(before + _STRIDE, end))
-            wall += time.perf_counter() - started
-            statistics.add(block)
-            report((block.end - before) / SECOND)
-        figures = statistics.figures()
-        if simulation.configuration.rock.rock_model != "none":
-            figures["depth"] = simulation.depth
-            figures["penetration_rate"] = simulation.depth / statistics.duration
-        members.append(figures)
-        accounts.append(statistics.account)
-    simulated = end / SECOND * len(members)
+    started = time.perf_counter()
+    found = run_members(configuration, duration, phases, report, scenario, True, threads)
+    with contextlib.closing(found):
+        for member in found:
+            if member.failure is not None:
+                raise member.failure
+            assert member.account is not None
+            members.append(member.figures)
+            accounts.append(member.account)
+    wall = time.perf_counter() - started
+    simulated = round(duration * SECOND) / SECOND * len(members)
     speed = simulated / wall if wall > 0.0 else math.inf
     return Ensemble(tuple(phases), tuple(members), tuple(accounts), speed)

@@ -6,13 +6,34 @@ import numpy as np
 
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.drill import derive
+from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.engine import Engine
+from rpud_sim.model.parameters import Parameters
+from rpud_sim.model.resonator import Resonance
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.simulation.actuator import Actuator, ActuatorReading
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.conditions import Conditions
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.rock import Progress
+
+
+def nominal_drive(configuration: Configuration) -> Drive:
+    """Return the drive that is in force until the first command."""
+    return Drive(
+        configuration.drive_enabled,
+        configuration.actuator.nominal_voltage,
+        configuration.parameters.vibration_frequency,
+    )
+
+
+def rpud_constants(parameters: Parameters, resonance: Resonance | None) -> RpudConstants:
+    """Return the constants of the RPUD that its segments lack."""
+    return RpudConstants(
+        parameters.rpud_mass,
+        parameters.gravity_on_drill,
+        0.0 if resonance is None else resonance.compliance,
+    )
 
 
 class Plant:

@@ -9,18 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
 from rpud_sim.simulation.conditions import check_honoured, conditions, honoured_kinds
-from rpud_sim.simulation.configuration import Configuration, to_values
+from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
 from rpud_sim.simulation.fault_schedule import FaultSchedule
 from rpud_sim.simulation.faults import Fault, FaultError
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
-from rpud_sim.simulation.plant import Plant
+from rpud_sim.simulation.plant import Plant, nominal_drive, rpud_constants
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.span import Span, span_of
 
@@ -53,25 +52,15 @@ class Simulation:
         scenario: Scenario | None = None,
         journal: Journal | None = None,
     ) -> None:
-        if isinstance(configuration, Parameters):
-            configuration = Configuration(configuration)
+        configuration = whole_configuration(configuration)
         parameters = configuration.parameters
-        drive = Drive(
-            configuration.drive_enabled,
-            configuration.actuator.nominal_voltage,
-            parameters.vibration_frequency,
-        )
+        drive = nominal_drive(configuration)
         self._configuration = configuration
         self._journal = journal
         self._first_specific_energy = configuration.rock.rock_specific_energy
         self._applied = Applied(WeightOnBit(parameters.weight_on_bit), 0, drive, 0)
         self._plant = Plant(configuration, initial_phase, drive)
-        resonance = self._plant.actuator.resonance
-        self._rpud = RpudConstants(
-            parameters.rpud_mass,
-            parameters.gravity_on_drill,
-            0.0 if resonance is None else resonance.compliance,
-        )
+        self._rpud = rpud_constants(parameters, self._plant.actuator.resonance)
         self._drawn = 0.0  # electrical energy up to the last block [J]
         self._faults = FaultLedger()
         self._schedule = FaultSchedule()

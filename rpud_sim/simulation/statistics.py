@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from types import MappingProxyType
 
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND, split_fraction
-from rpud_sim.model.compile import compiled
-from rpud_sim.model.segment import (
-    EVENT_ACTUATOR_IMPACT,
-    EVENT_DRILL_TOOL_IMPACT,
-    EVENT_RELEASE,
-    motion_at,
-    nodal_plane_integral,
-)
+from rpud_sim.model.energy import DRILL_TOOL_DAMPER, IMPACTS, RELEASE, TERMS
+from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT, EVENT_DRILL_TOOL_IMPACT, EVENT_RELEASE
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.energy_account import EnergyAccount
+from rpud_sim.simulation.energy_account import EnergyAccount, absorbed
+from rpud_sim.simulation.tally import (
+    CLASSES,
+    CLASSES_PER_DECADE,
+    LEAST_FORCE,
+    PART_ROOM,
+    QUANTILE,
+    TALLY,
+    add_block,
+    class_at,
+    empty_tallies,
+)
 
 # Names and units of the figures.
 FIGURES = MappingProxyType(
@@ -39,35 +43,6 @@ FIGURES = MappingProxyType(
 )
 
 
-@compiled
-def reacting_force_integral(segment, start, end):
-    """Integral of R = W - k_1 u_np - c_1 v_np over a part of a segment [N s]."""
-    u_start = motion_at(segment, start)[0]
-    u_end = motion_at(segment, end)[0]
-    position = nodal_plane_integral(segment, end) - nodal_plane_integral(segment, start)
-    return (
-        segment.weight_on_bit * (end - start)
-        - segment.load_spring_rate * position
-        - segment.load_spring_damping * (u_end - u_start)
-    )
-
-
-@compiled
-def _sum_reacting_force(segments, seconds, fraction, from_seconds, from_fraction):
-    total = 0.0
-    for i in range(len(segments)):
-        segment = segments[i]
-        start = float(from_seconds - segment.start_seconds) + (
-            from_fraction - segment.start_fraction
-        )
-        end = float(seconds - segment.start_seconds) + (fraction - segment.start_fraction)
-        start = max(start, 0.0)
-        end = min(end, segment.duration)
-        if end > start:
-            total += reacting_force_integral(segment, start, end)
-    return total
-
-
 def count_events(event: np.ndarray) -> tuple[int, int]:
     """Return the number of impacts and ends of contacts, and that of the actuator's impacts.
 
@@ -81,35 +56,68 @@ def count_events(event: np.ndarray) -> tuple[int, int]:
     )
 
 
-class ForceClasses:
-    """Counts of forces in logarithmic classes, for quantiles in bounded memory."""
+def force_of(number: int) -> float | None:
+    """Return the contact force of a class [N]; None for a negative number."""
+    return LEAST_FORCE * 10.0 ** (number / CLASSES_PER_DECADE) if number >= 0 else None
 
-    _LEAST, _GREATEST = 1e-6, 1e12  # [N]; what is beyond counts as these
-    _PER_DECADE = 1000
 
-    def __init__(self) -> None:
-        decades = math.log10(self._GREATEST / self._LEAST)
-        self._counts = np.zeros(round(decades * self._PER_DECADE) + 1, np.int64)
+def account_of(tally: np.void, electrical: float) -> EnergyAccount:
+    """Return the energy account of a tally, with the electrical energy [J]."""
+    return EnergyAccount(
+        **dict(zip(TERMS, tally["account"].tolist(), strict=True)), electrical=electrical
+    )
 
-    def __add__(self, other: ForceClasses) -> ForceClasses:
-        """Return the counts of both."""
-        total = ForceClasses()
-        total._counts = self._counts + other._counts
-        return total
 
-    def add(self, forces: np.ndarray) -> None:
-        """Count forces [N]."""
-        bounded = np.clip(forces, self._LEAST, self._GREATEST)
-        classes = np.rint(np.log10(bounded / self._LEAST) * self._PER_DECADE).astype(np.intp)
-        np.add.at(self._counts, classes, 1)
+def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, float | int | None]:
+    """Return duration and ``FIGURES`` in SI units; None if there is nothing to average.
 
-    def quantile(self, share: float) -> float | None:
-        """Return the least force that a share of all do not exceed [N]; None if there are none."""
-        reached = np.cumsum(self._counts)
-        if not reached[-1]:
-            return None
-        number = int(np.searchsorted(reached, math.ceil(share * int(reached[-1]))))
-        return float(self._LEAST * 10.0 ** (number / self._PER_DECADE))
+    Args:
+        tally: one ``TALLY``.
+        duration: of what was added [s].
+        quantile: class of the 99 % quantile of the contact force; -1 for none.
+    """
+    (
+        events,
+        actuator_impacts,
+        count,
+        squeezed,
+        _,
+        _,
+        greatest,
+        velocity,
+        force,
+        contact,
+        energy,
+        transferred,
+        impulse,
+        _,
+    ) = tally.item()
+    account = tally["account"].tolist()
+
+    def rate(total: float) -> float | None:
+        return total / duration if duration > 0.0 else None
+
+    def mean(total: float) -> float | None:
+        return total / count if count else None
+
+    return {
+        "duration": duration,
+        "events": events,
+        "drill_tool_impact_rate": rate(count),
+        "actuator_impact_rate": rate(actuator_impacts),
+        "impact_velocity_mean": mean(velocity),
+        "contact_force_mean": mean(force),
+        "contact_force_p99": force_of(quantile),
+        "contact_force_max": greatest if count else None,
+        "contact_duration_mean": mean(contact),
+        "squeezed_impact_rate": rate(squeezed),
+        "kinetic_energy_rate": rate(energy),
+        "energy_transferred_rate": rate(transferred),
+        "energy_absorbed_rate": rate(
+            absorbed(account[IMPACTS], account[RELEASE], account[DRILL_TOOL_DAMPER])
+        ),
+        "reacting_force_mean": rate(impulse),
+    }
 
 
 class Statistics:
@@ -127,19 +135,10 @@ class Statistics:
     def __init__(self) -> None:
         self._begun = False
         self._duration = 0
-        self._events = 0
-        self._actuator_impacts = 0
-        self._impacts = 0
-        self._impact_velocity = 0.0
-        self._contact_force = 0.0
-        self._contact_forces = ForceClasses()
-        self._contact_force_max = -math.inf
-        self._contact_duration = 0.0
-        self._energy = 0.0
-        self._energy_transferred = 0.0
-        self._squeezed = 0
-        self._account = EnergyAccount()
-        self._reacting_impulse = 0.0
+        self._electrical = 0.0
+        self._tally = empty_tallies(1)
+        self._classes = np.zeros(CLASSES, np.int64)
+        self._part = np.zeros(PART_ROOM)
 
     @property
     def duration(self) -> float:
@@ -149,75 +148,63 @@ class Statistics:
     @property
     def account(self) -> EnergyAccount:
         """The energy account of the blocks so far."""
-        return self._account
+        return account_of(self._tally[0], self._electrical)
 
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
         # The first segment began before this block, except at time zero.
-        event = block.covering["event"]
-        if block.start > 0 or self._begun:
-            event = event[1:]
+        counts = block.start == 0 and not self._begun
+        self.note_part(block.start, block.end, block.electrical_energy)
+        add_block(
+            block.rpud,
+            block.covering,
+            block.impacts,
+            *split_fraction(block.start),
+            *split_fraction(block.end),
+            counts,
+            self._tally,
+            self._classes,
+            self._part,
+        )
+
+    @property
+    def begun(self) -> bool:
+        """Whether anything was added."""
+        return self._begun
+
+    @property
+    def sums(self) -> tuple[np.ndarray, np.ndarray]:
+        """One ``TALLY`` and the classes of contact forces, for a kernel to add to."""
+        return self._tally, self._classes
+
+    def note_part(self, start: int, end: int, electrical_energy: float) -> None:
+        """Note a part of a run that is, or will be, in the sums.
+
+        Args:
+            start: of the part, simulation time [ns].
+            end: of the part [ns].
+            electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
+        """
         self._begun = True
-        self._duration += block.end - block.start
-        events, actuator_impacts = count_events(event)
-        self._events += events
-        self._actuator_impacts += actuator_impacts
-        impacts = block.impacts
-        if len(impacts):
-            self._impacts += len(impacts)
-            self._impact_velocity += float(impacts["impact_velocity"].sum())
-            self._contact_force += float(impacts["peak_force"].sum())
-            self._contact_force_max = max(
-                self._contact_force_max, float(impacts["peak_force"].max())
-            )
-            self._contact_duration += float(impacts["contact_duration"].sum())
-            self._energy += float(impacts["energy"].sum())
-            self._energy_transferred += float(impacts["energy_transferred"].sum())
-            self._squeezed += int(np.count_nonzero(impacts["squeezed"]))
-            self._contact_forces.add(impacts["peak_force"])
-        self._account += EnergyAccount.of(block)
-        self._reacting_impulse += _reacting_impulse(block)
+        self._duration += end - start
+        self._electrical += electrical_energy
 
     def merge(self, other: Statistics) -> None:
         """Add the sums of other statistics."""
-        for name, value in vars(other).items():
-            if name == "_contact_force_max":
-                self._contact_force_max = max(self._contact_force_max, value)
-            else:
-                setattr(self, name, getattr(self, name) + value)
+        self._begun = self._begun or other._begun
+        self._duration += other._duration
+        self._electrical += other._electrical
+        one, another = self._tally, other._tally
+        least, most = int(another["lowest_class"][0]), int(another["highest_class"][0])
+        for name in TALLY.names or ():
+            combine = {"lowest_class": np.minimum, "highest_class": np.maximum}.get(name, np.add)
+            one[name] = (np.maximum if name == "contact_force_max" else combine)(
+                one[name], another[name]
+            )
+        if least <= most:
+            self._classes[least : most + 1] += other._classes[least : most + 1]
 
     def figures(self) -> dict[str, float | int | None]:
         """Return duration and ``FIGURES`` in SI units; None if there is nothing to average."""
-        duration = self.duration
-        count = self._impacts
-
-        def rate(total: float) -> float | None:
-            return total / duration if duration > 0.0 else None
-
-        def mean(total: float) -> float | None:
-            return total / count if count else None
-
-        return {
-            "duration": duration,
-            "events": self._events,
-            "drill_tool_impact_rate": rate(count),
-            "actuator_impact_rate": rate(self._actuator_impacts),
-            "impact_velocity_mean": mean(self._impact_velocity),
-            "contact_force_mean": mean(self._contact_force),
-            "contact_force_p99": self._contact_forces.quantile(0.99),
-            "contact_force_max": self._contact_force_max if count else None,
-            "contact_duration_mean": mean(self._contact_duration),
-            "squeezed_impact_rate": rate(self._squeezed),
-            "kinetic_energy_rate": rate(self._energy),
-            "energy_transferred_rate": rate(self._energy_transferred),
-            "energy_absorbed_rate": rate(self._account.absorbed),
-            "reacting_force_mean": rate(self._reacting_impulse),
-        }
-
-
-def _reacting_impulse(block: Block) -> float:
-    return float(
-        _sum_reacting_force(
-            block.covering, *split_fraction(block.end), *split_fraction(block.start)
-        )
-    )
+        quantile = class_at(self._tally, self._classes, QUANTILE)
+        return figures_of(self._tally[0], self.duration, quantile)

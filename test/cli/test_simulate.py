@@ -291,6 +291,6 @@ def test_a_long_compilation_is_told(simulate, monkeypatch):
     def compiling(configuration, tell=lambda text: None):
         tell("it is compiled")
 
-    monkeypatch.setattr(ensemble, "compile_kernels", compiling)
+    monkeypatch.setattr(ensemble, "compile_members", compiling)
     code, _, errors = simulate("--duration", 0.1)
     assert (code, errors) == (0, "rpud simulate: it is compiled\n")

@@ -1,16 +1,19 @@
 """Figures of a run are those of its trajectory, however it was cut into blocks."""
 
+import dataclasses
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.sampling import Times, sample
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import FIGURES, ForceClasses, Statistics
+from rpud_sim.simulation.statistics import FIGURES, Statistics
 
 SECOND = 1_000_000_000
 END = SECOND // 2
@@ -76,15 +79,45 @@ def test_means_are_those_of_the_impacts(block):
     assert found["contact_force_p99"] == pytest.approx(exact, rel=1.2e-3)
 
 
-@given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=300), st.floats(0.01, 1.0))
-def test_a_quantile_is_that_of_all_forces_however_they_are_counted(forces, share):
-    whole, parts = ForceClasses(), [ForceClasses(), ForceClasses()]
-    whole.add(np.array(forces))
-    parts[0].add(np.array(forces[::2]))
-    parts[1].add(np.array(forces[1::2]))
-    exact = np.quantile(forces, share, method="inverted_cdf")
-    assert whole.quantile(share) == pytest.approx(exact, rel=1.2e-3, abs=1e-6)
-    assert (parts[0] + parts[1]).quantile(share) == whole.quantile(share)
+def impacts_of(forces):
+    impacts = np.zeros(len(forces), IMPACT)
+    for name in ("peak_force", "impact_velocity", "contact_duration", "energy"):
+        impacts[name] = forces
+    return impacts
+
+
+def with_impacts(block, forces):
+    return dataclasses.replace(block, impacts=join_records([impacts_of(forces)], IMPACT))
+
+
+@given(st.lists(st.floats(0.0, 1e6), min_size=1, max_size=300))
+def test_a_quantile_is_that_of_all_forces_however_they_are_counted(quiet_block, forces):
+    whole, parts = Statistics(), [Statistics(), Statistics()]
+    whole.add(with_impacts(quiet_block, forces))
+    parts[0].add(with_impacts(quiet_block, forces[::2]))
+    parts[1].add(with_impacts(quiet_block, forces[1::2]))
+    found = whole.figures()["contact_force_p99"]
+    exact = np.quantile(forces, 0.99, method="inverted_cdf")
+    assert found == pytest.approx(exact, rel=1.2e-3, abs=1e-6)
+    parts[0].merge(parts[1])
+    assert parts[0].figures()["contact_force_p99"] == found
+
+
+@given(st.lists(st.floats(-1e300, 1e300), max_size=1000))
+@example([0.1 * i for i in range(5000)])
+@example([1.0 / (i + 1) for i in range(129)])
+def test_sums_over_impacts_are_those_of_numpy(quiet_block, values):
+    statistics = Statistics()
+    statistics.add(with_impacts(quiet_block, values))
+    found = statistics.sums[0][0]["impact_velocity"]
+    with np.errstate(over="ignore", invalid="ignore"):
+        expected = impacts_of(values)["impact_velocity"].sum()
+    np.testing.assert_array_equal(found, expected, strict=False)
+
+
+@pytest.fixture(scope="module")
+def quiet_block():
+    return Simulation(preset("drilling")).advance_to(SECOND // 1000)
 
 
 def test_the_mean_reacting_force_is_the_integral_over_dense_samples(block):

@@ -12,7 +12,7 @@ import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.whole_folder import whole_file
-from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.ensemble import compile_kernels, compile_members
 from rpud_sim.simulation.versions import engine_versions, version_of
 from rpud_sim.studies.fit.design import Chunk, make_chunks, simulate
 from rpud_sim.studies.fit.specification import Specification
@@ -100,7 +100,9 @@ class FitFolder:
         if missing:
             # Compiled here once: the workers then find the kernels in the cache.
             condition = self._specification.conditions[0]
-            compile_kernels(self._specification.configuration(points[0], condition))
+            configuration = self._specification.configuration(points[0], condition)
+            compile_members(configuration)
+            compile_kernels(configuration)  # of figures that are sampled
             with contextlib.closing(run_on_processes(simulate, missing, self._workers)) as outcomes:
                 for chunk, outcome in outcomes:
                     self._write(job, chunk, outcome)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -13,6 +14,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import join_records
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.members import QuietRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
@@ -39,6 +41,13 @@ WINDOW_FIGURES = MappingProxyType(
         "kinetic_energy": "J",
         "nodal_plane_displacement": "m",
         "drill_tool_displacement": "m",
+    }
+)
+# Those that are sampled, with their channels.
+_CHANNELS = MappingProxyType(
+    {
+        "nodal_plane_displacement": "nodal_plane_position",
+        "drill_tool_displacement": "drill_tool_displacement",
     }
 )
 # Figures of one collision in the rock, for which nothing is simulated.
@@ -113,13 +122,11 @@ def measure(configuration: Configuration, phase: float, measures: Sequence[Measu
     windows: dict[tuple[int, int], _Window] = {}
     wanted = {_window(item) for item in measures if item.simulated}
     edges = sorted({0, *(edge for window in wanted for edge in window)})
-    simulation = Simulation(configuration, phase) if wanted else None
-    for edge in edges[1:]:
-        assert simulation is not None
-        block = simulation.advance_to(edge)
+    sampled = any(item.figure in _CHANNELS for item in measures)
+    for part in _parts(configuration, phase, edges, sampled) if wanted else ():
         for window in wanted:
-            if window[0] <= block.start and block.end <= window[1]:
-                windows.setdefault(window, _Window()).add(block)
+            if window[0] <= part.start and part.end <= window[1]:
+                windows.setdefault(window, _Window()).add(part)
     return [
         windows[_window(item)].figure(item) if item.simulated else _contact(configuration, item)
         for item in measures
@@ -135,17 +142,50 @@ def _contact(configuration: Configuration, item: Measure) -> float:
     return float(getattr(contact, CONTACT_FIGURES[item.figure][0]))
 
 
+@dataclasses.dataclass(frozen=True)
+class _Part:
+    """Part of a run between two edges of windows [ns]; its block if somebody samples it."""
+
+    start: int
+    end: int
+    statistics: Statistics
+    impacts: np.ndarray
+    block: Block | None = None
+
+
+def _parts(
+    configuration: Configuration, phase: float, edges: Sequence[int], sampled: bool
+) -> Iterator[_Part]:
+    """Yield a run part by part, from one edge to the next."""
+    quiet = QuietRuns(configuration, (phase,)) if _is_quiet(configuration, sampled) else None
+    simulation = None if quiet else Simulation(configuration, phase)
+    for start, end in itertools.pairwise(edges):
+        statistics = Statistics()
+        if quiet:
+            impacts = quiet.advance_to(end, statistics).copy()
+            yield _Part(start, end, statistics, impacts)
+        if simulation:
+            block = simulation.advance_to(end)
+            statistics.add(block)
+            yield _Part(start, end, statistics, block.impacts, block)
+
+
+def _is_quiet(configuration: Configuration, sampled: bool) -> bool:
+    """Return whether a run needs no records: nobody samples its motion."""
+    return not sampled and runs_by_itself(configuration)
+
+
 class _Window:
-    """Figures of consecutive blocks."""
+    """Figures of consecutive parts of a run."""
 
     def __init__(self) -> None:
         self._statistics = Statistics()
-        self._blocks: list[Block] = []
+        self._parts: list[_Part] = []
         self._impacts: np.ndarray | None = None
 
-    def add(self, block: Block) -> None:
-        self._statistics.add(block)
-        self._blocks.append(block)
+    def add(self, part: _Part) -> None:
+        self._statistics.merge(part.statistics)
+        self._parts.append(part)
 
     def figure(self, item: Measure) -> float:
         impacts = self._all_impacts()
@@ -156,17 +196,14 @@ class _Window:
         if item.figure == "kinetic_energy":
             return float(impacts["energy"].sum())
         if item.figure in WINDOW_FIGURES:
-            channel = {
-                "nodal_plane_displacement": "nodal_plane_position",
-                "drill_tool_displacement": "drill_tool_displacement",
-            }[item.figure]
-            return max(_greatest(block, channel) for block in self._blocks)
+            channel = _CHANNELS[item.figure]
+            return max(_greatest(part.block, channel) for part in self._parts if part.block)
         value = self._statistics.figures()[item.figure]
         return math.nan if value is None else float(value)
 
     def _all_impacts(self) -> np.ndarray:
         if self._impacts is None:
-            records = [block.impacts for block in self._blocks]
+            records = [part.impacts for part in self._parts]
             self._impacts = join_records(records, records[0].dtype)
         return self._impacts
 

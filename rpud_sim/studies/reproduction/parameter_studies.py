@@ -16,7 +16,8 @@ from scipy import stats
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import EngineError, Parameters
-from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.configuration import whole_configuration
+from rpud_sim.simulation.members import QuietRuns
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.studies.reproduction.jobs import Track, gather
 
@@ -142,11 +143,11 @@ def run_studies(
 
 
 def _run(parameters: Parameters, phase: float, duration: float) -> list[float]:
-    simulation = Simulation(parameters, phase)
+    run = QuietRuns(whole_configuration(parameters), (phase,))
     statistics = Statistics()
     try:
-        simulation.advance_to(round(SETTLING * SECOND))
-        statistics.add(simulation.advance_to(round((SETTLING + duration) * SECOND)))
+        run.advance_to(round(SETTLING * SECOND))
+        run.advance_to(round((SETTLING + duration) * SECOND), statistics)
     except EngineError:
         return [np.nan] * len(OUTPUTS)
     figures = statistics.figures()

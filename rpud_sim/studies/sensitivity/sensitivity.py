@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation import EngineError, Parameters, Simulation
-from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation import EngineError, Parameters
+from rpud_sim.simulation.configuration import whole_configuration
+from rpud_sim.simulation.ensemble import compile_members
+from rpud_sim.simulation.members import QuietRuns
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.simulation.versions import engine_versions, version_of
 from rpud_sim.studies.reproduction.jobs import Track, gather, silent
@@ -108,7 +110,7 @@ def run_sensitivity(specification: Specification, track: Track = silent) -> Sens
             strict=True,
         )
     ]
-    compile_kernels(jobs[0][0])
+    compile_members(jobs[0][0])
     settling, duration = specification.settling, specification.duration
     rows = gather(lambda job: _figures(*job, settling, duration), jobs, "simulations", track)
     values = np.array(rows).reshape(*shares.shape[:2], len(FIGURES))
@@ -120,19 +122,18 @@ def run_sensitivity(specification: Specification, track: Track = silent) -> Sens
 
 
 def _figures(parameters: Parameters, phase: float, settling: float, duration: float) -> list[float]:
-    simulation = Simulation(parameters, phase)
+    run = QuietRuns(whole_configuration(parameters), (phase,))
     statistics = Statistics()
     try:
-        simulation.advance_to(round(settling * SECOND))
-        block = simulation.advance_to(round((settling + duration) * SECOND))
+        run.advance_to(round(settling * SECOND))
+        impacts = run.advance_to(round((settling + duration) * SECOND), statistics)
     except EngineError as error:
         raise SensitivityError(str(error)) from None
-    if not len(block.impacts):
+    if not len(impacts):
         raise SensitivityError(
             f"a point has no impact within {duration:g} s: weight_on_bit = "
             f"{parameters.weight_on_bit:g} N, vibration_amplitude = "
             f"{parameters.vibration_amplitude:g} m"
         )
-    statistics.add(block)
     found: dict[str, Any] = dict(statistics.figures())
     return [float(found[name]) for name in FIGURES]

@@ -12,8 +12,7 @@ from collections.abc import Generator, Iterator, Mapping
 import numpy as np
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.simulation import EngineError, Parameters
-from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
+from rpud_sim.simulation.ensemble import initial_phases, run_members
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.versions import engine_versions
 from rpud_sim.studies.processes import check_versions
@@ -22,8 +21,8 @@ from rpud_sim.studies.sweep.specification import Specification
 # A chunk takes about a quarter of a second: much longer than sending and writing it, and short
 # enough to lose. Small sweeps are cut finer, so that several workers have work. The size depends on
 # the specification alone, since a folder may be completed on another machine.
-_LONGEST, _SHORTEST = 100.0, 10.0  # simulated [s]
-_MOST = 512  # simulations
+_LONGEST, _SHORTEST = 300.0, 10.0  # simulated [s]
+_MOST = 1536  # simulations
 _WANTED = 32  # chunks of a small sweep
 
 _NO_FIGURES = [np.nan] * len(FIGURES)
@@ -143,27 +142,15 @@ def simulate(chunk: Chunk) -> Outcome:
 def _ensemble(
     specification: Specification, point: Mapping[str, float | str], phases: tuple[float, ...]
 ) -> Iterator[tuple[list[float], Failure]]:
+    """Yield figures and failure of each member; a failed one does not affect the others."""
     try:
         parameters = specification.parameters(point)
     except ParameterError as error:
         yield from ((_NO_FIGURES, str(error)) for _ in phases)
         return
-    yield from _members(parameters, specification.duration, phases)
-
-
-def _members(
-    parameters: Parameters, duration: float, phases: tuple[float, ...]
-) -> Iterator[tuple[list[float], Failure]]:
-    """Yield figures and failure of each member; a failed one does not affect the others."""
-    try:
-        members = run_ensemble(parameters, duration, phases).members
-    except EngineError as error:
-        if len(phases) == 1:
-            yield _NO_FIGURES, str(error)
-            return
-        for phase in phases:
-            yield from _members(parameters, duration, (phase,))
-        return
-    for member in members:
-        found = [member[name] for name in FIGURES]
+    for member in run_members(parameters, specification.duration, phases):
+        if member.failure is not None:
+            yield _NO_FIGURES, str(member.failure)
+            continue
+        found = [member.figures[name] for name in FIGURES]
         yield [np.nan if value is None else float(value) for value in found], None

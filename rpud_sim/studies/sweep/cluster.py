@@ -2,63 +2,196 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import logging
 import socket
-from collections.abc import Iterable
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from rpud_sim.studies.processes import WorkerError
-from rpud_sim.studies.sweep.chunks import Chunk, Outcomes, simulate
+from rpud_sim.studies.sweep.chunks import Chunk, Outcome, Outcomes, simulate
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
 
 CONNECT_TIMEOUT = 10.0  # s
+# How long a sweep waits for a scheduler that it has lost, which somebody restarts [s].
+RESTART_TIMEOUT = 300.0
 # Chunks in flight for each thread of the cluster: one runs, one waits.
 _IN_FLIGHT = 2
+# Time between two questions whether the scheduler is still the same, with how many threads [s].
+_LOOK_PERIOD = 1.0
+_RETRY_PERIOD = 0.2  # between two attempts to reach the scheduler [s]
 
 
-def run_on_cluster(chunks: Iterable[Chunk], address: str) -> Outcomes:
-    """Yield each chunk with its outcome, as they finish.
+class _SchedulerLostError(Exception):
+    """Nobody knows the chunks in flight any more."""
+
+
+class _Queue:
+    """Chunks that are still to run: first those that came back, then further ones."""
+
+    def __init__(self, chunks: Iterable[Chunk]) -> None:
+        self._further = iter(chunks)
+        self._returned: deque[Chunk] = deque()
+
+    def take(self, count: int) -> Iterator[Chunk]:
+        """Yield at most so many chunks."""
+        for _ in range(count):
+            if self._returned:
+                yield self._returned.popleft()
+                continue
+            yield from itertools.islice(self._further, 1)
+
+    def give_back(self, chunks: Iterable[Chunk]) -> None:
+        """Put chunks back that were taken and have no outcome."""
+        self._returned.extend(chunks)
+
+
+def run_on_cluster(
+    chunks: Iterable[Chunk], address: str, work: Callable[[Chunk], Outcome] = simulate
+) -> Outcomes:
+    """Yield each chunk once, with its outcome, as they finish.
+
+    If the scheduler is lost, the chunks in flight are submitted again when another one listens at
+    its address.
 
     Args:
         chunks: to run; an iterator is advanced only as workers need chunks.
         address: of the scheduler, such as ``tcp://192.168.1.5:8786``.
+        work: what workers do with a chunk.
 
     Raises:
         WorkerError: if the cluster cannot be reached or cannot run a chunk.
     """
     try:
-        from distributed import Client, Future, KilledWorker, as_completed
+        import distributed  # noqa: F401
     except ModuleNotFoundError as error:
         raise WorkerError(
             f"--scheduler needs {error.name}: pip install 'rpud_sim[cluster]'"
         ) from None
     _check_reachable(address)
-    with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
-        waiting = iter(chunks)
-        running: dict[Future, Chunk] = {}
-        finished = as_completed(loop=client.loop)
-
-        def fill() -> None:
-            wanted = _IN_FLIGHT * max(sum(client.nthreads().values()), 1)
-            for chunk in itertools.islice(waiting, max(wanted - len(running), 0)):
-                future = client.submit(simulate, chunk, pure=False)
-                running[future] = chunk
-                finished.add(future)
-
-        fill()
-        for future in finished:
+    queue = _Queue(chunks)
+    with _quiet_log():
+        while True:
             try:
-                outcome = future.result()
-            except KilledWorker:
-                number = running[future].number
-                raise WorkerError(f"chunk {number} ended its worker again and again") from None
-            except ModuleNotFoundError as error:
-                raise WorkerError(
-                    f"a worker of {address} has no Python module {error.name}"
-                ) from None
-            chunk = running.pop(future)
-            future.release()
+                yield from _run_on_scheduler(queue, address, work)
+                return
+            except _SchedulerLostError:
+                _wait_for_scheduler(address)
+
+
+@contextlib.contextmanager
+def _quiet_log() -> Iterator[None]:
+    """Keep Dask from printing tracebacks of a lost connection, which is dealt with here."""
+    names = ("distributed", "distributed.client", "distributed.comm", "distributed.core")
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
+
+
+def _run_on_scheduler(
+    queue: _Queue, address: str, work: Callable[[Chunk], Outcome]
+) -> Generator[tuple[Chunk, Outcome], None, None]:
+    """Yield chunks with their outcomes until all are there.
+
+    Raises:
+        _SchedulerLostError: if the scheduler has gone; the chunks in flight are in the queue again.
+        WorkerError: if the cluster cannot run a chunk.
+    """
+    from distributed import Client
+    from distributed.client import FutureCancelledError
+
+    running: dict[Future, Chunk] = {}
+    finished: SimpleQueue[Future] = SimpleQueue()
+    try:
+        with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
+            cluster = _Cluster(client)
+
+            def fill() -> None:
+                wanted = _IN_FLIGHT * cluster.threads() - len(running)
+                for chunk in queue.take(max(wanted, 0)):
+                    future = client.submit(work, chunk, pure=False)
+                    running[future] = chunk
+                    future.add_done_callback(finished.put)
+
             fill()
-            yield chunk, outcome
+            while running:
+                try:
+                    future = finished.get(timeout=_LOOK_PERIOD)
+                except Empty:
+                    fill()  # there may be more workers
+                    continue
+                outcome = _outcome(future, running[future], address)
+                chunk = running.pop(future)
+                future.release()
+                fill()
+                yield chunk, outcome
+    except (FutureCancelledError, OSError, TimeoutError):
+        queue.give_back(running.values())
+        raise _SchedulerLostError from None
+
+
+def _outcome(future: Future, chunk: Chunk, address: str) -> Outcome:
+    """Return the outcome of a chunk that has finished."""
+    from distributed import KilledWorker
+
+    try:
+        outcome: Outcome = future.result()
+    except KilledWorker:
+        raise WorkerError(f"chunk {chunk.number} ended its worker again and again") from None
+    except ModuleNotFoundError as error:
+        raise WorkerError(f"a worker of {address} has no Python module {error.name}") from None
+    except (OSError, TimeoutError) as error:
+        if future.status != "error":
+            raise  # the scheduler's end, not the chunk's
+        raise WorkerError(f"chunk {chunk.number}: a worker of {address} failed: {error}") from None
+    return outcome
+
+
+class _Cluster:
+    """Scheduler and its workers, who are looked after now and then."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._scheduler = client.scheduler_info()["id"]
+        self._threads = 1
+        self._due = 0.0
+
+    def threads(self) -> int:
+        """Return the number of threads, at least one.
+
+        Raises:
+            OSError: if the scheduler does not answer, or is another one, which knows of no chunk.
+        """
+        if time.monotonic() >= self._due:
+            if self._client.scheduler_info()["id"] != self._scheduler:
+                raise ConnectionResetError("another scheduler")
+            self._threads = max(sum(self._client.nthreads().values()), 1)
+            self._due = time.monotonic() + _LOOK_PERIOD
+        return self._threads
+
+
+def _wait_for_scheduler(address: str) -> None:
+    """Wait until a scheduler listens again at an address."""
+    deadline = time.monotonic() + RESTART_TIMEOUT
+    while True:
+        try:
+            return _check_reachable(address)
+        except WorkerError:
+            if time.monotonic() >= deadline:
+                raise
+        time.sleep(_RETRY_PERIOD)
 
 
 def _check_reachable(address: str) -> None:

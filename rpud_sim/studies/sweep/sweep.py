@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rpud_sim.foundation.whole_folder import whole_file
-from rpud_sim.simulation.ensemble import compile_kernels
+from rpud_sim.simulation.ensemble import compile_members
 from rpud_sim.studies.sweep.chunks import chunk_size, make_chunks
 from rpud_sim.studies.sweep.cluster import run_on_cluster
 from rpud_sim.studies.sweep.design import design_points
@@ -74,7 +74,7 @@ def run_sweep(
             if scheduler is None:
                 # Compiled here once: the workers then find the kernels in the cache.
                 first = {name: values[0].item() for name, values in design.items()}
-                compile_kernels(specification.parameters(first))
+                compile_members(specification.parameters(first))
                 outcomes = run_on_processes(chunks, workers)
             else:
                 outcomes = run_on_cluster(chunks, scheduler)

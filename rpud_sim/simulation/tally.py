@@ -1,0 +1,411 @@
+"""Tally of a run: sums over its segments and impacts, added in compiled code.
+
+The kernels add up what a trajectory's records say. They add in the same order for a block that
+somebody keeps (``add_block``) and for members of an ensemble, whose records nobody keeps
+(``advance_members``). All kernels are in this file, so that all are compiled again when it changes.
+"""
+
+import math
+
+import numpy as np
+
+from rpud_sim.model.compile import compiled
+from rpud_sim.model.energy import (
+    STORED,
+    TERMS,
+    add_ended_segment,
+    add_motion,
+    stored_energy,
+    time_in,
+)
+from rpud_sim.model.events import DONE, FULL, advance, start
+from rpud_sim.model.segment import (
+    EVENT_ACTUATOR_IMPACT,
+    EVENT_DRILL_TOOL_IMPACT,
+    EVENT_RELEASE,
+    motion_at,
+    nodal_plane_integral,
+)
+
+# What happened in the parts of a run that were added, and the account of the part in progress.
+TALLY = np.dtype(
+    [
+        ("events", np.int64),
+        ("actuator_impacts", np.int64),
+        ("impacts", np.int64),
+        ("squeezed", np.int64),
+        ("lowest_class", np.int64),  # of the contact forces, see ``add_forces``
+        ("highest_class", np.int64),
+        ("contact_force_max", np.float64),
+        ("impact_velocity", np.float64),
+        ("contact_force", np.float64),
+        ("contact_duration", np.float64),
+        ("energy", np.float64),
+        ("energy_transferred", np.float64),
+        ("reacting_impulse", np.float64),
+        ("account", np.float64, (len(TERMS),)),
+    ],
+    align=True,
+)
+
+# Contact forces are counted in logarithmic classes; what is beyond the ends counts as these [N].
+LEAST_FORCE, GREATEST_FORCE = 1e-6, 1e12
+CLASSES_PER_DECADE = 1000
+CLASSES = round(math.log10(GREATEST_FORCE / LEAST_FORCE) * CLASSES_PER_DECADE) + 1
+
+QUANTILE = 0.99  # of the contact forces, that is one of the figures
+
+# Segments that the engine writes before they are added, and one for the open segment: they stay in
+# the processor's first cache.
+SEGMENT_ROOM = 32
+# Impacts that these can end.
+IMPACT_ROOM = 2 * SEGMENT_ROOM + 2
+
+# Sums of the part of a run in progress: its account, its impulse, and of its first segment that is
+# not yet added the time from which on it counts [s], and u_np there [m].
+_IMPULSE = len(TERMS)
+_OFFSET = _IMPULSE + 1
+_POSITION = _IMPULSE + 2
+PART_ROOM = _IMPULSE + 3
+
+_HAPPENED = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
+
+# How an advance of members ends beside those of the engine: with a motion that is not finite, or
+# with no room for further impacts.
+NOT_FINITE = 10
+CROWDED = 11
+
+
+def empty_tallies(count: int) -> np.ndarray:
+    """Return tallies of nothing, shape (count,)."""
+    tallies = np.zeros(count, TALLY)
+    tallies["lowest_class"] = CLASSES
+    tallies["highest_class"] = -1
+    tallies["contact_force_max"] = -math.inf
+    return tallies
+
+
+@compiled
+def _reacting_impulse(segment, start, end, u_start, u_end):
+    """Integral of R = W - k_1 u_np - c_1 v_np over a part of a segment [N s]."""
+    position = nodal_plane_integral(segment, end)
+    if start > 0.0:
+        position -= nodal_plane_integral(segment, start)
+    return (
+        segment.weight_on_bit * (end - start)
+        - segment.load_spring_rate * position
+        - segment.load_spring_damping * (u_end - u_start)
+    )
+
+
+@compiled
+def _count(segment, tally):
+    """Count the event that began a segment."""
+    if segment.event & _HAPPENED:
+        tally.events += 1
+    if segment.event & EVENT_ACTUATOR_IMPACT:
+        tally.actuator_impacts += 1
+
+
+@compiled
+def _begin(rpud, segment, seconds, fraction, counts, tally, part):
+    """Begin a part of a run within its first segment.
+
+    Args:
+        rpud: the ``RpudConstants``.
+        segment: in progress at the part's beginning.
+        seconds: whole seconds of that time.
+        fraction: the rest of it [s].
+        counts: whether the segment begins with the part, so that its event counts.
+        tally: to add to.
+        part: sums of the part, shape (PART_ROOM,).
+    """
+    part[:] = 0.0
+    offset = time_in(segment, seconds, fraction)
+    motion = motion_at(segment, offset)
+    part[STORED] -= stored_energy(segment, motion, rpud.mass)
+    part[_OFFSET] = offset
+    part[_POSITION] = motion[0]
+    if counts:
+        _count(segment, tally)
+
+
+@compiled
+def _add_ended(rpud, covering, last, whole, tally, part):
+    """Add the segments before the last one of those that cover a part of a run."""
+    offset = part[_OFFSET]
+    position = part[_POSITION]
+    for i in range(last):
+        segment = covering[i]
+        after = covering[i + 1]
+        ended, motion = add_ended_segment(rpud, segment, after, offset, whole, part)
+        end = segment.duration
+        if end > offset:
+            part[_IMPULSE] += _reacting_impulse(segment, offset, end, position, ended[0])
+        _count(after, tally)
+        offset = 0.0
+        position = motion[0]
+    part[_OFFSET] = offset
+    part[_POSITION] = position
+
+
+@compiled
+def _finish(rpud, segment, seconds, fraction, whole, tally, part):
+    """Add the open segment up to the end of a part of a run, and the part to the tally."""
+    offset = part[_OFFSET]
+    end = time_in(segment, seconds, fraction)
+    motion = motion_at(segment, end)
+    if end > offset:
+        add_motion(rpud, segment, offset, end, whole, part)
+        part[_IMPULSE] += _reacting_impulse(segment, offset, end, part[_POSITION], motion[0])
+    part[STORED] += stored_energy(segment, motion, rpud.mass)
+    tally.reacting_impulse += part[_IMPULSE]
+    account = tally.account
+    for i in range(len(TERMS)):
+        account[i] += part[i]
+
+
+@compiled
+def _sum_of_128(values, first, count):
+    """Sum of at most 128 values, as NumPy adds them."""
+    if count < 8:
+        total = -0.0
+        for i in range(first, first + count):
+            total += values[i]
+        return total
+    a, b, c, d = values[first], values[first + 1], values[first + 2], values[first + 3]
+    e, f, g, h = values[first + 4], values[first + 5], values[first + 6], values[first + 7]
+    whole = count - count % 8
+    for i in range(first + 8, first + whole, 8):
+        a += values[i]
+        b += values[i + 1]
+        c += values[i + 2]
+        d += values[i + 3]
+        e += values[i + 4]
+        f += values[i + 5]
+        g += values[i + 6]
+        h += values[i + 7]
+    total = ((a + b) + (c + d)) + ((e + f) + (g + h))
+    for i in range(first + whole, first + count):
+        total += values[i]
+    return total
+
+
+@compiled
+def pairwise_sum(values):
+    """Sum of values in the order of ``numpy.sum``, which halves them until 128 are left.
+
+    A plain sum would round differently, and a run's figures would no longer be those of its bag.
+    """
+    if len(values) <= 128:
+        return _sum_of_128(values, 0, len(values))
+    # Of each sum in progress: how many values it has, its first half, and whether that is known.
+    counts = np.zeros(64, np.int64)
+    halves = np.zeros(64)
+    known = np.zeros(64, np.bool_)
+    counts[0] = len(values)
+    depth = 0
+    first = 0
+    while True:
+        while counts[depth] > 128:
+            half = counts[depth] // 2
+            counts[depth + 1] = half - half % 8
+            known[depth] = False
+            depth += 1
+        total = _sum_of_128(values, first, counts[depth])
+        first += counts[depth]
+        depth -= 1
+        while depth >= 0 and known[depth]:
+            total = halves[depth] + total
+            depth -= 1
+        if depth < 0:
+            return total
+        halves[depth] = total
+        known[depth] = True
+        half = counts[depth] // 2
+        counts[depth + 1] = counts[depth] - (half - half % 8)
+        depth += 1
+
+
+@compiled
+def class_of(force):
+    """Number of a contact force's class [N]."""
+    if not force > LEAST_FORCE:
+        return 0
+    return int(np.rint(math.log10(min(force, GREATEST_FORCE) / LEAST_FORCE) * CLASSES_PER_DECADE))
+
+
+@compiled
+def _add_impacts(impacts, tally, classes):
+    """Add the impacts of a part of a run.
+
+    Args:
+        impacts: all of them, in order.
+        tally: to add to.
+        classes: of the contact forces: how many are in each, shape (CLASSES,).
+    """
+    if not len(impacts):
+        return
+    tally.impacts += len(impacts)
+    tally.impact_velocity += pairwise_sum(impacts["impact_velocity"])
+    tally.contact_force += pairwise_sum(impacts["peak_force"])
+    tally.contact_duration += pairwise_sum(impacts["contact_duration"])
+    tally.energy += pairwise_sum(impacts["energy"])
+    tally.energy_transferred += pairwise_sum(impacts["energy_transferred"])
+    for i in range(len(impacts)):
+        force = impacts[i].peak_force
+        tally.contact_force_max = max(tally.contact_force_max, force)
+        if impacts[i].squeezed:
+            tally.squeezed += 1
+        number = class_of(force)
+        classes[number] += 1
+        tally.lowest_class = min(tally.lowest_class, number)
+        tally.highest_class = max(tally.highest_class, number)
+
+
+@compiled
+def add_block(
+    rpud,
+    covering,
+    impacts,
+    start_seconds,
+    start_fraction,
+    seconds,
+    fraction,
+    counts,
+    tallies,
+    classes,
+    part,
+):
+    """Add what happened between two times to a tally.
+
+    Args:
+        rpud: the ``RpudConstants``.
+        covering: ``SEGMENT`` records that cover these times; the last one is open.
+        impacts: ``IMPACT`` records.
+        start_seconds: whole seconds of the first time.
+        start_fraction: the rest of it [s].
+        seconds: whole seconds of the second time.
+        fraction: the rest of it [s].
+        counts: whether the event of the first segment counts.
+        tallies: one ``TALLY``.
+        classes: of the contact forces, shape (CLASSES,).
+        part: room for the block's own sums, shape (PART_ROOM,).
+    """
+    tally = tallies[0]
+    last = len(covering) - 1
+    _begin(rpud, covering[0], start_seconds, start_fraction, counts, tally, part)
+    _add_ended(rpud, covering, last, True, tally, part)
+    _finish(rpud, covering[last], seconds, fraction, True, tally, part)
+    _add_impacts(impacts, tally, classes)
+
+
+@compiled
+def class_at(tallies, classes, share):
+    """Class of the least force that a share of all do not exceed; -1 without any force.
+
+    Args:
+        tallies: one ``TALLY``.
+        classes: of its contact forces.
+        share: from 0 to 1.
+    """
+    wanted = math.ceil(share * tallies[0].impacts)
+    reached = 0
+    for number in range(tallies[0].lowest_class, tallies[0].highest_class + 1):
+        reached += classes[number]
+        if reached >= wanted:
+            return number
+    return -1
+
+
+@compiled
+def _is_finite(state):
+    """Whether the numbers are finite that all others of the state follow from."""
+    return (
+        math.isfinite(state.u_np)
+        and math.isfinite(state.v_np)
+        and math.isfinite(state.u_fm)
+        and math.isfinite(state.v_fm)
+        and math.isfinite(state.u_dt)
+        and math.isfinite(state.v_dt)
+        and math.isfinite(state.amplitude)
+        and math.isfinite(state.frequency)
+        and math.isfinite(state.owed)
+    )
+
+
+@compiled
+def advance_members(
+    drill, rpud, members, start_seconds, start_fraction, seconds, fraction, options, room, progress
+):
+    """Advance members of an ensemble one after another, and add what happens to their tallies.
+
+    Args:
+        drill: the constants.
+        rpud: the ``RpudConstants``.
+        members: ``STATE``, open ``SEGMENT``, open ``IMPACT``, ``TALLY``, status and class of the 99
+            % quantile of each, arrays of shape (members,). The status is that of
+            ``events.advance``, or NOT_FINITE.
+        start_seconds: whole seconds of the time that they have reached.
+        start_fraction: the rest of it [s].
+        seconds: whole seconds of the time to advance to.
+        fraction: the rest of it [s].
+        options: whether the members begin now, whether they end then, whether anything is added,
+            whether the event of the first segment counts, and whether the account is whole. Several
+            members must begin and end in one call, as they share the classes.
+        room: for segments, for impacts, for the classes of contact forces, and for the sums of the
+            part in progress.
+        progress: member to go on with, how many impacts it has, -1 before it is its turn, and how
+            many the last one had.
+
+    Returns:
+        Whether all members are there. If not, the room for impacts is too small: call again with
+        more, which holds the present ones.
+    """
+    states, open_segments, open_impacts, tallies, statuses, quantiles = members
+    starts, ends, added, counts, whole = options
+    segments, impacts, classes, part = room
+    while progress[0] < len(states):
+        i = progress[0]
+        one = states[i : i + 1]
+        segment = open_segments[i : i + 1]
+        impact = open_impacts[i : i + 1]
+        tally = tallies[i]
+        if progress[1] < 0:
+            progress[1] = 0
+            if starts:
+                progress[1] = start(drill, one, segment, impact, impacts)
+            if added:
+                _begin(rpud, segment[0], start_seconds, start_fraction, counts, tally, part)
+        status = FULL
+        while status == FULL:
+            if len(impacts) - progress[1] < IMPACT_ROOM:
+                return False
+            status, written, count = advance(
+                drill,
+                one,
+                segment,
+                impact,
+                seconds,
+                fraction,
+                segments[:SEGMENT_ROOM],
+                impacts[progress[1] :],
+            )
+            progress[1] += count
+            if added:
+                segments[written] = segment[0]
+                _add_ended(rpud, segments, written, whole, tally, part)
+        if status == DONE and not _is_finite(one[0]):
+            status = NOT_FINITE
+        statuses[i] = status
+        if added and status == DONE:
+            _finish(rpud, segment[0], seconds, fraction, whole, tally, part)
+            _add_impacts(impacts[: progress[1]], tally, classes)
+        if ends:
+            quantiles[i] = class_at(tallies[i : i + 1], classes, QUANTILE)
+            if tally.impacts:
+                classes[tally.lowest_class : tally.highest_class + 1] = 0
+        progress[0] += 1
+        progress[2] = progress[1]
+        progress[1] = -1
+    return True

@@ -1,0 +1,118 @@
+"""A cluster that loses a worker and its scheduler: every chunk has one outcome, none has two."""
+
+import contextlib
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+from rpud_sim.studies.processes import WorkerError
+from rpud_sim.studies.sweep import cluster
+from rpud_sim.studies.sweep.chunks import make_chunks, simulate
+from rpud_sim.studies.sweep.cluster import run_on_cluster
+from rpud_sim.studies.sweep.design import design_points
+from rpud_sim.studies.sweep.specification import parse_specification
+
+SPECIFICATION = parse_specification(
+    {
+        "design": "grid",
+        "repeat": 2,
+        "duration": 5.0,
+        "swept": {"weight_on_bit": [5.0 + number for number in range(12)]},
+    }
+)
+
+
+class Cluster:
+    """Scheduler and workers in processes, on 127.0.0.1 alone."""
+
+    def __init__(self):
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.address = f"tcp://127.0.0.1:{self.port}"
+        self.processes = {}
+
+    def start(self, name, kind, *words):
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", *words]
+        self.processes[name] = subprocess.Popen(
+            [*command, "--host", "127.0.0.1", "--no-dashboard"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+    def start_scheduler(self):
+        self.start("scheduler", "scheduler", "--port", str(self.port))
+        deadline = time.monotonic() + 60.0
+        while time.monotonic() < deadline:
+            with contextlib.suppress(OSError):
+                return socket.create_connection(("127.0.0.1", self.port)).close()
+            assert self.processes["scheduler"].poll() is None
+        raise AssertionError("the scheduler does not listen")
+
+    def start_worker(self, name):
+        self.start(name, "worker", self.address, "--nthreads", "1", "--no-nanny")
+
+    def end(self, name):
+        process = self.processes.pop(name)
+        process.kill()
+        process.wait()
+
+
+@pytest.fixture
+def dask():
+    made = Cluster()
+    yield made
+    for name in [*made.processes]:
+        made.end(name)
+
+
+def test_a_killed_worker_and_a_restarted_scheduler_lose_and_repeat_nothing(dask, capfd):
+    chunks = list(make_chunks(SPECIFICATION, design_points(SPECIFICATION)))
+    assert len(chunks) > 10
+    dask.start_scheduler()
+    dask.start_worker("first")
+    dask.start_worker("second")
+    found = {}
+    for chunk, outcome in run_on_cluster(chunks, dask.address):
+        assert chunk.number not in found
+        found[chunk.number] = outcome
+        if len(found) == 2:
+            dask.end("first")
+        if len(found) == 5:
+            dask.end("scheduler")
+            dask.end("second")
+            dask.start_scheduler()
+            dask.start_worker("third")
+    assert sorted(found) == [chunk.number for chunk in chunks]
+    assert "Traceback" not in capfd.readouterr().err
+    for chunk in (chunks[0], chunks[-1]):
+        assert found[chunk.number].figures.tobytes() == simulate(chunk).figures.tobytes()
+
+
+def test_a_scheduler_that_stays_away_ends_the_sweep_in_one_line(dask, monkeypatch):
+    monkeypatch.setattr(cluster, "RESTART_TIMEOUT", 0.0)
+    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 1.0)
+
+    def chunks():
+        for chunk in make_chunks(SPECIFICATION, design_points(SPECIFICATION)):
+            yield chunk
+            if chunk.number == 0:
+                dask.end("scheduler")
+
+    dask.start_scheduler()
+    with pytest.raises(WorkerError, match=r"^--scheduler tcp://127.0.0.1:\d+: cannot be reached"):
+        list(run_on_cluster(chunks(), dask.address))
+
+
+def test_an_error_of_a_chunk_is_no_lost_scheduler(dask):
+    def fail(chunk):  # local, for the workers to get its code
+        raise OSError(f"no place for {chunk.number}")
+
+    chunks = list(make_chunks(SPECIFICATION, design_points(SPECIFICATION)))
+    dask.start_scheduler()
+    dask.start_worker("first")
+    with pytest.raises(WorkerError, match=r"^chunk \d+: a worker of tcp://\S+ failed: no place"):
+        list(run_on_cluster(chunks, dask.address, fail))
