@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Chunk, ChunkIndex
@@ -41,9 +41,8 @@ OVERLAP_LIMIT = 256 * 2**20
 """Greatest size of the chunks that are open at once, because they overlap in time [bytes]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
-    """One serialized message.
+class Message(NamedTuple):
+    """One serialized message; a tuple, as it is made three times as fast as a data class.
 
     Attributes:
         topic: its name.
