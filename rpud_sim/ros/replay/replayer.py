@@ -142,7 +142,7 @@ def _replay(
         _spinning(node),
         ReplayConsole(thread, plan, bar, node.get_logger(), keys=keys) as console,
     ):
-        # Everything else is there: to make it takes Python's lock for longer than a message may wait.
+        # Last of all: to make the rest takes Python's lock for longer than a message may wait.
         began = time.monotonic()
         thread.start()
         while thread.running and not stop.requested:
