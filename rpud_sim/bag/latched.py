@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
 
 from rpud_sim.bag.messages import Message
 from rpud_sim.bag.metadata import Topic
@@ -46,7 +45,7 @@ class LatchedMessages:
         """Return the messages in their order, as if they were received at ``log_time`` [ns]."""
         kept = [message for messages in self._messages.values() for message in messages]
         kept.sort(key=lambda message: message.log_time)
-        return [replace(message, log_time=log_time) for message in kept]
+        return [message._replace(log_time=log_time) for message in kept]
 
     def clear(self) -> None:
         """Discard the messages."""

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import heapq
 import os
+import struct
 from array import array
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Chunk, ChunkIndex
@@ -33,13 +35,14 @@ from rpud_sim.bag.records import (
 if TYPE_CHECKING:
     from rpud_sim.bag.message_block import MessageBlock
 
+_HEAD = struct.Struct("<BQHIQQ")  # a message's record up to its data
+
 OVERLAP_LIMIT = 256 * 2**20
 """Greatest size of the chunks that are open at once, because they overlap in time [bytes]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
-    """One serialized message.
+class Message(NamedTuple):
+    """One serialized message; a tuple, as it is made three times as fast as a data class.
 
     Attributes:
         topic: its name.
@@ -189,22 +192,38 @@ def messages_in(data: bytes, topics: Mapping[int, str], start_time: int) -> Iter
     Raises:
         BagFormatError: if the data is damaged.
     """
-    times, places = array("Q"), array("Q")  # tuples would take more than the messages
-    for opcode, start, _ in records_in(data):
-        if opcode == Opcode.MESSAGE:
-            channel, _, log_time, _ = MESSAGE.unpack_from(data, start)
-            if channel in topics and log_time >= start_time:
-                times.append(log_time)
-                places.append(start)
-    order: Sequence[int] = range(len(times))
+    times, places = _places(data, topics, start_time)
     if any(before > after for before, after in pairwise(times)):
-        order = sorted(order, key=times.__getitem__)
-    for number in order:
-        start = places[number]
-        channel, _, log_time, publish_time = MESSAGE.unpack_from(data, start)
-        _, length = RECORD.unpack_from(data, start - RECORD.size)
-        content = data[start + MESSAGE.size : start + length]
+        order = sorted(range(len(times)), key=times.__getitem__)
+        places = array("Q", [places[number] for number in order])
+    unpack = _HEAD.unpack_from
+    for place in places:
+        _, length, channel, _, log_time, publish_time = unpack(data, place)
+        content = data[place + _HEAD.size : place + RECORD.size + length]
         yield Message(topics[channel], log_time, publish_time, content)
+
+
+def _places(data: bytes, topics: Mapping[int, str], start_time: int) -> tuple[array, array]:
+    """Return log times and offsets of messages, checked as ``records_in`` does.
+
+    All is in one loop, which is paid for each message of every bag that is read.
+    """
+    times, places = array("Q"), array("Q")  # tuples would take more than the messages
+    note_time, note_place, unpack = times.append, places.append, _HEAD.unpack_from
+    message, size = int(Opcode.MESSAGE), len(data)
+    offset, last = 0, size - _HEAD.size
+    while offset <= last:
+        opcode, length, channel, _, log_time, _ = unpack(data, offset)
+        end = offset + RECORD.size + length
+        if end > size or opcode == 0 or (opcode == message and length < MESSAGE.size):
+            break
+        if opcode == message and log_time >= start_time and channel in topics:
+            note_time(log_time)
+            note_place(offset)
+        offset = end
+    for opcode, _, _ in records_in(data[offset:]):  # it is too short for a message, or damaged
+        assert opcode != Opcode.MESSAGE
+    return times, places
 
 
 def merged(sources: Iterable[Source]) -> Iterator[Message]:
@@ -235,9 +254,14 @@ def merged(sources: Iterable[Source]) -> Iterator[Message]:
             continue
         _, number, message, messages = queue[0]
         yield message
+        # While nothing else is open, messages need no order until the next source begins.
+        alone = len(queue) == 1
+        until = (pending[0].start_time if pending else inf) if alone else -inf
         for message in messages:
-            heapq.heapreplace(queue, (message.log_time, number, message, messages))
-            break
+            if message.log_time >= until:
+                heapq.heapreplace(queue, (message.log_time, number, message, messages))
+                break
+            yield message
         else:
             heapq.heappop(queue)
             total -= sizes[number]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import zstandard
@@ -83,7 +82,7 @@ def uncompressed_messages(messages: Iterable[Message], path: Path) -> Iterator[M
             data = _uncompressed(message.data)
         except BagFormatError as error:
             raise BagFormatError(f"{path}: {message.topic}: {error}") from error
-        yield replace(message, data=data)
+        yield message._replace(data=data)
 
 
 def _uncompressed(data: bytes) -> bytes:

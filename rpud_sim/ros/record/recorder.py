@@ -38,6 +38,7 @@ SKIPPED_RECORD = "rpud_skipped"
 
 _POLL_PERIOD = 0.005  # s; messages carry the time at which the middleware received them
 _GRAPH_PERIOD = 0.25  # s
+_FIRST_GRAPH_PERIOD = 0.02  # s until it is ready: a topic is subscribed as soon as it is known
 _DISCOVERY_TIME = 3.5  # s until it is ready; the middleware announces itself every 3 s
 _SETTLING_TIME = 0.5  # s without a new topic until it is ready
 _DRAIN_TIME = 0.1  # s in which messages on their way still arrive after a stop
@@ -184,7 +185,7 @@ class _Collection:
         ready = False
         while not self._stop.requested:
             now = time.monotonic()
-            if now >= followed_at + _GRAPH_PERIOD:
+            if now >= followed_at + (_GRAPH_PERIOD if ready else _FIRST_GRAPH_PERIOD):
                 followed_at = now
                 self._keep_losses()
                 with node.guard("a node of the graph"):

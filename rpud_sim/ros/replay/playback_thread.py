@@ -12,6 +12,7 @@ from rpud_sim.ros.requests import Requests
 Result = TypeVar("Result")
 
 _LONGEST_SLEEP = 3600.0  # s; the system call refuses more than some decades
+_SHORTEST_SLEEP = 2e-4  # s; messages of less than this come together, and wake their listeners once
 
 
 class PlaybackThread:
@@ -23,6 +24,9 @@ class PlaybackThread:
         self._requests = Requests(self._wake.set)
         self._error: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="playback", daemon=True)
+
+    def start(self) -> None:
+        """Start to play."""
         self._thread.start()
 
     @property
@@ -59,7 +63,7 @@ class PlaybackThread:
                 if delay is None:
                     break
                 if delay > 0:
-                    self._wake.wait(min(delay, _LONGEST_SLEEP))
+                    self._wake.wait(min(max(delay, _SHORTEST_SLEEP), _LONGEST_SLEEP))
         except Exception as error:
             self._error = error
         finally:

@@ -23,7 +23,7 @@ from rpud_sim.ros.replay.replay_console import MakeBar, ReplayConsole
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replay_services import ReplayServices
 from rpud_sim.ros.replay.replayer_node import Replayer
-from rpud_sim.ros.serving import quick_switches, serve
+from rpud_sim.ros.serving import quick_switches, serve, settled_memory
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 
@@ -126,7 +126,6 @@ def _replay(
         f"{bag.duration / SECOND:.1f} s at {options.rate:g} times real time"
     )
     _await_subscribers(node, stop, patient=options.wait_for_subscribers)
-    began = time.monotonic()
     plan = _plan(bag, options)
 
     def read(position: int) -> ReadAhead:
@@ -139,9 +138,13 @@ def _replay(
     keys = not options.disable_keyboard_controls
     with (
         quick_switches(),
+        settled_memory(),
         _spinning(node),
         ReplayConsole(thread, plan, bar, node.get_logger(), keys=keys) as console,
     ):
+        # Last of all: to make the rest takes Python's lock for longer than a message may wait.
+        began = time.monotonic()
+        thread.start()
         while thread.running and not stop.requested:
             console.update(playback)
         thread.stop()

@@ -87,7 +87,7 @@ class Replayer(Node):
                 self.get_logger().warning(printable(reason))
                 continue
             self._replayed[name] = publisher
-            # Without rclpy's checks of each message, which take as long as a fifth of publishing it.
+            # Without the checks of rclpy: they take a fifth of the time of each message.
             self._send[name] = publisher.handle.publish_raw
             # A latched topic keeps only its last messages.
             latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL

@@ -23,6 +23,7 @@ def test_a_request_that_raises_an_error_is_answered_and_counted(tmp_path, capfd)
             Playback(lambda position: ReadAhead(bag.messages(node.topic_names)), plan, node)
         )
         ReplayServices(node, thread, node.count_failure)
+        thread.start()
         executor.add_node(node)
 
         def ask(name):
