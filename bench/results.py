@@ -60,8 +60,7 @@ def read_parts(file: Path) -> list[Part]:
     try:
         return [
             Part(
-                **each
-                | {"rows": tuple(map(_from_json, each["rows"])), "load": tuple(each["load"])}
+                **each | {"rows": tuple(map(_from_json, each["rows"])), "load": tuple(each["load"])}
             )
             for each in json.loads(file.read_text(encoding="utf-8"))["parts"]
         ]
@@ -96,8 +95,7 @@ def heading(parts: Sequence[Part]) -> Iterator[str]:
         others = [f"{name} {version}" for name, version in named.items() if name != "system"]
         yield f"Measured on {', '.join([*words, named['system'], *others])}."
     commits = dict.fromkeys(
-        f"{part.commit[:7] or 'unknown'}{' with changes' if part.changed else ''}"
-        for part in parts
+        f"{part.commit[:7] or 'unknown'}{' with changes' if part.changed else ''}" for part in parts
     )
     yield f"Commit: {', '.join(commits)}."
     loads = [each for part in parts for each in part.load]
