@@ -28,7 +28,7 @@ def missed(parts: Sequence[Part]) -> Iterator[str]:
     """Yield one line for each goal that is missed."""
     found = [row for row in results.rows_of(parts) if row.missed]
     if not found:
-        yield "Every goal is met."
+        yield "Every goal that was measured is met."
     for row in found:
         yield f"- {row.name}: {f'{number(row.median)} {row.unit}'.rstrip()}, goal {row.goal}"
 
@@ -93,7 +93,11 @@ def write_pages(folder: Path) -> int:
         print(f"bench: no results in {folder}: run 'make bench' first", file=sys.stderr)
         return 1
     results.write_parts(SHOWN, parts)
+    written = [SHOWN]
     for page in PAGES:
-        page.write_text(filled(page.read_text(encoding="utf-8"), parts), encoding="utf-8")
-    print(f"written: {', '.join(str(each.relative_to(ROOT)) for each in (SHOWN, *PAGES))}")
+        text = page.read_text(encoding="utf-8")
+        if (new := filled(text, parts)) != text:
+            page.write_text(new, encoding="utf-8")
+            written.append(page)
+    print(f"written: {', '.join(str(each.relative_to(ROOT)) for each in written)}")
     return 0
