@@ -116,9 +116,9 @@ class McapWriter:
         if not count:
             return
         first, last = int(records.log_times.min()), int(records.log_times.max())
-        numbers, counts = np.unique(records.channels, return_counts=True)
-        for channel, more in zip(numbers.tolist(), counts.tolist(), strict=True):
-            self._count(channel, more, first, last)
+        numbers, firsts, counts = np.unique(records.channels, return_index=True, return_counts=True)
+        for place in np.argsort(firsts).tolist():
+            self._count(int(numbers[place]), int(counts[place]), first, last)
         done = 0
         while done < count:
             start = int(records.ends[done - 1]) if done else 0

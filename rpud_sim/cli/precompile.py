@@ -65,7 +65,7 @@ def _use_every_kernel() -> None:
 
     configuration = Configuration()
     actuator = dataclasses.replace(configuration.actuator, actuator_model="resonance")
-    compile_kernels(configuration)
+    compile_kernels(configuration, messages=True)
     compile_kernels(dataclasses.replace(configuration, actuator=actuator))
     single_contact(configuration.parameters, 1.0)
     contact_history(configuration.parameters, 1.0, [0.0])

@@ -118,7 +118,7 @@ def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
     configuration = to_settings(values).configuration
     file = values.get("scenario", "")
     scenario = _scenario(file, arguments.seed)
-    compile_kernels(configuration, _show)
+    compile_kernels(configuration, _show, messages=bool(arguments.bag))
     phases = initial_phases(arguments.repeat, arguments.seed)
     if arguments.bag:
         from rpud_sim.inspection.offline_bag import write_offline_bag
