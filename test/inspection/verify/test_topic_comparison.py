@@ -89,10 +89,11 @@ def damaged(messages, damages):
             messages.insert(place, message)
         elif kind in ("alter", "stamp"):
             data = bytearray(message.data)
-            data[5 if kind == "stamp" else other % len(data)] ^= 1 + other
+            place_in_it = 5 if kind == "stamp" else other
+            data[place_in_it % len(data)] ^= 1 + other
             messages[place] = dataclasses.replace(message, data=bytes(data))
         elif kind == "cut":
-            data = message.data[: other % len(message.data)]
+            data = message.data[: 1 + other % len(message.data)]
             messages[place] = dataclasses.replace(message, data=data)
         elif kind == "swap":
             other %= len(messages)
