@@ -142,6 +142,7 @@ def _flatten_sequence(
 ) -> None:
     number = isinstance(element, str) and element != TEXT
     if number and isinstance(values, np.ndarray):
+        assert isinstance(element, str)
         if values.dtype != _DTYPES[element] or values.ndim not in (1, 2):
             raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
         lengths.append(values.shape[-1])
@@ -178,8 +179,8 @@ def _record(kind: Members, lengths: list[int]) -> np.dtype:
         formats.append(f"S{size}" if code.endswith("s") else code)
         end += size
     names = [f"part {number}" for number in range(len(formats))]
-    dtype = {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
-    return np.dtype(dtype)
+    layout: Any = {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
+    return np.dtype(layout)
 
 
 def _layout(kind: Members, lengths: list[int]) -> str:

@@ -137,7 +137,7 @@ class OpenChunk:
             entries.frombytes(places[channels == channel].tobytes())
         self._widen(int(log_times.min()), int(log_times.max()))
         self.count += end - first
-        self._parts.append(memoryview(records.data)[start : int(ends[-1])])
+        self._parts.append(records.data[start : int(ends[-1])].data)
         self.size += int(ends[-1]) - start
 
     def _widen(self, first: int, last: int) -> None:

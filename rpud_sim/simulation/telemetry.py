@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 
@@ -190,9 +191,8 @@ class Telemetry:
             else:
                 for k in np.flatnonzero(counts).tolist():
                     part = slice(int(cuts[k] - cuts[0]), int(cuts[k + 1] - cuts[0]))
-                    fields = waveform_fields(
-                        samples, int(stamps[k]), int(cuts[k]), rate, lambda v, part=part: v[part]
-                    )
+                    numbers = int(stamps[k]), int(cuts[k])
+                    fields = waveform_fields(samples, *numbers, rate, itemgetter(part))
                     yield Single("waveform", int(blocks[k]), int(ends[k]), fields)
         first = 0
         for block, end, after in zip(
