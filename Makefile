@@ -72,7 +72,7 @@ dist: install/.package ## Build wheels of both packages into dist/, for each CPy
 	@$(WITH_ENV) python -m toolchain.dist $(PYTHONS:%=--python %)
 
 .PHONY: bench
-bench: install/.package .venv/.bench ## Run the benchmarks, or those of BENCH_ARGS; installs MuJoCo to compare with
+bench: install/.package .venv/.bench .venv/.browser ## Run the benchmarks, or those of BENCH_ARGS; installs MuJoCo to compare with
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
 
 .PHONY: measure-setup

@@ -140,7 +140,7 @@ def checkout(commit: str, *, messages: bool = False) -> Iterator[Checkout]:
     PLACE.mkdir(parents=True, exist_ok=True)
     with (PLACE / f"{found}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        made = Checkout(found, tree, _environment(tree))
+        made = Checkout(found, tree, clean_environment(tree))
         if not (tree / _READY).is_file():
             shutil.rmtree(tree, ignore_errors=True)
             _extract(found, tree)
@@ -161,7 +161,7 @@ def work_tree(*, messages: bool = False) -> Iterator[Checkout]:
     Raises:
         CheckoutError: if it cannot be made to run.
     """
-    made = Checkout("", ROOT, _environment(ROOT))
+    made = Checkout("", ROOT, clean_environment(ROOT))
     _prepare(made)
     if messages:
         made = Checkout("", ROOT, _with_messages(made, ROOT / "install/rpud_msgs"))
@@ -208,7 +208,7 @@ def _extract(commit: str, tree: Path) -> None:
         archive.extractall(tree, filter="data")
 
 
-def _environment(tree: Path) -> dict[str, str]:
+def clean_environment(tree: Path) -> dict[str, str]:
     """Return this process's variables, with all that leads to a version of ours replaced."""
     environment = dict(os.environ)
     for name in _SEARCH_PATHS:

@@ -32,16 +32,41 @@ class Goal(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One measured figure: its name, median, least and greatest value, unit and goal."""
+    """One measured figure.
+
+    Attributes:
+        name: what was measured.
+        values: of each turn, in their order; at least one.
+        unit: of the values; empty for a ratio or a number.
+        goal: bound of the median; None for none.
+    """
 
     name: str
-    median: float
-    least: float
-    greatest: float
-    unit: str
+    values: tuple[float, ...]
+    unit: str = ""
     goal: Goal | None = None
+
+    @property
+    def median(self) -> float:
+        """Median of the values."""
+        return statistics.median(self.values)
+
+    @property
+    def least(self) -> float:
+        """Least value."""
+        return min(self.values)
+
+    @property
+    def greatest(self) -> float:
+        """Greatest value."""
+        return max(self.values)
+
+    @property
+    def missed(self) -> bool:
+        """Whether there is a goal and the median does not keep it."""
+        return self.goal is not None and not self.goal.met(self.median)
 
 
 def row(name: str, values: Sequence[float], unit: str = "", goal: Goal | None = None) -> Row:
     """Return the row for repeated measurements of one figure."""
-    return Row(name, statistics.median(values), min(values), max(values), unit, goal)
+    return Row(name, tuple(map(float, values)), unit, goal)

@@ -1,21 +1,22 @@
 """What the live page costs: lateness of the drill and load of the server with 0, 1 and 3 pages.
 
-Run it by itself, ``python -m bench.watch``: it needs a Chromium, whose own load is not counted.
+It needs a Chromium, whose own load is not counted.
 """
 
 from __future__ import annotations
 
 import os
 import re
-import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
+from bench.row import Row, row
 from rpud_sim.ros.client import DrillClient
 from toolchain.browser import OPTIONS, find_chromium
 
@@ -24,8 +25,8 @@ PAGES = (0, 1, 3)
 _NAMESPACE = "/bench_watch"
 
 
-def main() -> None:
-    """Measure, and print a line for each number of pages."""
+def watch() -> Iterator[Row]:
+    """Measure without a server, and with each number of pages."""
     rpud = (sys.executable, "-m", "rpud_sim.cli.main")
     with ExitStack() as stack:
         drill = subprocess.Popen(
@@ -34,7 +35,7 @@ def main() -> None:
         stack.callback(_end, drill)
         client = stack.enter_context(DrillClient(_NAMESPACE, node_name="bench", patience=100.0))
         client.found()
-        print("no server", _lateness(client))
+        yield row("watch, no server: lateness of the latest block", _lateness(client), "ms")
         server = subprocess.Popen(
             [*rpud, "watch", "--port", "0", "--namespace", _NAMESPACE],
             stdout=subprocess.PIPE,
@@ -58,22 +59,19 @@ def main() -> None:
             before, began = _cpu(server.pid), time.monotonic()
             lateness = _lateness(client)
             load = (_cpu(server.pid) - before) / (time.monotonic() - began)
-            print(f"{pages} pages  ", lateness, f"  server {100 * load:.1f} % of a core")
+            yield row(f"watch, {pages} pages: lateness of the latest block", lateness, "ms")
+            yield row(f"watch, {pages} pages: server's share of one core", [100.0 * load], "%")
 
 
-def _lateness(client: DrillClient) -> str:
-    """Return the lateness of the drill's latest blocks over some seconds."""
+def _lateness(client: DrillClient) -> list[float]:
+    """Return the lateness of the drill's latest block of each second [ms]."""
     found = []
     end = time.monotonic() + SECONDS
     while time.monotonic() < end:
         count = client.status_number
         client.until(lambda count=count: client.status_number != count)  # type: ignore[misc]
         found.append(1e3 * client.status.lateness_max)
-    missed = client.status.deadlines_missed
-    return (
-        f"lateness of the latest block of each second: median {statistics.median(found):.2f} ms, "
-        f"greatest {max(found):.2f} ms; {missed} deadlines missed so far"
-    )
+    return found
 
 
 def _cpu(process: int) -> float:
@@ -85,7 +83,3 @@ def _cpu(process: int) -> float:
 def _end(process: subprocess.Popen) -> None:
     process.terminate()
     process.wait(20.0)
-
-
-if __name__ == "__main__":
-    main()

@@ -16,7 +16,7 @@ from rpud_sim.bag.messages import OVERLAP_LIMIT, Message, Source, overlap_error
 READ_AHEAD = 16 * 2**20
 """Greatest size of chunks that a thread reads before they are due [bytes]."""
 
-_MOST_AHEAD = 2  # chunks
+_MOST_AHEAD = 1  # chunks
 _GATHERED_SIZE = 1 << 20  # bytes of messages that become blocks together
 _GATHERED_COUNT = 8192
 _LARGEST = 2**63 - 1
@@ -141,7 +141,7 @@ def _due(waiting: dict[str, list[_Part]], topic: str, until: int | None) -> Iter
     if all(ready[i].times[-1] <= ready[i + 1].times[0] for i in range(len(ready) - 1)):
         yield from (part.block for part in ready)
         return
-    block = joined([part.block for part in ready])
+    block = joined([part.block.packed() for part in ready])
     order = np.argsort(np.concatenate([part.times for part in ready]), kind="stable")
     yield block.part(order)
 

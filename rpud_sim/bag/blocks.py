@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 
-from rpud_sim.bag.columns import Column, Kind
+from rpud_sim.bag.columns import Column, Kind, Sequences
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.time import SECOND
 
@@ -43,7 +44,9 @@ def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
     )
 
 
-def to_rows(columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def to_rows(
+    columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Sequences]
+) -> dict[str, np.ndarray]:
     """Return the values of ``row_columns``, one for each row.
 
     Each row has the values that its block has once. ``sequence`` is the number of the row.
@@ -55,21 +58,22 @@ def to_rows(columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray]) -> di
     Raises:
         BagFormatError: if the sequences of a block differ in length, or its times are impossible.
     """
-    sequences = [column.name for column in columns if column.kind is Kind.SEQUENCE]
-    lengths = np.array([[len(values) for values in blocks[name]] for name in sequences], np.int64)
-    counts = lengths[0]
-    for name, others in zip(sequences, lengths, strict=True):
-        for count, other in zip(counts[counts != others], others[counts != others], strict=True):
-            raise BagFormatError(f"{name} has {other} values, and {sequences[0]} {count}")
+    sequences = {name: each for name, each in blocks.items() if isinstance(each, Sequences)}
+    single = {name: each for name, each in blocks.items() if not isinstance(each, Sequences)}
+    first = next(iter(sequences))
+    counts = sequences[first].counts
+    for name, each in sequences.items():
+        for row in np.flatnonzero(counts != each.counts):
+            raise BagFormatError(f"{name} has {each.counts[row]} values, and {first} {counts[row]}")
     rows = {
-        column.name: np.concatenate([np.empty(0, column.dtype), *blocks[column.name]])
-        if column.kind is Kind.SEQUENCE
-        else np.repeat(blocks[column.name], counts)
+        column.name: sequences[column.name].values
+        if column.name in sequences
+        else np.repeat(single[column.name], counts)
         for column in columns
     }
     numbers = np.arange(len(rows["sequence"])) - np.repeat(np.cumsum(counts) - counts, counts)
     if "sample_period" in rows:
-        time = _sample_times(blocks, counts)
+        time = _sample_times(single, counts)
     else:
         time = rows["origin"] + rows["start_seconds"] * SECOND
         time += np.rint(rows["start_fraction"] * SECOND).astype(np.int64)
@@ -78,30 +82,33 @@ def to_rows(columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray]) -> di
 
 
 def _sample_times(blocks: Mapping[str, np.ndarray], counts: np.ndarray) -> np.ndarray:
-    pieces = [
-        stamp + _offsets(float(period), int(first), int(count))
-        for stamp, period, first, count in zip(
-            blocks["header.stamp"],
-            blocks["sample_period"],
-            blocks["sequence"],
-            counts,
-            strict=True,
-        )
-    ]
-    return np.concatenate([np.empty(0, np.int64), *pieces])
+    stamps, periods, firsts = blocks["header.stamp"], blocks["sample_period"], blocks["sequence"]
+    offsets: list[np.ndarray] = [np.empty(0, np.int64)]
+    # Blocks of one rate together: the offsets of one block take as long as those of a hundred.
+    edges = np.flatnonzero(np.diff(periods, prepend=np.nan, append=np.nan))
+    for start, end in pairwise(edges.tolist()):
+        offsets.append(_offsets(float(periods[start]), firsts[start:end], counts[start:end]))
+    return np.repeat(stamps, counts) + np.concatenate(offsets)
 
 
-def _offsets(period: float, first: int, count: int) -> np.ndarray:
-    """Return the times of samples after the first of them [ns], whose number is ``first``.
+def _offsets(period: float, firsts: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Return the times of samples after the first of their block [ns].
 
     At a whole rate each time is rounded as that of the first one. Otherwise the times of samples
     would depend on how they are divided into blocks.
+
+    Args:
+        period: between samples [s].
+        firsts: number of each block's first sample.
+        counts: of samples in each block.
     """
-    if not (math.isfinite(period) and period > 0.0 and period * count < _MAX_DURATION):
+    most = int(counts.max())
+    if not (math.isfinite(period) and period > 0.0 and period * most < _MAX_DURATION):
+        count = int(counts[0])
         raise BagFormatError(f"sample_period = {period:g} s is no time between {count} samples")
-    numbers = np.arange(count)
+    numbers = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     rate = round(1.0 / period) if period > 1.0 / SECOND else 0
     if rate and abs(rate * period - 1.0) < 1e-12:
-        first %= rate
-        return (first + numbers) * SECOND // rate - first * SECOND // rate
+        starts = np.repeat((firsts % np.uint64(rate)).astype(np.int64), counts)
+        return (starts + numbers) * SECOND // rate - starts * SECOND // rate
     return np.rint(numbers * (period * SECOND)).astype(np.int64)

@@ -6,6 +6,7 @@ import struct
 from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde.utils import SIZEMAP
 from rosbags.typesys.store import Typestore
@@ -63,6 +64,17 @@ class Budget:
     def most(self, size: int) -> int:
         """Return the greatest memory that a message of ``size`` bytes takes [bytes]."""
         return self._whole.memory + int(size * self._whole.share)
+
+    def sizes(self, sizes: np.ndarray) -> np.ndarray:
+        """Return ``most`` of many sizes [bytes]."""
+        return self._whole.memory + (sizes * self._whole.share).astype(np.int64)
+
+    def largest(self, memory: int) -> int:
+        """Return a size of messages up to which ``most`` is not more than ``memory`` [bytes]."""
+        left = memory - self._whole.memory
+        if not self._whole.share:
+            return 2**62 if left >= 0 else 0
+        return int(left / self._whole.share)
 
     def check(self, data: bytes) -> None:
         """Check that a message takes at most ``DECODED_LIMIT``.

@@ -110,9 +110,13 @@ class Codec:
         with self._understanding("message"):
             return self._store.deserialize_cdr(data, self._type)
 
-    def decoded_size(self, size: int) -> int:
-        """Return the greatest memory of a decoded message of ``size`` bytes [bytes]."""
-        return self._budget.most(size)
+    def decoded_sizes(self, sizes: np.ndarray) -> np.ndarray:
+        """Return the greatest memory of decoded messages of these sizes [bytes]."""
+        return self._budget.sizes(sizes)
+
+    def largest_size(self, memory: int) -> int:
+        """Return a size of messages up to which none takes more memory than this [bytes]."""
+        return self._budget.largest(memory)
 
     def without_padding(self, data: bytes) -> bytes:
         """Return the same message with zeros for the padding between fields, as ``encode`` does.

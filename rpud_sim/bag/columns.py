@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
@@ -69,8 +69,10 @@ class Column:
     description: str = ""
     attribute: str = ""
 
-    def values(self, messages: Sequence[Any]) -> np.ndarray:
+    def values(self, messages: Sequence[Any]) -> np.ndarray | Sequences:
         """Return the values of decoded messages, one for each, in the form of ``kind``.
+
+        Those of a sequence of numbers are ``Sequences``.
 
         Raises:
             ValueError, OverflowError: if they do not fit.
@@ -87,10 +89,36 @@ class Column:
             numbers = np.array(found).reshape(len(found), self.length)
             return numbers.astype(self.dtype, copy=False)
         if self.kind is Kind.SEQUENCE:
-            return objects([numbers.astype(self.dtype, copy=False) for numbers in found])
+            return Sequences.of(found, self.dtype)
         if self.kind is Kind.NESTED:
             return objects([to_plain(value) for value in found])
         return objects(found)
+
+
+@dataclass(frozen=True)
+class Sequences:
+    """Sequences of numbers, one for each message.
+
+    Attributes:
+        values: of all of them, one behind the other.
+        counts: numbers in each, int64, shape (n,).
+    """
+
+    values: np.ndarray
+    counts: np.ndarray
+
+    @classmethod
+    def of(cls, rows: Iterable[np.ndarray], dtype: np.dtype) -> Sequences:
+        """Return the sequences of arrays."""
+        parts = [part.astype(dtype, copy=False) for part in rows]
+        counts = np.array([len(part) for part in parts], np.int64)
+        return cls(np.concatenate([np.empty(0, dtype), *parts]), counts)
+
+    def rows(self) -> np.ndarray:
+        """Return an array of arrays, views of ``values``."""
+        ends = np.cumsum(self.counts).tolist()
+        starts = [0, *ends[:-1]]
+        return objects([self.values[i:j] for i, j in zip(starts, ends, strict=False)])
 
 
 def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:

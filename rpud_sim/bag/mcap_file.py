@@ -215,6 +215,7 @@ class McapFile:
                 index.uncompressed_size,
                 self._names(index.message_index_offsets) or frozenset(self.topic_channels),
                 partial(self._read_chunk, index),
+                partial(self._read_chunk_blocks, index),
             )
         with self._reading():
             loose = [] if self.closed and self._index.chunk_indexes else self._walk.stretches
@@ -249,6 +250,11 @@ class McapFile:
 
         with self._reading():
             return chunk_blocks(self._stream, index, wanted, start_time)
+
+    def _read_chunk_blocks(
+        self, index: ChunkIndex, topics: Collection[str] | None
+    ) -> list[MessageBlock]:
+        return self._chunk_blocks(index, self._wanted(topics), 0)
 
     def _read_stretch(self, stretch: Stretch, topics: Collection[str] | None) -> Iterator[Message]:
         read = partial(

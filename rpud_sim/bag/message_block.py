@@ -71,7 +71,7 @@ def gathered(data: np.ndarray, starts: np.ndarray, sizes: np.ndarray) -> np.ndar
         return data[starts[0] : ends[-1]].copy()
     if (sizes == size).all():
         return items(data, size)[starts].view(np.uint8)
-    view = memoryview(data)
+    view = data.data
     pairs = zip(starts.tolist(), ends.tolist(), strict=True)
     return np.frombuffer(b"".join([view[start:end] for start, end in pairs]), np.uint8)
 
@@ -85,16 +85,15 @@ def items(data: np.ndarray, size: int) -> np.ndarray:
 
 
 def joined(blocks: Sequence[MessageBlock]) -> MessageBlock:
-    """Return the messages of blocks of one topic in one packed block, in their order."""
-    packed = [block.packed() for block in blocks]
-    if len(packed) == 1:
-        return packed[0]
-    sizes = np.concatenate([block.sizes for block in packed])
+    """Return the messages of packed blocks of one topic in one, in their order."""
+    if len(blocks) == 1:
+        return blocks[0]
+    sizes = np.concatenate([block.sizes for block in blocks])
     return MessageBlock(
-        packed[0].topic,
-        same_times([block.log_times for block in packed]),
-        same_times([block.publish_times for block in packed]),
-        np.concatenate([block.data for block in packed]),
+        blocks[0].topic,
+        same_times([block.log_times for block in blocks]),
+        same_times([block.publish_times for block in blocks]),
+        np.concatenate([block.data for block in blocks]),
         np.cumsum(sizes) - sizes,
         sizes,
     )

@@ -82,6 +82,7 @@ class Piece:
         topics: names of the topics that it may hold.
         read: yields the messages of topics in the order of their log times; None for all. It raises
             BagFormatError if the part is damaged.
+        blocks: returns the same in blocks, one for each topic; None if only ``read`` can.
     """
 
     start_time: int
@@ -89,6 +90,7 @@ class Piece:
     size: int
     topics: frozenset[str]
     read: Callable[[Collection[str] | None], Iterator[Message]]
+    blocks: Callable[[Collection[str] | None], list[MessageBlock]] | None = None
 
 
 class _Place:

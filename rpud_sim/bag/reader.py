@@ -185,7 +185,8 @@ class BagReader:
         """
         found = [piece for file in self._filled for piece in file.pieces()]
         if self._compressed:
-            found = [replace(piece, read=partial(self._uncompressed, piece)) for piece in found]
+            read = self._uncompressed
+            found = [replace(piece, read=partial(read, piece), blocks=None) for piece in found]
         return sorted(found, key=lambda piece: piece.start_time)
 
     def _uncompressed(self, piece: Piece, topics: Collection[str] | None) -> Iterator[Message]:
@@ -218,8 +219,7 @@ class BagReader:
         from rpud_sim.bag.tables import batches  # loads what listing a bag does not need
 
         tables, _ = self._tables([topics] if isinstance(topics, str) else topics)
-        end = None if duration is None else self.start_time + start + duration
-        return batches(self.path, self.messages(tables, start), tables, end, leave_out)
+        return batches(self.path, self.blocks(tables, start, duration), tables, leave_out)
 
     def arrays(
         self, topic: str, start: int = 0, duration: int | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -12,9 +12,11 @@ import numpy as np
 
 from rpud_sim.bag.blocks import holds_rows, row_columns, to_rows
 from rpud_sim.bag.cdr import Codec, definition_size
-from rpud_sim.bag.columns import RECEIVED, Column, Kind, columns_of, objects
+from rpud_sim.bag.columns import RECEIVED, Column, Kind, Sequences, columns_of, objects
 from rpud_sim.bag.errors import BagError, BagFormatError
-from rpud_sim.bag.messages import Message
+from rpud_sim.bag.field_values import FieldReader
+from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.message_block import joined as joined_blocks
 from rpud_sim.bag.topic_summary import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
 
@@ -36,6 +38,7 @@ DEFINITIONS_LIMIT = 256 * 2**10
 _DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
 _OVERHEAD = 256  # bytes that a message takes in memory in addition to its data
 _NAMES_SHOWN = 30
+_LARGEST = 2**63 - 1
 
 _RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIVED)
 
@@ -82,7 +85,8 @@ class Table:
             )
         if summary.definition is None:
             raise BagFormatError("the bag does not hold the definition of its type")
-        self._codec, self._fields = _compiled(summary.topic.type, summary.definition)
+        self._codec, self._fields = compiled(summary.topic.type, summary.definition)
+        self._reader = FieldReader(self._codec, self._fields)
         self._blocks = holds_rows(summary.topic.type, self._fields)
 
     @property
@@ -91,32 +95,78 @@ class Table:
         columns = (*_RECEIVED, *self._fields)
         return row_columns(columns) if self._blocks else columns
 
-    def decoded_size(self, message: Message) -> int:
-        """Return the greatest memory of a decoded message [bytes]."""
-        return self._codec.decoded_size(len(message.data))
+    def decoded_sizes(self, block: MessageBlock) -> np.ndarray:
+        """Return the greatest memory of each decoded message [bytes]."""
+        return self._codec.decoded_sizes(block.sizes)
 
-    def batch(self, messages: Sequence[Message]) -> Batch:
+    def batch(self, block: MessageBlock, leave_out: Callable[[str], object] | None = None) -> Batch:
         """Return the rows of messages.
 
+        Args:
+            block: the messages.
+            leave_out: called with the reason for each message that is not of the type, which is
+                then skipped; None for an error.
+
         Raises:
-            BagFormatError: if a message is not of the type.
+            BagFormatError: if a message is not of the type, without ``leave_out``.
         """
-        decoded = [self._codec.decode(message.data) for message in messages]
-        try:
-            values = {
-                column.name: np.array([getattr(message, column.name) for message in messages], "i8")
-                for column in _RECEIVED
-            }
-            values |= {column.name: column.values(decoded) for column in self._fields}
-        except (OverflowError, TypeError, ValueError) as error:
-            raise BagFormatError(f"a message does not fit its columns: {error!r:.200}") from error
+        fields = self._reader.read(block)
+        reasons = {**_late_messages(block), **dict(fields.errors)}
+        if not reasons:
+            try:
+                return self._batch(block, fields.columns)
+            except BagFormatError:
+                if leave_out is None:
+                    raise
+        if leave_out is None:
+            raise BagFormatError(reasons[min(reasons)])
+        for row in range(len(block)):
+            if self._blocks and row not in reasons:
+                try:
+                    self.batch(block.part(slice(row, row + 1)))
+                except BagFormatError as error:
+                    reasons[row] = str(error)
+            if row in reasons:
+                leave_out(reasons[row])
+        return self.batch(block.part(np.array([row not in reasons for row in range(len(block))])))
+
+    def empty(self) -> Batch:
+        """Return a batch without rows."""
+        none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
+        return self.batch(MessageBlock(self._name, none, none, data, none, none))
+
+    def _batch(self, block: MessageBlock, columns: Mapping[str, np.ndarray | Sequences]) -> Batch:
+        received = {
+            "log_time": block.log_times.astype(np.int64, copy=False),
+            "publish_time": block.publish_times.astype(np.int64, copy=False),
+        }
         if self._blocks:
-            values = to_rows((*_RECEIVED, *self._fields), values)
-        return Batch(self._name, values, len(messages))
+            values = to_rows((*_RECEIVED, *self._fields), {**received, **columns})
+        else:
+            values = received | {
+                name: each.rows() if isinstance(each, Sequences) else each
+                for name, each in columns.items()
+            }
+        return Batch(self._name, values, len(block))
+
+
+def _late_messages(block: MessageBlock) -> dict[int, str]:
+    """Return the places of messages with times that a column cannot hold, and the reason."""
+    late = np.zeros(len(block), bool)
+    for times in (block.log_times, block.publish_times):
+        if times.dtype == np.uint64:
+            late |= times > np.uint64(_LARGEST)
+    reason = "a message does not fit its columns: its times need more than 63 bits"
+    return dict.fromkeys(np.flatnonzero(late).tolist(), reason)
 
 
 @lru_cache(maxsize=256)  # topics of one type share it
-def _compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]]:
+def compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]]:
+    """Return the codec of a type, and the columns of its fields.
+
+    Raises:
+        BagFormatError: if the definition cannot be understood.
+    """
     codec = Codec(type_name, definition)
     return codec, columns_of(codec, definition)
 
@@ -169,74 +219,81 @@ def open_tables(
 
 def batches(
     path: Path,
-    messages: Iterable[Message],
+    blocks: Iterable[MessageBlock],
     tables: Mapping[str, Table],
-    end: int | None = None,
     leave_out: Callable[[str, str], object] | None = None,
 ) -> Iterator[Batch]:
     """Yield the rows of messages, in their order within each topic.
 
     Args:
         path: of the bag.
-        messages: of the topics in ``tables``.
+        blocks: messages of the topics in ``tables``.
         tables: by the names of topics.
-        end: log time of the first message that does not count [ns]; None for no end.
         leave_out: called with the topic and the reason for each message that is not of its topic's
             type, which is then skipped; None for an error.
 
     Raises:
         BagFormatError: if a message is not of its topic's type.
     """
-    waiting: dict[str, list[Message]] = {name: [] for name in tables}
-    sizes = dict.fromkeys(tables, 0)
-    decoded = dict.fromkeys(tables, 0)
-    total = 0
+    waiting = {name: _Waiting() for name in tables}
 
     def batch(name: str) -> Batch:
-        nonlocal total
-        rows, waiting[name] = waiting[name], []
-        total -= sizes[name]
-        sizes[name] = decoded[name] = 0
+        block = joined_blocks(waiting[name].blocks)
+        waiting[name] = _Waiting()
         try:
-            return tables[name].batch(rows)
+            return tables[name].batch(block, leave_out and partial(leave_out, name))
         except BagFormatError as error:
-            if leave_out is None:
-                raise BagFormatError(f"{path}: {name}: {error}") from error
-        return tables[name].batch([*_readable(tables[name], rows, partial(leave_out, name))])
+            raise BagFormatError(f"{path}: {name}: {error}") from error
 
-    for message in messages:
-        if end is not None and message.log_time >= end:
-            break
-        name = message.topic
-        size = len(message.data) + _OVERHEAD
-        waiting[name].append(message)
-        sizes[name] += size
-        decoded[name] += tables[name].decoded_size(message)
-        total += size
-        if sizes[name] >= BATCH_SIZE or decoded[name] >= DECODED_SIZE:
-            yield batch(name)
-        elif total >= TOTAL_SIZE:
-            yield batch(max(sizes, key=sizes.__getitem__))
+    total = 0
+    for block in blocks:
+        name, rest = block.topic, block
+        while len(rest):
+            size = waiting[name].size
+            count = waiting[name].add(rest, tables[name].decoded_sizes(rest))
+            total += waiting[name].size - size
+            rest = rest.part(slice(count, None))
+            if waiting[name].full:
+                total -= waiting[name].size
+                yield batch(name)
+            elif total >= TOTAL_SIZE:
+                largest = max(waiting, key=lambda each: waiting[each].size)
+                total -= waiting[largest].size
+                yield batch(largest)
     for name, rest in waiting.items():
-        if rest:
+        if rest.blocks:
             yield batch(name)
 
 
-def _readable(
-    table: Table, messages: Iterable[Message], leave_out: Callable[[str], object]
-) -> Iterator[Message]:
-    for message in messages:
-        try:
-            table.batch([message])
-        except BagFormatError as error:
-            leave_out(str(error))
-        else:
-            yield message
+class _Waiting:
+    """Messages of one topic that wait to become a batch.
+
+    Attributes:
+        blocks: of these messages alone.
+        size: memory that they take [bytes].
+        full: whether they must become a batch now.
+    """
+
+    def __init__(self) -> None:
+        self.blocks: list[MessageBlock] = []
+        self.size = self._decoded = 0
+        self.full = False
+
+    def add(self, block: MessageBlock, decoded: np.ndarray) -> int:
+        """Add the first messages of a block until they are full, and return their number."""
+        sizes = self.size + np.cumsum(block.sizes + _OVERHEAD)
+        memory = self._decoded + np.cumsum(decoded)
+        over = (sizes >= BATCH_SIZE) | (memory >= DECODED_SIZE)
+        self.full = bool(over[-1])
+        count = int(np.argmax(over)) + 1 if self.full else len(block)
+        self.blocks.append(block.part(slice(0, count)).packed())
+        self.size, self._decoded = int(sizes[count - 1]), int(memory[count - 1])
+        return count
 
 
 def joined(table: Table, pieces: Iterable[Batch]) -> dict[str, np.ndarray]:
     """Return the columns of all batches of one table together."""
-    parts = [table.batch([]), *pieces]
+    parts = [table.empty(), *pieces]
     return {
         column.name: np.concatenate([part.columns[column.name] for part in parts])
         for column in table.columns

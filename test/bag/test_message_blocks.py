@@ -258,7 +258,7 @@ def test_packed_and_joined_blocks_hold_the_same(sizes, data):
         packed = block.packed()
         assert [packed.message(number) for number in range(len(block))] == messages
         assert gathered(content, starts, block.sizes).tobytes() == b"".join(messages)
-        blocks.append(block)
+        blocks.append(packed)
         expected += messages
     whole = joined(blocks)
     assert [whole.message(number) for number in range(len(whole))] == expected

@@ -23,7 +23,7 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
-from rpud_sim.bag.blocks import _offsets
+from rpud_sim.bag.blocks import _offsets as offsets_of_blocks
 from rpud_sim.bag.columns import Kind
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.simulation import preset
@@ -89,6 +89,10 @@ def test_every_segment_of_a_trajectory_has_its_exact_time(drilled):
     ends = rows["time"][:-1] + np.rint(rows["duration"][:-1] * 1e9)
     assert np.abs(rows["time"][1:] - ends).max() <= 1
     assert rows["contact"].dtype == np.uint8
+
+
+def _offsets(period, first, count):
+    return offsets_of_blocks(period, np.array([first], np.uint64), np.array([count]))
 
 
 @given(
@@ -210,7 +214,7 @@ def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
             tracemalloc.stop()
 
     small, large = peak(2_000), peak(8_000)
-    assert large < 1.05 * small + 50_000
+    assert large < small + 2 * 500_000  # a thread reads chunks ahead
     assert large < 6_000_000
 
 

@@ -26,7 +26,7 @@ _LEFT, _RIGHT, _TOP, _FLOOR, _FOOT = 40.0, 748.0, 60.0, 232.0, 262.0  # [px]
 def draw_drill() -> str:
     """Return the section of the drill, with its parts named."""
     parameters = preset("drilling")
-    return _render(
+    return render(
         "drill.svg.jinja",
         frequency=f"{parameters.vibration_frequency / 1e3:g}",
         amplitude=f"{parameters.vibration_amplitude * 1e6:g}",
@@ -37,7 +37,7 @@ def draw_drill() -> str:
 def draw_blocks() -> str:
     """Return the time line of four blocks at the node's default rate."""
     period = 1e3 / Settings().telemetry_rate
-    return _render("blocks.svg.jinja", period=round(period), ahead=f"{LEAD * 1e3:g}")
+    return render("blocks.svg.jinja", period=round(period), ahead=f"{LEAD * 1e3:g}")
 
 
 def draw_events() -> str:
@@ -66,7 +66,7 @@ def draw_events() -> str:
     flights = shown & (segments["contact"] == 0)
     middle = np.flatnonzero(flights)[np.argmax((ends - starts)[flights])]
     at = int(np.searchsorted(times, starts[middle] + 0.6 * (ends - starts)[middle]))
-    return _render(
+    return render(
         "events.svg.jinja",
         width=800,
         height=330,
@@ -101,7 +101,8 @@ def _path(times: np.ndarray, heights: np.ndarray) -> str:
     return "L".join(f"{x:.1f} {y:.1f}" for x, y in points)
 
 
-def _render(name: str, **context: Any) -> str:
+def render(name: str, **context: Any) -> str:
+    """Return a drawing from its template beside this file."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         undefined=StrictUndefined,

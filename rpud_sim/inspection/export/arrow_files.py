@@ -14,6 +14,8 @@ from pyarrow import csv, parquet
 from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.inspection.export.numpy_files import to_json
 
+_LARGEST_TEXTS = 2**31 - 1  # bytes, for offsets of 32 bits
+
 
 class ParquetFile:
     """Table as a Parquet file: each batch is a row group.
@@ -32,7 +34,11 @@ class ParquetFile:
         self._schema = _schema(columns, metadata, _PARQUET_TYPES)
         self.paths = [path.with_name(f"{path.name}.parquet")]
         self._stream = self.paths[0].open("xb")
-        self._writer = parquet.ParquetWriter(self._stream, self._schema, compression="zstd")
+        # A dictionary of numbers would take three times as long and make the file larger.
+        texts = [field.name for field in self._schema if field.type == pa.string()]
+        self._writer = parquet.ParquetWriter(
+            self._stream, self._schema, compression="zstd", use_dictionary=texts
+        )
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
         """Add rows."""
@@ -120,17 +126,50 @@ def _batch(
         _array(column, field.type, values[column.name])
         for column, field in zip(columns, schema, strict=True)
     ]
-    return pa.record_batch(arrays, schema=schema)
+    return pa.RecordBatch.from_arrays(arrays, schema=schema)
 
 
 def _array(column: Column, kind: pa.DataType, values: np.ndarray) -> pa.Array:
     if kind == pa.string():
-        texts = values if column.kind is Kind.TEXT else [to_json(value) for value in values]
-        return pa.array(texts, kind)
+        return _texts(values if column.kind is Kind.TEXT else [to_json(value) for value in values])
     if column.kind is Kind.ARRAY:
-        return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), type=kind)
+        return pa.FixedSizeListArray.from_arrays(
+            _numbers(values.ravel(), kind.value_type), type=kind
+        )
     if column.kind is Kind.SEQUENCE:
         ends = np.cumsum([0, *map(len, values)])
         numbers = np.concatenate([np.empty(0, column.dtype), *values])
-        return pa.ListArray.from_arrays(pa.array(ends, pa.int32()), pa.array(numbers), type=kind)
-    return pa.array(values).cast(kind)
+        return pa.ListArray.from_arrays(
+            _numbers(ends.astype(np.int32), pa.int32()),
+            _numbers(numbers, kind.value_type),
+            type=kind,
+        )
+    return _numbers(values, kind)
+
+
+# Made of their bytes: pyarrow.array imports pandas, half a second, and looks at each text.
+
+
+def _numbers(values: np.ndarray, kind: pa.DataType) -> pa.Array:
+    if values.dtype == bool:
+        data = np.packbits(values, bitorder="little")
+    else:
+        data = np.ascontiguousarray(values)
+    return pa.Array.from_buffers(kind, len(values), [None, pa.py_buffer(data)])
+
+
+def _texts(values: Sequence[str] | np.ndarray) -> pa.Array:
+    texts = np.empty(len(values), object)
+    texts[:] = values
+    edges = np.flatnonzero(texts[1:] != texts[:-1]) + 1  # rows of a block have the same text
+    starts = np.concatenate([np.zeros(min(1, len(texts)), np.intp), edges])
+    counts = np.diff(starts, append=len(texts))
+    parts = [text.encode() for text in texts[starts]]
+    sizes = np.array([len(part) for part in parts], np.int64)
+    if int((sizes * counts).sum()) > _LARGEST_TEXTS:
+        return pa.array(texts.tolist(), pa.string())
+    ends = np.cumsum(np.repeat(sizes, counts))
+    offsets = np.concatenate([np.zeros(1, np.int64), ends]).astype(np.int32)
+    data = b"".join([part * count for part, count in zip(parts, counts.tolist(), strict=True)])
+    buffers = [None, pa.py_buffer(offsets), pa.py_buffer(data)]
+    return pa.Array.from_buffers(pa.string(), len(texts), buffers)

@@ -7,6 +7,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from importlib import import_module
@@ -125,10 +126,18 @@ def export(
         )
         with new_folder(out, ExportError) as folder:
             files = _Files(bag, folder, file_format, chosen, damages)
-            with files:
+            with files, ThreadPoolExecutor(1, "rpud-export") as pool:
+                written: Future[None] | None = None
                 for batch in batches:
-                    files.write(batch.topic, batch.columns, len(batch), batch.message_count)
+                    if written is not None:
+                        written.result()
+                    # While a thread writes a batch, the next one is read.
+                    written = pool.submit(
+                        files.write, batch.topic, batch.columns, len(batch), batch.message_count
+                    )
                     report(batch.message_count)
+                if written is not None:
+                    written.result()
             exported = Exported(
                 os.fspath(out), file_format, files.exported(), left_out, damages.texts
             )

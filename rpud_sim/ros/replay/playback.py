@@ -17,6 +17,7 @@ from rpud_sim.ros.replay.timeline import Timeline
 
 _BEHIND = SECOND // 20  # later than this, messages come as fast as they can
 _LOOP_PAUSE = SECOND // 10  # between two passes, so that a bag of one message is no flood
+_BUNDLE_TIME = SECOND // 1000  # in which messages are published before requests are served again
 
 
 class RefusedError(Exception):
@@ -121,7 +122,7 @@ class Playback:
             self._tick = now
 
     def advance(self) -> float | None:
-        """Publish one message or tick if it is due; return the time until the next call [s].
+        """Publish what is due, for a millisecond at most; return the time until the next call [s].
 
         Zero is at once, infinity is after the next request, None is the end. Errors of reading and
         publishing are raised.
@@ -145,9 +146,32 @@ class Playback:
             self._outputs.publish_clock(self._timeline.position_at(round(self._tick)))
             self._tick += self._plan.tick or inf
         else:
-            self.lateness.add(now - due)
-            self._publish_next(hurried=now - due > _BEHIND)
+            self._publish_due(now)
         return 0.0
+
+    def _publish_due(self, now: int) -> None:
+        """Publish messages from ``now`` [ns] on, until none is due, or a tick, or the time is over.
+
+        It works with local variables: everything in this loop is paid for each message.
+        """
+        timeline, message = self._timeline, self._next
+        since, position, rate = timeline.since, timeline.position, timeline.rate
+        publish, take, clock = self._outputs.publish, self._take, self._clock
+        note, tick, end = self.lateness.add, self._tick, now + _BUNDLE_TIME
+        count = 0
+        try:
+            while message is not None and now < end and not self._stopped:
+                due = since + (message.log_time - position) / rate  # that of the timeline
+                if now < due or tick <= due:
+                    break
+                note(now - due)
+                publish(message, hurried=now - due > _BEHIND)
+                count += 1
+                message = take()
+                now = clock()
+        finally:
+            self.published += count
+            self._next = message
 
     def stop(self) -> None:
         """End the playback; any thread may call this."""
@@ -213,7 +237,7 @@ class Playback:
         self._timeline = self._timeline.seek(self._clock(), time_of_next)
         if self._plan.tick is not None:
             self._outputs.publish_clock(time_of_next)
-        self._publish_next(hurried=True)
+        self._publish_next()
 
     def burst(self, count: int) -> int:
         """Publish the next messages now, all for a count of 0; return how many.
@@ -233,24 +257,25 @@ class Playback:
     def _open(self, position: int) -> None:
         self.close()
         self._messages = self._read(position)
-        self._take_next()
-
-    def _take_next(self) -> None:
-        assert self._messages is not None
         self._next = None
+        self._next = self._take()
+
+    def _take(self) -> Message | None:
+        """Return the next message to publish; None at the end and after an error of reading."""
+        assert self._messages is not None
         try:
             message = next(self._messages, None)
         except Exception as error:  # it ends the replay, not only the request that led here
             self._failure = error
-            return
-        if message is not None and message.log_time <= self._plan.last:
-            self._next = message
+            return None
+        return None if message is None or message.log_time > self._plan.last else message
 
-    def _publish_next(self, *, hurried: bool) -> None:
+    def _publish_next(self) -> None:
         assert self._next is not None
-        self._outputs.publish(self._next, hurried=hurried)
+        self._outputs.publish(self._next, hurried=True)
         self.published += 1
-        self._take_next()
+        self._next = None
+        self._next = self._take()
 
     def _hold(self) -> None:
         """Move the timeline back to the next message, if that is late."""

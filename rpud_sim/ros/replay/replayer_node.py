@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import inf
 
 from rclpy.duration import Duration
@@ -54,9 +54,10 @@ class Replayer(Node):
         )
         self._failures = 0
         self._replayed: dict[str, Publisher] = {}
+        self._send: dict[str, Callable[[bytes], None]] = {}
         self._types: dict[str, str] = {}  # by the names that they are published with
-        self._hurried: dict[str, int] = {}  # messages that may be unacknowledged
-        self._room: dict[str, float] = {}  # most of them that may be
+        self._depth: dict[str, float] = {}  # messages that may be unacknowledged
+        self._room: dict[str, float] = {}  # further ones that may be
         self._clock_message = Clock()
         self._clock_publisher: Publisher | None = None
         if with_clock:
@@ -80,19 +81,28 @@ class Replayer(Node):
             name = summary.topic.name
             try:
                 offer = replay_offer(summary.topic.offered_qos)
-                self._replayed[name] = self.create_publisher(message, name, offer)
+                publisher = self.create_publisher(message, name, offer)
             except (OverflowError, RuntimeError, TypeError, ValueError) as error:
                 reason = f"not replayed: {name}: its QoS cannot be offered: {error}"
                 self.get_logger().warning(printable(reason))
                 continue
-            self._hurried[name] = 0
+            self._replayed[name] = publisher
+            # Without rclpy's checks of each message, which take as long as a fifth of publishing it.
+            self._send[name] = publisher.handle.publish_raw
             # A latched topic keeps only its last messages.
             latched = offer.durability == DurabilityPolicy.TRANSIENT_LOCAL
-            self._room[name] = inf if latched else min(offer.depth, REPLAY_DEPTH) // 2
+            self._depth[name] = inf if latched else min(offer.depth, REPLAY_DEPTH)
+            self._room[name] = self._depth[name] / 2
 
     def _wait_for_subscribers(self, name: str) -> None:
-        if not self._replayed[name].wait_for_all_acked(Duration(nanoseconds=_LONGEST_WAIT)):
-            self._room[name] = inf
+        # All of the depth is used the next time: Fast DDS asks for acknowledgement at once where it
+        # is, and otherwise at every heartbeat. Other topics are acknowledged while this one waits.
+        if self._replayed[name].wait_for_all_acked(Duration(nanoseconds=_LONGEST_WAIT)):
+            for other, publisher in self._replayed.items():
+                if publisher.wait_for_all_acked(Duration()):
+                    self._room[other] = self._depth[other]
+        else:
+            self._depth[name] = self._room[name] = inf
             self.get_logger().warning(
                 f"a subscriber of {name} does not keep up; it is not waited for any more"
             )
@@ -137,14 +147,15 @@ class Replayer(Node):
         If messages are ``hurried``, it waits for reliable subscribers before the oldest message
         that they lack would be overwritten.
         """
-        self._replayed[message.topic].publish(message.data)
+        topic = message.topic
+        self._send[topic](message.data)
         if not hurried:
-            self._hurried[message.topic] = 0
+            # Its time has paced it, but of those before it some may be unacknowledged.
+            self._room[topic] = self._depth[topic] / 2
             return
-        self._hurried[message.topic] += 1
-        if self._hurried[message.topic] >= self._room[message.topic]:
-            self._hurried[message.topic] = 0
-            self._wait_for_subscribers(message.topic)
+        self._room[topic] -= 1
+        if self._room[topic] <= 0:
+            self._wait_for_subscribers(topic)
 
     def publish_clock(self, bag_time: int) -> None:
         """Publish the bag's time [ns] on ``/clock``."""

@@ -13,6 +13,8 @@ import numpy as np
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, Message
+from rpud_sim.bag.block_order import gathered_blocks
+from rpud_sim.bag.message_block import MessageBlock, joined
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.report.timeline import zero_stamp
 from rpud_sim.watch.recorded.clock import Clock, Jump, find_jumps
@@ -212,10 +214,27 @@ class Recording:
         self.close()
 
     def _read(self, number: int) -> PieceRows:
-        by_topic: dict[str, list[Message]] = {}
-        for message in self._messages(number, self._topics):
-            by_topic.setdefault(message.topic, []).append(message)
-        return {name: self.readers[name].read(group) for name, group in by_topic.items()}
+        by_topic: dict[str, list[MessageBlock]] = {}
+        for block in self._blocks(number, self._topics):
+            by_topic.setdefault(block.topic, []).append(block)
+        return {
+            name: self.readers[name].read(blocks[0] if len(blocks) == 1 else joined(blocks))
+            for name, blocks in by_topic.items()
+        }
+
+    def _blocks(self, number: int, topics: frozenset[str]) -> list[MessageBlock]:
+        piece = self.pieces[number]
+        found: list[MessageBlock] = []
+        if piece.topics.isdisjoint(topics):
+            return found
+        try:
+            # What is before the damage stays.
+            found.extend(
+                piece.blocks(topics) if piece.blocks else gathered_blocks(piece.read(topics))
+            )
+        except BagError as error:
+            self.damages.setdefault(number, str(error))
+        return found
 
     def _messages(self, number: int, topics: Sequence[str] | frozenset[str]) -> list[Message]:
         piece = self.pieces[number]

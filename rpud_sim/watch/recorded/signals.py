@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
-from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag import BagFormatError, BagReader, TopicSummary
 from rpud_sim.bag.columns import Column, Kind
-from rpud_sim.bag.stack import Stack
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.bag.field_values import FieldReader
+from rpud_sim.bag.message_block import MessageBlock
+from rpud_sim.bag.tables import compiled
 from rpud_sim.inspection.report.running_statistics import usable
 from rpud_sim.inspection.report.topic_survey import is_latched, stamp_column
 
@@ -107,8 +107,7 @@ class TopicReader:
     signals: tuple[Signal, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        topic, definition = self.summary.topic, self.summary.definition
-        assert definition is not None  # a table needs it
+        topic = self.summary.topic
         self.block = self.columns[0].name == "time"
         names = {column.name: column for column in self.columns}
         stamp = names.get("header.stamp")
@@ -129,11 +128,9 @@ class TopicReader:
             )
             for column in numbers
         )
-        self._stamp = stamp.attribute if stamp is not None and self.stamped else ""
-        self._attributes = {column.name: column.attribute for column in numbers}
-        parts = [f"{self._stamp}.sec", f"{self._stamp}.nanosec"] if self.stamped else []
-        codec = Codec(topic.type, definition)
-        self._stack = Stack(codec, [*parts, *self._attributes.values()])
+        self._numbers = {column.name: column for column in numbers}
+        self._stamp = [stamp] if stamp is not None and self.stamped else []
+        self._fields = self._field_reader()
 
     @property
     def latched(self) -> bool:
@@ -143,23 +140,27 @@ class TopicReader:
     def keep(self, signals: Iterable[Signal]) -> None:
         """Read these signals alone."""
         self.signals = tuple(signals)
+        self._fields = self._field_reader()
 
-    def read(self, messages: Sequence[Message]) -> Rows:
+    def read(self, block: MessageBlock) -> Rows:
         """Return the rows of messages; count those that are not of the type."""
-        found = self._stack.numbers([message.data for message in messages])
-        if found.unreadable and not self.unreadable:
-            self.reason = found.reason
-        self.unreadable += found.unreadable
-        logs = np.array([message.log_time for message in messages], np.int64)[found.rows]
-        stamps = logs
-        if self.stamped:
-            seconds = found.columns[f"{self._stamp}.sec"].astype(np.int64)
-            stamps = seconds * SECOND + found.columns[f"{self._stamp}.nanosec"].astype(np.int64)
+        found = self._fields.read(block)
+        if found.errors and not self.unreadable:
+            self.reason = found.errors[0][1]
+        self.unreadable += len(found.errors)
+        logs = block.log_times[found.rows].astype(np.int64)
+        stamps = found.columns[self._stamp[0].name] if self._stamp else logs
         values = {}
         for signal in self.signals:
-            numbers = found.columns[self._attributes[signal.column]].astype(float)
+            numbers = found.columns[signal.column].astype(float)
             values[signal.column] = np.where(usable(numbers), numbers, np.nan)
         return Rows(logs, stamps, values)
+
+    def _field_reader(self) -> FieldReader:
+        assert self.summary.definition is not None  # a table needs it
+        codec, _ = compiled(self.summary.topic.type, self.summary.definition)
+        numbers = [self._numbers[signal.column] for signal in self.signals]
+        return FieldReader(codec, [*self._stamp, *numbers])
 
 
 def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str]]:

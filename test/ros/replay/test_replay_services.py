@@ -38,9 +38,9 @@ def test_a_request_that_raises_an_error_is_answered_and_counted(tmp_path, capfd)
             response = ask("play_next")
             assert not response.success
             if isinstance(response, Trigger.Response):
-                assert response.message.startswith("it raised InvalidHandle")
+                assert response.message.startswith("it raised RCLError")
             assert node.failures == 1
-            assert "request failed: play_next: it raised InvalidHandle" in capfd.readouterr().err
+            assert "request failed: play_next: it raised RCLError" in capfd.readouterr().err
             assert ask("is_paused").paused
         finally:
             thread.stop()

@@ -1,0 +1,45 @@
+"""Machine and software that a measurement ran on."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib import metadata
+from pathlib import Path
+
+_LIBRARIES = (
+    "numpy", "numba", "llvmlite", "scipy", "pyarrow", "mcap", "lz4", "zstandard",
+    "dask", "distributed", "bokeh", "mujoco",
+)  # fmt: skip
+
+
+def describe_machine() -> dict[str, str]:
+    """Return processor, cores, memory, system, Python, and versions of libraries and of ROS."""
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    found = {
+        "processor": _processor(),
+        "cores": str(len(os.sched_getaffinity(0))),
+        "memory": f"{memory:.0f} GiB",
+        "system": f"{platform.system()} {platform.release()}",
+        "Python": platform.python_version(),
+        "middleware": os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"),
+    }
+    return found | {name: version for name in _LIBRARIES if (version := _version(name))}
+
+
+def load() -> float:
+    """Return the processes that ran or waited for a core in the last minute, on average."""
+    return os.getloadavg()[0]
+
+
+def _processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
+    names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(names, "") or platform.machine()
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""

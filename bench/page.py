@@ -1,0 +1,99 @@
+"""Figures in the pages: written between markers from the results that are kept beside them."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from bench import results
+from bench.checkout import ROOT
+from bench.results import Part, number
+
+PAGES = (ROOT / "docs/explanation/performance.md", ROOT / "README.md")
+SHOWN = ROOT / "docs/explanation/performance.json"
+"""Results that the pages show."""
+
+_SPEED = re.compile(r"engine, (?P<regime>\w+): speed over that of (?P<other>.+)")
+_MARKED = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
+
+
+def goals(parts: Sequence[Part]) -> Iterator[str]:
+    """Yield the table of the figures that have goals."""
+    yield from results.table([row for row in results.rows_of(parts) if row.goal is not None])
+
+
+def missed(parts: Sequence[Part]) -> Iterator[str]:
+    """Yield one line for each goal that is missed."""
+    found = [row for row in results.rows_of(parts) if row.missed]
+    if not found:
+        yield "Every goal is met."
+    for row in found:
+        yield f"- {row.name}: {f'{number(row.median)} {row.unit}'.rstrip()}, goal {row.goal}"
+
+
+def machine(parts: Sequence[Part]) -> Iterator[str]:
+    """Yield what the results were measured on."""
+    yield from results.heading(parts)
+
+
+def speed(parts: Sequence[Part]) -> Iterator[str]:
+    """Yield the table of the engine's speed over that of others, by regime."""
+    found: dict[str, dict[str, float]] = {}
+    for row in results.rows_of(parts):
+        if matched := _SPEED.fullmatch(row.name):
+            found.setdefault(matched["other"], {})[matched["regime"]] = row.median
+    if not found:
+        yield "Not measured yet."
+        return
+    yield "| times as fast as | drilling | before drilling |"
+    yield "|---|---|---|"
+    for other, regimes in found.items():
+        cells = (number(regimes[name]) if name in regimes else "" for name in ("drilling", "free"))
+        yield f"| {other} | {' | '.join(cells)} |"
+
+
+SECTIONS: Mapping[str, Callable[[Sequence[Part]], Iterator[str]]] = {
+    "goals": goals,
+    "missed": missed,
+    "machine": machine,
+    "speed": speed,
+}
+"""Contents between markers such as ``<!-- figures: goals -->``."""
+
+
+def filled(text: str, parts: Sequence[Part]) -> str:
+    """Return the text of a page with every marked section made anew.
+
+    Raises:
+        KeyError: for a marker of no section.
+    """
+
+    def fill(found: re.Match[str]) -> str:
+        lines = "\n".join(SECTIONS[found[2]](parts))
+        return f"{found[1]}\n{lines}\n\n{found[4]}"
+
+    return _MARKED.sub(fill, text)
+
+
+def write_pages(folder: Path) -> int:
+    """Keep the newest result of each measurement beside the pages, and write their figures.
+
+    Args:
+        folder: of the results.
+    """
+    newest = {part.measurement: part for part in results.newest_parts(folder)}
+    former = results.read_parts(SHOWN) if SHOWN.is_file() else []
+    for part in former:
+        if part.measurement not in newest or newest[part.measurement].began < part.began:
+            newest[part.measurement] = part
+    parts = [newest[name] for name in sorted(newest) if not name.startswith("compare ")]
+    if not parts:
+        print(f"bench: no results in {folder}: run 'make bench' first", file=sys.stderr)
+        return 1
+    results.write_parts(SHOWN, parts)
+    for page in PAGES:
+        page.write_text(filled(page.read_text(encoding="utf-8"), parts), encoding="utf-8")
+    print(f"written: {', '.join(str(each.relative_to(ROOT)) for each in (SHOWN, *PAGES))}")
+    return 0

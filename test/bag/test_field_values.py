@@ -1,0 +1,213 @@
+"""Columns of many messages at once: the same as those of each message decoded by itself."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from sample_bags import EVERYTHING, MESSAGE, SEPARATOR, serialized
+
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import Kind, Sequences, columns_of
+from rpud_sim.bag.errors import BagFormatError
+from rpud_sim.bag.field_values import FieldReader
+from rpud_sim.bag.message_block import MessageBlock
+
+TIME = f"""
+{SEPARATOR}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+RANGES = {
+    "bool": st.booleans(),
+    "byte": st.integers(-128, 127),
+    "char": st.integers(0, 255),
+    **{f"int{bits}": st.integers(-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32)},
+    **{f"uint{bits}": st.integers(0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+    "int64": st.integers(-(2**63), 2**63 - 1),
+    "float32": st.floats(width=32),
+    "float64": st.floats(),
+}
+DTYPES = {"bool": np.bool_, "byte": np.int8, "char": np.uint8}
+
+
+def numbers(kind, count):
+    parts = st.lists(RANGES[kind], min_size=count or 0, max_size=count or 4)
+    return parts.map(lambda values: np.array(values, DTYPES.get(kind) or np.dtype(kind)))
+
+
+@st.composite
+def types(draw):
+    """The text of a type, and its values."""
+    lines, values = [], {}
+    parts = draw(st.lists(st.sampled_from(["one", "text", "array", "many", "time", "part"])))
+    part_lines, part_values = [], {}
+    for number, form in enumerate([*parts, "one"]):
+        kind, name = draw(st.sampled_from([*RANGES])), f"f{number}"
+        inner = draw(st.booleans())
+        count = draw(st.integers(1, 3))
+        text, value = {
+            "one": (kind, RANGES[kind]),
+            "text": ("string", st.text("ab ß", max_size=4)),
+            "array": (f"{kind}[{count}]", numbers(kind, count)),
+            "many": (f"{kind}[]", numbers(kind, 0)),
+            "time": (
+                "builtin_interfaces/Time",
+                st.fixed_dictionaries({"sec": RANGES["int32"], "nanosec": RANGES["uint32"]}),
+            ),
+            "part": (kind, RANGES[kind]),
+        }[form]
+        (part_lines if inner else lines).append(f"{text} {name}")
+        (part_values if inner else values)[name] = value
+    definition = "\n".join([*lines, "pkg/Part part" if part_lines else "bool none"])
+    if part_lines:
+        values["part"] = st.fixed_dictionaries(part_values)
+        definition += "\n".join(["", SEPARATOR, "MSG: pkg/Part", *part_lines])
+    else:
+        values["none"] = st.booleans()
+    return definition + TIME, st.fixed_dictionaries(values)
+
+
+def write(definition, fields, order):
+    """Serialize as `serialized` does, or with the other order of bytes."""
+    if order == "<":
+        return serialized("pkg/msg/All", definition, fields)
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition, "pkg/msg/All"))
+    little = serialized("pkg/msg/All", definition, fields)
+    message = store.deserialize_cdr(little, "pkg/msg/All")
+    return bytes(store.serialize_cdr(message, "pkg/msg/All", little_endian=False))
+
+
+def block_of(messages, gap=b""):
+    sizes = np.array([len(data) for data in messages], np.int64)
+    times = np.arange(len(messages))
+    data = np.frombuffer(gap + gap.join(messages), np.uint8)
+    starts = np.cumsum(sizes + len(gap)) - sizes
+    return MessageBlock("/a", times, times, data, starts, sizes)
+
+
+def decoded(codec, columns, messages):
+    """The values of each readable message, and the errors of others, one by one."""
+    rows, errors = [], []
+    for number, data in enumerate(messages):
+        try:
+            message = codec.decode(data)
+        except BagFormatError as error:
+            errors.append((number, str(error)))
+        else:
+            rows.append((number, [plain(each.values([message])) for each in columns]))
+    return rows, errors
+
+
+def plain(values):
+    """Comparable values; NaN is itself."""
+    if isinstance(values, Sequences):
+        return [plain(part) for part in values.rows()]
+    if values.dtype == bool:
+        values = values.view(np.uint8) != 0  # the library keeps the byte 2 in sequences
+    return values.dtype.str + str(values.tolist())
+
+
+def assert_same(codec, definition, messages, gap=b""):
+    columns = columns_of(codec, definition)
+    found = FieldReader(codec, columns).read(block_of(messages, gap))
+    rows, errors = decoded(codec, columns, messages)
+    assert [*found.errors] == errors
+    assert found.rows.tolist() == [number for number, _ in rows]
+    for place, column in enumerate(columns):
+        values = found.columns[column.name]
+        each = (
+            [plain(Sequences(part, np.array([len(part)]))) for part in values.rows()]
+            if isinstance(values, Sequences)
+            else [plain(values[row : row + 1]) for row in range(len(values))]
+        )
+        assert each == [row[place] for _, row in rows], column.name
+
+
+@settings(max_examples=50)
+@given(types(), st.data())
+def test_columns_are_those_of_the_decoded_messages(kind, data):
+    definition, values = kind
+    many = data.draw(st.lists(values, min_size=1, max_size=5))
+    order = data.draw(st.sampled_from("<<>"))
+    messages = [write(definition, fields, order) for fields in many]
+    if data.draw(st.booleans()):
+        messages += [write(definition, fields, "<") for fields in many]
+    codec = Codec("pkg/msg/All", definition)
+    assert_same(codec, definition, messages, data.draw(st.binary(max_size=9)))
+
+
+@settings(max_examples=50)
+@given(types(), st.data())
+def test_what_is_no_message_gives_the_same_error(kind, data):
+    definition, values = kind
+    whole = [
+        write(definition, fields, "<")
+        for fields in data.draw(st.lists(values, min_size=2, max_size=3))
+    ]
+    changed = []
+    for message in whole:
+        content = bytearray(message)
+        for _ in range(data.draw(st.integers(0, 2))):
+            content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+        cut = data.draw(st.integers(0, len(content)))
+        changed += [
+            bytes(content),
+            bytes(content[:cut]),
+            message + data.draw(st.binary(max_size=9)),
+        ]
+    others = data.draw(st.lists(st.binary(max_size=20), max_size=3))
+    codec = Codec("pkg/msg/All", definition)
+    assert_same(codec, definition, [*whole, *changed, *others])
+    assert_same(codec, definition, [*others, *changed, *whole])
+
+
+FIELDS = st.fixed_dictionaries(
+    {
+        "part": st.fixed_dictionaries({"x": st.floats(), "turn": st.floats()}),
+        "parts": st.lists(st.just({"x": 1.0, "turn": 2.0}), max_size=3),
+        "names": st.lists(st.text("ab", max_size=3), max_size=3),
+        "note": st.text("größer", max_size=5),
+        "small": st.integers(-128, 127),
+        "log_time": st.floats(),
+    }
+)
+
+
+@given(
+    st.lists(FIELDS, max_size=6), st.lists(st.binary(max_size=40), max_size=3), st.integers(0, 300)
+)
+def test_numbers_behind_lists_of_messages_are_read_too(many, others, cut):
+    messages = [serialized("pkg/msg/All", EVERYTHING, {**MESSAGE, **fields}) for fields in many]
+    messages += [*others, *(data[:cut] for data in messages)]
+    codec = Codec("pkg/msg/All", EVERYTHING)
+    columns = [each for each in columns_of(codec, EVERYTHING) if each.kind is not Kind.NESTED]
+    assert any(each.kind is Kind.NESTED for each in columns_of(codec, EVERYTHING))
+    found = FieldReader(codec, columns).read(block_of(messages))
+    rows, errors = decoded(codec, columns, messages)
+    assert [*found.errors] == errors
+    assert found.rows.tolist() == [number for number, _ in rows]
+    for place, column in enumerate(columns):
+        values = found.columns[column.name]
+        if not isinstance(values, Sequences):
+            each = [plain(values[row : row + 1]) for row in range(len(values))]
+            assert each == [row[place] for _, row in rows], column.name
+    assert_same(codec, EVERYTHING, messages)
+
+
+def test_a_message_with_too_many_parts_is_left_to_the_library():
+    codec = Codec("pkg/msg/All", f"pkg/P[] parts\nint8 last\n{SEPARATOR}\nMSG: pkg/P\nint8 x\n")
+    definition = f"pkg/P[] parts\nint8 last\n{SEPARATOR}\nMSG: pkg/P\nint8 x\n"
+    fields = {"parts": [{"x": 1}] * 10_001, "last": 7}
+    message = serialized("pkg/msg/All", definition, fields)
+    columns = columns_of(codec, definition)[1:]
+    found = FieldReader(codec, columns).read(block_of([message, message]))
+    assert found.columns["last"].tolist() == [7, 7]
+
+
+def test_the_largest_size_keeps_the_bound_on_memory():
+    codec = Codec("std_msgs/msg/String", "string data\n")
+    largest = codec.largest_size(10_000)
+    memory = codec.decoded_sizes(np.array([largest, largest + 2]))
+    assert memory[0] <= 10_000 < memory[1]
