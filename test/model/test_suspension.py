@@ -40,7 +40,7 @@ def test_closed_form_solves_the_equation_of_motion(
 ):
     frequency, phase, start, time = 900.0, 0.3, 1e-3, 7e-3
     c = damping_coefficient(damping_ratio, mass, spring_rate)
-    turn = turn_at(phase)
+
     motion = driven_vibration(
         mass,
         c,
