@@ -16,6 +16,7 @@ from rpud_sim.model.guards import END_ACTUATOR_IMPACT, gap_to_actuator, slow_gap
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.search import (
     certain_step,
+    envelope_step,
     fall_time,
     first_strike,
     is_above,
@@ -160,7 +161,8 @@ def every_part_computed(segment, limit):
         guard = gap_to_actuator(segment, gap, vibration_turn(segment, time))
         if is_above(guard, bounds, allowance):
             allowance = 0.0
-        step = certain_step(guard, bounds, allowance)
+        least = envelope_step(guard.slow - bounds.vibration, guard.slow_slope, bounds)
+        step = certain_step(guard, bounds, allowance, least)
         if is_root(guard, allowance, step):
             return time, True, steps
         time += step
