@@ -48,7 +48,7 @@ from rpud_sim.model.tolerances import (
     TOUCHING,
     WEAKEST_PULL,
 )
-from rpud_sim.model.vibration import TWO_PI, Turn, time_to_zero_displacement
+from rpud_sim.model.vibration import NO_TURN, TWO_PI, Turn, time_to_zero_displacement
 
 # A guard that does not bend still needs a bound to divide by [m/s^2 or N/s^2].
 LEAST_BOUND = 1e-9
@@ -187,7 +187,7 @@ class Strike(NamedTuple):
 
 
 # Stands for a strike that does not end the segment.
-NO_STRIKE = Strike(-1.0, False, 0, Turn(0.0, 0.0), NO_SWING)
+NO_STRIKE = Strike(-1.0, False, 0, NO_TURN, NO_SWING)
 
 
 @compiled
