@@ -51,7 +51,7 @@ def _count(calls: Counter[str]) -> None:
         setattr(counting, name, _counting(name, calls))
     for name, module in sys.modules.items():
         if name.startswith("rpud_sim.model") and hasattr(module, "math"):
-            module.math = counting
+            vars(module)["math"] = counting
     for name in ("start", "advance"):
         setattr(engine, name, _with_records(getattr(engine, name)))
 
