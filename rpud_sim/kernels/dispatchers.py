@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from llvmlite.binding import Linkage
 from numba import njit
 from numba.core import config, types
 from numba.core.caching import _Cache
@@ -28,12 +29,27 @@ from numba.core.serialize import dumps
 from rpud_sim.kernels.processor import this_target
 from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name
 
-# No fastmath: the same commands must give the same bits, in one call or in many.
-_OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy"}
+# No fastmath: the same commands must give the same bits, in one call or in many. Kernels make no
+# arrays, so that those of the caller need not be counted as they are handed on.
+_OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+
+
+class _KernelLibrary(JITCodeLibrary):
+    """Machine code of a kernel, the only one that calls its copies of the rules."""
+
+    def _optimize_final_module(self) -> None:
+        # Numba shares the functions that it links; LLVM must then keep them and their calls. As
+        # the kernel's own they are inlined where they are called once, and passed in registers.
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == Linkage.linkonce_odr:
+                function.linkage = Linkage.internal
+        super()._optimize_final_module()
 
 
 class _Codegen(JITCPUCodegen):
     """Machine code for the target instead of the processor of this machine."""
+
+    _library_class = _KernelLibrary
 
     def _get_host_cpu_name(self) -> str:
         return this_target().cpu

@@ -34,7 +34,7 @@ from rpud_sim.model.resonator import (
     move_resonance,
     update,
 )
-from rpud_sim.model.search import next_event
+from rpud_sim.model.search import NO_STRIKE, next_event
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
     CONTACT_DRILL_TOOL,
@@ -43,8 +43,15 @@ from rpud_sim.model.segment import (
     EVENT_DRILL_TOOL_IMPACT,
     EVENT_LIMIT,
     EVENT_RELEASE,
-    motion_at,
+    Turns,
+    drill_tool_swing,
+    motion_of,
+    nodal_plane_motion,
+    nodal_plane_swing,
+    turns_at,
+    vibration_turn,
 )
+from rpud_sim.model.suspension import swinging_part
 from rpud_sim.model.tolerances import (
     EVENT_BUDGET,
     GREATEST_EFFORT,
@@ -55,7 +62,7 @@ from rpud_sim.model.tolerances import (
     SHORTEST_SEGMENT,
     SLOWEST_IMPACT,
 )
-from rpud_sim.model.vibration import TWO_PI, advance_phase
+from rpud_sim.model.vibration import NO_TURN, TWO_PI, advance_phase, turn_at
 
 # How an advance ends: at the requested time, with no room for more results, in a standstill, or
 # with more events than their budget.
@@ -73,9 +80,9 @@ def carry_over(time):
 
 
 @compiled
-def move_state(state, segment, time):
-    """Move the state to a time after the start of its segment."""
-    u_np, v_np, _, _, u_fm, v_fm, u_dt, v_dt = motion_at(segment, time)
+def move_state(state, segment, time, turns):
+    """Move the state to a time after the start of its segment, given the ``Turns`` there."""
+    u_np, v_np, _, _, u_fm, v_fm, u_dt, v_dt = motion_of(segment, time, turns)
     state.u_np, state.v_np = u_np, v_np
     state.u_fm, state.v_fm = u_fm, v_fm
     state.u_dt, state.v_dt = u_dt, v_dt
@@ -87,11 +94,14 @@ def move_state(state, segment, time):
 
 
 @compiled
-def end_segment(state, segment, impact, time):
-    """Follow the open segment to a time after its start, and move the state there."""
+def end_segment(state, segment, impact, time, turns):
+    """Follow the open segment to a time after its start, and move the state there.
+
+    ``turns`` are the ``Turns`` at that time.
+    """
     if state.impact_open:
-        follow_impact(segment, impact, time)
-    move_state(state, segment, time)
+        follow_impact(segment, impact, time, turns)
+    move_state(state, segment, time, turns)
     if state.resonant:
         integral, work = contact_load(segment, time)
         move_resonance(state, time)
@@ -113,20 +123,25 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
         event: EVENT_* bits of what is already known to happen.
 
     Returns:
-        The number of finished impacts.
+        The number of finished impacts, and the ``Turn`` of the vibration.
     """
     v_np = state.v_np
-    closed = close_gaps(state, met)
-    collisions = exchange_momentum(drill, state, closed)
+    turn = turn_at(state.phase)
+    closed = close_gaps(state, met, turn)
+    collisions = exchange_momentum(drill, state, closed, turn)
+    if state.resonant:  # a blow changes the phase
+        turn = turn_at(state.phase)
     struck = collisions.actuator_struck or collisions.drill_tool_struck
     if struck:
         opened = 0
     alone = state.v_np
-    state.contact = lasting_contact(drill, state, closed, opened, collisions.drill_tool_struck)
+    state.contact = lasting_contact(
+        drill, state, closed, opened, collisions.drill_tool_struck, turn
+    )
     if state.resonant and state.v_np != alone:
         hold(drill, state, alone, drill.rpud_mass * (v_np - alone))
     in_contact = state.contact & CONTACT_DRILL_TOOL
-    join_held_bodies(state)
+    join_held_bodies(state, turn)
     if collisions.actuator_struck or abs(state.v_np - v_np) > SAME_VELOCITY:
         event |= EVENT_ACTUATOR_IMPACT
     impacted = collisions.drill_tool_struck and collisions.impact_velocity > SLOWEST_IMPACT
@@ -155,33 +170,74 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
             state.u_dt = 0.0
             state.v_dt = 0.0
     state.event = event
-    return count
+    return count, turn
 
 
 @compiled
-def open_segment(drill, state, segment):
-    """Write the segment that follows from the state, with its event and duration."""
-    begin_segment(drill, state, segment)
+def open_segment(drill, state, segment, turn):
+    """Write the segment that follows from the state, with its event and duration.
+
+    Args:
+        drill: the constants.
+        state: the moving state.
+        segment: to be written.
+        turn: ``Turn`` of the state's phase.
+
+    Returns:
+        The ``Strike`` if it ends with one.
+    """
+    begin_segment(drill, state, segment, turn)
     state.effort += 1.0
-    end, duration = next_event(drill, state, segment)
+    end, duration, strike = next_event(drill, state, segment, turn)
     segment.duration = duration
     state.next_event = end
     state.standstill = state.standstill + 1 if duration <= SHORTEST_SEGMENT else 0
+    return strike
 
 
 @compiled
-def pass_event(drill, state, segment, impact, impacts, count):
-    """Go through the event that ends the open segment; returns the number of finished impacts."""
+def turns_at_end(segment, strike):
+    """Return the ``Turns`` that ``end_segment`` needs at a segment's end.
+
+    Those of a ``Strike`` there are known. The vibration moves no body but the tip while the tip
+    touches none; it is then computed for the sign of a zero velocity alone.
+    """
+    time = segment.duration
+    tool = drill_tool_swing(segment, time)
+    if strike.time == time:
+        return Turns(strike.turn, strike.swing, tool)
+    swing = nodal_plane_swing(segment, time)
+    _, velocity = swinging_part(nodal_plane_motion(segment), swing)
+    if segment.contact & CONTACT_ACTUATOR or velocity == 0.0:
+        return Turns(vibration_turn(segment, time), swing, tool)
+    return Turns(NO_TURN, swing, tool)
+
+
+@compiled
+def pass_event(drill, state, segment, impact, impacts, count, strike):
+    """Go through the event that ends the open segment.
+
+    Args:
+        drill: the constants.
+        state: the moving state.
+        segment: the open segment.
+        impact: the record in progress.
+        impacts: room for finished impacts.
+        count: how many it holds.
+        strike: ``Strike`` at the segment's end, if it is known.
+
+    Returns:
+        The number of finished impacts, and the ``Strike`` that ends the next segment.
+    """
     end = state.next_event
-    end_segment(state, segment, impact, segment.duration)
+    end_segment(state, segment, impact, segment.duration, turns_at_end(segment, strike))
     if end == END_LIMIT:
         state.event = EVENT_LIMIT
         if state.impact_open and impact.contact_duration >= LONGEST_SEGMENT:
             impacts[count] = impact
             count += 1
             state.impact_open = 0
-        open_segment(drill, state, segment)
-        return count
+        return count, open_segment(drill, state, segment, turn_at(state.phase))
     event = 0
     met = 0
     opened = 0
@@ -207,9 +263,8 @@ def pass_event(drill, state, segment, impact, impacts, count):
         state.u_dt = 0.0
         state.v_dt = 0.0
         event = EVENT_RELEASE
-    count = settle(drill, state, impact, impacts, count, met, opened, event)
-    open_segment(drill, state, segment)
-    return count
+    count, turn = settle(drill, state, impact, impacts, count, met, opened, event)
+    return count, open_segment(drill, state, segment, turn)
 
 
 @compiled
@@ -234,6 +289,7 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
     impact = open_impacts[0]
     written = 0
     count = 0
+    strike = NO_STRIKE
     while True:
         ahead = float(seconds - state.seconds) + (fraction - state.fraction)
         if segment.duration > ahead:
@@ -246,7 +302,7 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
             return OVERLOADED, written, count
         segments[written] = segment
         written += 1
-        count = pass_event(drill, state, segment, impact, impacts, count)
+        count, strike = pass_event(drill, state, segment, impact, impacts, count, strike)
 
 
 @compiled
@@ -270,7 +326,7 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     state = states[0]
     segment = open_segments[0]
     impact = open_impacts[0]
-    end_segment(state, segment, impact, time)
+    end_segment(state, segment, impact, time, turns_at(segment, time))
     segments[0] = segment
     segments[0].duration = time
     weight_on_bit, level, frequency, resonance_frequency = new
@@ -283,8 +339,8 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     set_constants(drill, segment)
     if not drill.in_rock:
         state.tool_at_rest = 0
-    count = settle(drill, state, impact, impacts, 0, 0, 0, EVENT_COMMAND)
-    open_segment(drill, state, segment)
+    count, turn = settle(drill, state, impact, impacts, 0, 0, 0, EVENT_COMMAND)
+    open_segment(drill, state, segment, turn)
     return count
 
 
@@ -296,6 +352,6 @@ def start(drill, states, open_segments, open_impacts, impacts):
         begin_resonance(state)
     state.u_np = -state.amplitude * math.sin(TWO_PI * state.phase)
     set_constants(drill, open_segments[0])
-    count = settle(drill, state, open_impacts[0], impacts, 0, 0, 0, 0)
-    open_segment(drill, state, open_segments[0])
+    count, turn = settle(drill, state, open_impacts[0], impacts, 0, 0, 0, 0)
+    open_segment(drill, state, open_segments[0], turn)
     return count

@@ -13,16 +13,20 @@ from typing import NamedTuple
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.segment import (
-    CONTACT_ACTUATOR,
     CONTACT_DRILL_TOOL,
     drill_tool_motion,
-    motion_at,
+    drill_tool_swing,
+    fall,
     nodal_plane_motion,
+    nodal_plane_swing,
+    tip_motion,
+    vibration_turn,
 )
 from rpud_sim.model.suspension import (
     decaying_amplitude,
     decaying_derivatives,
     decaying_part,
+    swinging_part,
     undamped_frequency,
 )
 from rpud_sim.model.vibration import TWO_PI
@@ -68,42 +72,40 @@ class Load(NamedTuple):
     force: float
 
 
+class SlowGap(NamedTuple):
+    """Motions on both sides of the gap to the actuator, without the steady vibration."""
+
+    u_fm: float
+    v_fm: float
+    free_mass_acceleration: float
+    u_np: float
+    v_np: float
+    nodal_plane_acceleration: float
+
+
 @compiled
-def tip_motion_at(segment, time, motion):
-    """Motion of the actuator's tip, given ``motion_at`` the same time.
+def held_tip_motion(segment, tip, turn):
+    """Motion of the tip while the free mass is held against it.
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        tip: ``tip_motion`` at a time.
+        turn: ``Turn`` of the vibration at that time.
 
     Returns:
         Position [m] and velocity [m/s] without the steady vibration, and the whole acceleration
         [m/s^2].
     """
-    u_np, v_np, u_ut, _, _, _, _, _ = motion
+    u_np, v_np, u_ut, _ = tip
     omega = TWO_PI * segment.vibration_frequency
-    steady = 0.0
-    steady_rate = 0.0
-    if segment.contact & CONTACT_ACTUATOR:
-        angle = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
-        sine = math.sin(angle)
-        cosine = math.cos(angle)
-        in_phase = segment.nodal_plane_vibration_sine
-        in_quadrature = segment.nodal_plane_vibration_cosine
-        steady = in_phase * sine + in_quadrature * cosine
-        steady_rate = omega * (in_phase * cosine - in_quadrature * sine)
-    position = u_np - steady
-    velocity = v_np - steady_rate
+    in_phase = segment.nodal_plane_vibration_sine
+    in_quadrature = segment.nodal_plane_vibration_cosine
+    position = u_np - (in_phase * turn.sine + in_quadrature * turn.cosine)
+    velocity = v_np - omega * (in_phase * turn.cosine - in_quadrature * turn.sine)
     acceleration, _ = decaying_derivatives(
         nodal_plane_motion(segment), position - segment.nodal_plane_offset, velocity
     )
     return position, velocity, acceleration - omega * omega * (u_ut - position)
-
-
-@compiled
-def drill_tool_acceleration_at(segment, motion):
-    """Acceleration of the drill tool, given ``motion_at`` the same time [m/s^2]."""
-    _, _, _, _, _, _, u_dt, v_dt = motion
-    acceleration, _ = decaying_derivatives(
-        drill_tool_motion(segment), u_dt - segment.drill_tool_offset, v_dt
-    )
-    return acceleration
 
 
 @compiled
@@ -115,34 +117,82 @@ def tip_amplitude(segment):
 
 
 @compiled
-def gap_to_actuator(segment, time):
-    """Gap u_fm - u_ut between free mass and actuator."""
-    motion = motion_at(segment, time)
-    _, _, u_ut, v_ut, u_fm, v_fm, _, _ = motion
+def slow_gap(segment, time, swing):
+    """Gap between free mass and actuator apart from the vibration, while they do not touch.
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        time: since its start [s].
+        swing: of the nodal plane at that time.
+
+    Returns:
+        ``SlowGap``.
+    """
+    nodal_plane = nodal_plane_motion(segment)
+    displacement, velocity = swinging_part(nodal_plane, swing)
+    position = segment.nodal_plane_offset + displacement
+    nodal_plane_acceleration, _ = decaying_derivatives(
+        nodal_plane, position - segment.nodal_plane_offset, velocity
+    )
     if segment.contact == 0:
         acceleration = segment.free_mass_acceleration
+        u_fm, v_fm = fall(
+            segment.free_mass_position, segment.free_mass_velocity, acceleration, time
+        )
     else:
-        acceleration = drill_tool_acceleration_at(segment, motion)
-    position, velocity, tip_acceleration = tip_motion_at(segment, time, motion)
+        u_fm, v_fm, acceleration = drill_tool_with_acceleration(segment, time)
+    return SlowGap(u_fm, v_fm, acceleration, position, velocity, nodal_plane_acceleration)
+
+
+@compiled
+def gap_to_actuator(segment, gap, turn):
+    """Gap u_fm - u_ut between free mass and actuator while they do not touch.
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        gap: ``slow_gap`` at the time.
+        turn: ``Turn`` of the vibration at the time.
+    """
+    omega = TWO_PI * segment.vibration_frequency
+    u_ut = gap.u_np + segment.vibration_amplitude * turn.sine
+    v_ut = gap.v_np + omega * segment.vibration_amplitude * turn.cosine
     return Guard(
-        u_fm - u_ut,
-        v_fm - v_ut,
-        acceleration - tip_acceleration,
-        u_fm - position,
-        v_fm - velocity,
+        gap.u_fm - u_ut,
+        gap.v_fm - v_ut,
+        gap.free_mass_acceleration
+        - (gap.nodal_plane_acceleration - omega * omega * (u_ut - gap.u_np)),
+        gap.u_fm - gap.u_np,
+        gap.v_fm - gap.v_np,
     )
+
+
+@compiled
+def drill_tool_with_acceleration(segment, time):
+    """Position [m], velocity [m/s] and acceleration [m/s^2] of the drill tool off the actuator."""
+    motion = drill_tool_motion(segment)
+    displacement, v_dt = swinging_part(motion, drill_tool_swing(segment, time))
+    u_dt = segment.drill_tool_offset + displacement
+    acceleration, _ = decaying_derivatives(motion, u_dt - segment.drill_tool_offset, v_dt)
+    return u_dt, v_dt, acceleration
 
 
 @compiled
 def gap_to_drill_tool(segment, time):
     """Gap u_dt - u_fm between drill tool and free mass."""
-    motion = motion_at(segment, time)
-    _, _, _, _, u_fm, v_fm, u_dt, v_dt = motion
-    acceleration = drill_tool_acceleration_at(segment, motion)
+    u_dt, v_dt, acceleration = drill_tool_with_acceleration(segment, time)
     if segment.contact == 0:
+        u_fm, v_fm = fall(
+            segment.free_mass_position,
+            segment.free_mass_velocity,
+            segment.free_mass_acceleration,
+            time,
+        )
         curvature = acceleration - segment.free_mass_acceleration
         return Guard(u_dt - u_fm, v_dt - v_fm, curvature, NO_SLOW_PART, 0.0)
-    position, velocity, tip_acceleration = tip_motion_at(segment, time, motion)
+    turn = vibration_turn(segment, time)
+    tip = tip_motion(segment, turn, nodal_plane_swing(segment, time))
+    position, velocity, tip_acceleration = held_tip_motion(segment, tip, turn)
+    _, _, u_fm, v_fm = tip
     return Guard(
         u_dt - u_fm,
         v_dt - v_fm,
@@ -180,9 +230,7 @@ def force_from_tip(load, segment, time):
     slow += spring_rate * (segment.nodal_plane_offset + displacement) - force
     slow_slope = mass * jerk + damping * acceleration + spring_rate * velocity
     omega = TWO_PI * segment.vibration_frequency
-    angle = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
-    sine = math.sin(angle)
-    cosine = math.cos(angle)
+    sine, cosine = vibration_turn(segment, time)
     in_phase = segment.nodal_plane_vibration_sine + segment.vibration_amplitude
     in_quadrature = segment.nodal_plane_vibration_cosine
     u = in_phase * sine + in_quadrature * cosine
@@ -204,8 +252,14 @@ def force_on_drill_tool(segment, time):
         load = load_of(segment, END_DRILL_TOOL_RELEASE)
         force = force_from_tip(load, segment, time)
         return force.value, force.slope
+    return force_of_swing(segment, drill_tool_swing(segment, time))
+
+
+@compiled
+def force_of_swing(segment, swing):
+    """Return the same off the actuator, given the ``Swing`` of the drill tool at the time."""
     motion = drill_tool_motion(segment)
-    displacement, velocity = decaying_part(motion, time)
+    displacement, velocity = swinging_part(motion, swing)
     acceleration, jerk = decaying_derivatives(motion, displacement, velocity)
     # Eq. (30): the contact holds the free mass back from falling freely.
     return segment.free_mass * (segment.gravity - acceleration), -segment.free_mass * jerk
@@ -213,9 +267,10 @@ def force_on_drill_tool(segment, time):
 
 @compiled
 def guard_at(segment, end, time):
-    """The guard that ends a segment in the given way, at a time after its start."""
-    if end == END_ACTUATOR_IMPACT:
-        return gap_to_actuator(segment, time)
+    """The guard that ends a segment in the given way, at a time after its start.
+
+    All but that of ``END_ACTUATOR_IMPACT``, which is ``gap_to_actuator``.
+    """
     if end == END_DRILL_TOOL_IMPACT:
         return gap_to_drill_tool(segment, time)
     if end == END_DRILL_TOOL_REST:
@@ -228,33 +283,39 @@ def guard_at(segment, end, time):
 
 
 @compiled
+def bounds_of(motion):
+    """Bounds on the derivatives of an ``Oscillation``: omega_n, and of the second and third."""
+    rate = undamped_frequency(motion)
+    second = rate**2 * decaying_amplitude(motion)
+    return rate, second, rate * second
+
+
+@compiled
 def guard_bounds(segment, end):
     """Bounds on the derivatives of a guard, which hold for the whole segment."""
-    nodal_plane = nodal_plane_motion(segment)
-    drill_tool = drill_tool_motion(segment)
+    impact = end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT)
+    tool_alone = segment.contact == 0 and end == END_DRILL_TOOL_IMPACT
+    if end == END_DRILL_TOOL_REST or tool_alone:
+        _, dt_second, dt_third = bounds_of(drill_tool_motion(segment))
+        if tool_alone:
+            return Bounds(dt_second + segment.gravity, dt_third, 0.0, 0.0)
+        return Bounds(dt_second, math.inf, 0.0, 0.0)
+    if segment.contact == CONTACT_DRILL_TOOL and not impact:
+        dt_rate, _, dt_third = bounds_of(drill_tool_motion(segment))
+        return Bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
+    np_rate, np_second, np_third = bounds_of(nodal_plane_motion(segment))
     omega = TWO_PI * segment.vibration_frequency
-    np_rate = undamped_frequency(nodal_plane)
-    dt_rate = undamped_frequency(drill_tool)
-    np_second = np_rate**2 * decaying_amplitude(nodal_plane)
-    dt_second = dt_rate**2 * decaying_amplitude(drill_tool)
     amplitude = tip_amplitude(segment)
     vibration_second = omega**2 * amplitude
-    np_third = np_rate * np_second
-    dt_third = dt_rate * dt_second
     vibration_third = omega * vibration_second
-    if end == END_DRILL_TOOL_REST:
-        return Bounds(dt_second, math.inf, 0.0, 0.0)
-    if end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT):
-        if segment.contact != 0:
-            slow = np_second + dt_second
-            third = np_third + dt_third + vibration_third
-            return Bounds(slow + vibration_second, third, slow, amplitude)
-        if end == END_DRILL_TOOL_IMPACT:
-            return Bounds(dt_second + segment.gravity, dt_third, 0.0, 0.0)
+    if impact and segment.contact != 0:
+        _, dt_second, dt_third = bounds_of(drill_tool_motion(segment))
+        slow = np_second + dt_second
+        third = np_third + dt_third + vibration_third
+        return Bounds(slow + vibration_second, third, slow, amplitude)
+    if impact:
         slow = np_second + segment.gravity
         return Bounds(slow + vibration_second, np_third + vibration_third, slow, amplitude)
-    if segment.contact == CONTACT_DRILL_TOOL:
-        return Bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
     mass, damping, spring_rate, _ = load_of(segment, end)
     slow = np_second * (mass * np_rate**2 + damping * np_rate + spring_rate)
     vibration = vibration_second * (mass * omega**2 + damping * omega + spring_rate)

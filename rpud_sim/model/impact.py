@@ -10,15 +10,16 @@ import math
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import half_sine_impulse
 from rpud_sim.model.energy import drill_tool_damper_loss
-from rpud_sim.model.guards import force_on_drill_tool
+from rpud_sim.model.guards import force_of_swing, force_on_drill_tool
 from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.segment import (
     CONTACT_DRILL_TOOL,
     drill_tool_motion,
-    motion_at,
     nodal_plane_integral,
+    tip_motion,
+    turns_at,
 )
-from rpud_sim.model.suspension import decaying_part
+from rpud_sim.model.suspension import NO_SWING, swinging_part
 from rpud_sim.model.vibration import TWO_PI
 
 # Samples of the contact force in which its maximum is sought while all three bodies are in contact.
@@ -35,50 +36,79 @@ def tip_integral(segment, time):
 
 
 @compiled
-def contact_impulse(segment, time):
-    """Momentum that the drill tool receives in the first part of a segment in contact [N s]."""
+def drill_tool_of(segment, turns):
+    """Position [m] and velocity [m/s] of the drill tool in contact, given the ``Turns``."""
     if segment.contact == CONTACT_BOTH:
-        _, _, _, _, u_start, v_start, _, _ = motion_at(segment, 0.0)
-        _, _, _, _, u_end, v_end, _, _ = motion_at(segment, time)
+        _, _, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
+        return u_ut, v_ut
+    displacement, v_dt = swinging_part(drill_tool_motion(segment), turns.drill_tool)
+    return segment.drill_tool_offset + displacement, v_dt
+
+
+@compiled
+def contact_impulse(segment, time, start, end):
+    """Momentum that the drill tool receives in the first part of a segment in contact [N s].
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        time: length of the part [s].
+        start: position [m] and velocity [m/s] of the drill tool at its start.
+        end: the same at its end.
+    """
+    u_start, v_start = start
+    u_end, v_end = end
+    if segment.contact == CONTACT_BOTH:
         return (
             segment.drill_tool_mass * (v_end - v_start)
             + segment.drill_tool_damping * (u_end - u_start)
             + segment.drill_tool_spring_rate * tip_integral(segment, time)
         )
-    motion = drill_tool_motion(segment)
-    _, v_start = decaying_part(motion, 0.0)
-    _, v_end = decaying_part(motion, time)
     return segment.free_mass * (segment.gravity * time - (v_end - v_start))
 
 
 @compiled
-def energy_into_drill_tool(segment, time):
-    """Energy that the drill tool receives in the first part of a segment in contact [J]."""
-    _, _, _, _, _, _, u_start, v_start = motion_at(segment, 0.0)
-    _, _, _, _, _, _, u_end, v_end = motion_at(segment, time)
+def energy_into_drill_tool(segment, time, start, end):
+    """Energy that the drill tool receives in the first part of a segment in contact [J].
+
+    Arguments as for ``contact_impulse``.
+    """
+    u_start, v_start = start
+    u_end, v_end = end
     motion = segment.drill_tool_mass * (v_end - v_start) * (v_end + v_start)
     strain = segment.drill_tool_spring_rate * (u_end - u_start) * (u_end + u_start)
     return 0.5 * (motion + strain) + drill_tool_damper_loss(segment, 0.0, time)
 
 
 @compiled
-def greatest_contact_force(segment, time):
-    """Greatest force on the drill tool in the first part of a segment in contact [N]."""
-    start, _ = force_on_drill_tool(segment, 0.0)
-    end, _ = force_on_drill_tool(segment, time)
-    greatest = max(start, end)
+def greatest_contact_force(segment, time, turns):
+    """Greatest force on the drill tool in the first part of a segment in contact [N].
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        time: length of the part [s].
+        turns: ``Turns`` at its end.
+    """
     if segment.contact == CONTACT_DRILL_TOOL:
+        start, _ = force_of_swing(segment, NO_SWING)
+        end, _ = force_of_swing(segment, turns.drill_tool)
+        greatest = max(start, end)
         # Eq. (38): the force is greatest where the acceleration is least; without damping that is
         # where the closed form's phase is zero.
         w = segment.drill_tool_angular_frequency
+        lag = 0.5 * math.pi
+        if segment.drill_tool_decay_rate != 0.0:
+            lag = math.atan2(w, -segment.drill_tool_decay_rate)
         angle = math.atan2(segment.drill_tool_sine, segment.drill_tool_cosine)
-        angle += 1.5 * math.pi - 3.0 * math.atan2(w, -segment.drill_tool_decay_rate)
+        angle += 1.5 * math.pi - 3.0 * lag
         while angle < 0.0:
             angle += TWO_PI
         if angle < w * time:
             force, _ = force_on_drill_tool(segment, angle / w)
             greatest = max(greatest, force)
         return greatest
+    start, _ = force_on_drill_tool(segment, 0.0)
+    end, _ = force_on_drill_tool(segment, time)
+    greatest = max(start, end)
     step = time / FORCE_SAMPLES
     for i in range(1, FORCE_SAMPLES):
         force, slope = force_on_drill_tool(segment, i * step)
@@ -120,11 +150,20 @@ def open_impact(drill, state, impact, collisions):
 
 
 @compiled
-def follow_impact(segment, impact, time):
-    """Add the first part of a segment in contact to the record of the impact."""
-    impact.impulse += contact_impulse(segment, time)
-    impact.energy_transferred += energy_into_drill_tool(segment, time)
+def follow_impact(segment, impact, time, turns):
+    """Add the first part of a segment in contact to the record of the impact.
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        impact: the record in progress.
+        time: length of the part [s].
+        turns: ``Turns`` at its end.
+    """
+    start = drill_tool_of(segment, turns_at(segment, 0.0))
+    end = drill_tool_of(segment, turns)
+    impact.impulse += contact_impulse(segment, time, start, end)
+    impact.energy_transferred += energy_into_drill_tool(segment, time, start, end)
     if segment.contact == CONTACT_BOTH and time > 0.0:
         impact.squeezed = True
     impact.contact_duration += time
-    impact.peak_force = max(impact.peak_force, greatest_contact_force(segment, time))
+    impact.peak_force = max(impact.peak_force, greatest_contact_force(segment, time, turns))

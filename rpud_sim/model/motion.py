@@ -14,7 +14,7 @@ CONTACT_BOTH = CONTACT_ACTUATOR | CONTACT_DRILL_TOOL
 
 
 @compiled
-def nodal_plane_closed_form(drill, state, contact):
+def nodal_plane_closed_form(drill, state, contact, turn):
     """Return the ``Oscillation`` of the nodal plane under the given contact.
 
     Alone, or with the free mass in flight or on the drill tool, it obeys eq. (2) with the preload
@@ -47,7 +47,7 @@ def nodal_plane_closed_form(drill, state, contact):
         (carried * omega * omega - spring_rate) * state.amplitude,
         -damping * omega * state.amplitude,
         state.frequency,
-        state.phase,
+        turn,
         state.u_np,
         state.v_np,
     )
@@ -90,10 +90,10 @@ def set_constants(drill, segment):
 
 
 @compiled
-def begin_segment(drill, state, segment):
+def begin_segment(drill, state, segment, turn):
     """Write the closed form that follows from the state into the segment, all but its duration.
 
-    The segment already has its constants.
+    The segment already has its constants; ``turn`` is the ``Turn`` of the state's phase.
     """
     segment.start_seconds = state.seconds
     segment.start_fraction = state.fraction
@@ -103,7 +103,7 @@ def begin_segment(drill, state, segment):
     segment.vibration_frequency = state.frequency
     segment.vibration_amplitude = state.amplitude
     segment.weight_on_bit = state.weight_on_bit
-    set_nodal_plane_motion(segment, nodal_plane_closed_form(drill, state, state.contact))
+    set_nodal_plane_motion(segment, nodal_plane_closed_form(drill, state, state.contact, turn))
     set_drill_tool_motion(segment, drill_tool_closed_form(drill, state, state.contact))
     segment.free_mass_position = state.u_fm
     segment.free_mass_velocity = state.v_fm

@@ -36,7 +36,7 @@ from rpud_sim.model.tolerances import (
     TOUCHING,
     WEAKEST_PULL,
 )
-from rpud_sim.model.vibration import TWO_PI, harmonic_vibration
+from rpud_sim.model.vibration import TWO_PI, vibration_of
 
 
 class Collisions(NamedTuple):
@@ -51,17 +51,18 @@ class Collisions(NamedTuple):
 
 
 @compiled
-def close_gaps(state, met):
+def close_gaps(state, met, turn):
     """Find the pairs that touch, and push overlapping ones apart; never moves the nodal plane.
 
     Args:
         state: the moving state.
         met: CONTACT_* bits of pairs whose approach has just ended.
+        turn: ``Turn`` of the state's phase.
 
     Returns:
         CONTACT_* bits of the gaps that are closed.
     """
-    u_hv, _ = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    u_hv, _ = vibration_of(state.amplitude, state.frequency, turn)
     u_ut = state.u_np + u_hv
     closed = 0
     if met & CONTACT_ACTUATOR or state.u_fm - u_ut <= TOUCHING:
@@ -88,18 +89,19 @@ def is_struck_as_pair(drill, state, closed):
 
 
 @compiled
-def exchange_momentum(drill, state, closed):
+def exchange_momentum(drill, state, closed, turn):
     """Apply all collisions among the touching bodies; only velocities change.
 
     Args:
         drill: the constants.
         state: the moving state.
         closed: CONTACT_* bits of the gaps that are closed.
+        turn: ``Turn`` of the state's phase.
 
     Returns:
         ``Collisions``.
     """
-    _, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    _, v_hv = vibration_of(state.amplitude, state.frequency, turn)
     v_ut = state.v_np + v_hv
     mass = tip_mass(drill, state)
     given = 0.0
@@ -163,15 +165,14 @@ def exchange_momentum(drill, state, closed):
 
 
 @compiled
-def tip_acceleration(drill, state, contact):
+def tip_acceleration(drill, state, contact, turn):
     """Acceleration of the actuator's tip under the given contact [m/s^2]."""
-    motion = nodal_plane_closed_form(drill, state, contact)
+    motion = nodal_plane_closed_form(drill, state, contact, turn)
     displacement, velocity = decaying_part(motion, 0.0)
     acceleration, _ = decaying_derivatives(motion, displacement, velocity)
     omega = TWO_PI * state.frequency
-    angle = TWO_PI * state.phase
-    in_phase = (motion.vibration_sine + state.amplitude) * math.sin(angle)
-    in_quadrature = motion.vibration_cosine * math.cos(angle)
+    in_phase = (motion.vibration_sine + state.amplitude) * turn.sine
+    in_quadrature = motion.vibration_cosine * turn.cosine
     return acceleration - omega * omega * (in_phase + in_quadrature)
 
 
@@ -202,7 +203,7 @@ def returns_at_once(separation, closing_acceleration):
 
 
 @compiled
-def hold_both(drill, state, v_ut, v_hv, stay):
+def hold_both(drill, state, v_ut, v_hv, stay, turn):
     """Keep all three bodies together if both contacts push; one that is jammed need not.
 
     Args:
@@ -211,6 +212,7 @@ def hold_both(drill, state, v_ut, v_hv, stay):
         v_ut: velocity of the tip [m/s].
         v_hv: velocity of the harmonic vibration [m/s].
         stay: whether both pairs stay together; if not, the free mass may still be caged.
+        turn: ``Turn`` of the state's phase.
 
     Returns:
         Whether they are kept together.
@@ -219,7 +221,7 @@ def hold_both(drill, state, v_ut, v_hv, stay):
     pair = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass + drill.tool_mass, pair)
     state.v_np = together - v_hv
-    acceleration = tip_acceleration(drill, state, CONTACT_BOTH)
+    acceleration = tip_acceleration(drill, state, CONTACT_BOTH, turn)
     on_tool = (
         drill.tool_mass * acceleration
         + drill.tool_damping * together
@@ -256,12 +258,12 @@ def hold_on_drill_tool(drill, state, behind):
 
 
 @compiled
-def hold_on_actuator(drill, state, v_ut, v_hv, ahead):
+def hold_on_actuator(drill, state, v_ut, v_hv, ahead, turn):
     """Keep the free mass on the tip if that pushes and they do not catch up with the tool."""
     separate = state.v_np
     together = common_velocity(drill.rpud_mass, v_ut, drill.free_mass, state.v_fm)
     state.v_np = together - v_hv
-    acceleration = tip_acceleration(drill, state, CONTACT_ACTUATOR)
+    acceleration = tip_acceleration(drill, state, CONTACT_ACTUATOR, turn)
     force = drill.free_mass * (acceleration - drill.gravity)
     if pushes(force) and acceleration <= ahead + SAME_ACCELERATION:
         state.v_fm = together
@@ -271,7 +273,7 @@ def hold_on_actuator(drill, state, v_ut, v_hv, ahead):
 
 
 @compiled
-def lasting_contact(drill, state, closed, opened, drill_tool_struck):
+def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
     """Contacts that last after the collisions; bodies that stay together get one velocity.
 
     At most one combination of contacts has only pushing forces and no gap that closes again. Only
@@ -283,6 +285,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck):
         closed: CONTACT_* bits of the gaps that are closed.
         opened: CONTACT_* bits of contacts that end at this instant.
         drill_tool_struck: whether the drill tool was struck at this instant.
+        turn: ``Turn`` of the state's phase.
 
     Returns:
         CONTACT_* bits.
@@ -290,15 +293,15 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck):
     closed &= ~opened
     if not closed:
         return 0
-    u_hv, v_hv = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+    u_hv, v_hv = vibration_of(state.amplitude, state.frequency, turn)
     v_ut = state.v_np + v_hv
-    tip = tip_acceleration(drill, state, 0) if closed & CONTACT_ACTUATOR else 0.0
+    tip = tip_acceleration(drill, state, 0, turn) if closed & CONTACT_ACTUATOR else 0.0
     if drill.jammed and closed & CONTACT_DRILL_TOOL:
         wedged = tool_acceleration(drill, state, CONTACT_DRILL_TOOL)
         if (
             closed & CONTACT_ACTUATOR
             and returns_at_once(state.v_fm - v_ut, tip - wedged)
-            and hold_both(drill, state, v_ut, v_hv, True)
+            and hold_both(drill, state, v_ut, v_hv, True, turn)
         ):
             return CONTACT_BOTH
         return CONTACT_DRILL_TOOL
@@ -313,7 +316,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck):
         on_tip = returns_at_once(state.v_fm - v_ut, tip - ahead)
     stay = on_tool and on_tip
     near = not opened and state.u_dt - state.u_np - u_hv <= LOWEST_BOUNCE
-    if (stay or near) and hold_both(drill, state, v_ut, v_hv, stay):
+    if (stay or near) and hold_both(drill, state, v_ut, v_hv, stay, turn):
         return CONTACT_BOTH
     if on_tool:
         if drill_tool_struck and drill.in_rock:
@@ -321,16 +324,17 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck):
             return CONTACT_DRILL_TOOL
         if hold_on_drill_tool(drill, state, tip if on_tip else -math.inf):
             return CONTACT_DRILL_TOOL
-    if on_tip and hold_on_actuator(drill, state, v_ut, v_hv, tool if on_tool else math.inf):
+    ahead = tool if on_tool else math.inf
+    if on_tip and hold_on_actuator(drill, state, v_ut, v_hv, ahead, turn):
         return CONTACT_ACTUATOR
     return 0
 
 
 @compiled
-def join_held_bodies(state):
+def join_held_bodies(state, turn):
     """Give bodies that are held together one position; never moves the nodal plane."""
     if state.contact & CONTACT_ACTUATOR:
-        u_hv, _ = harmonic_vibration(state.amplitude, state.frequency, state.phase)
+        u_hv, _ = vibration_of(state.amplitude, state.frequency, turn)
         state.u_fm = state.u_np + u_hv
         if state.contact & CONTACT_DRILL_TOOL:
             state.u_dt = state.u_fm

@@ -7,12 +7,19 @@ these two dtypes leave the engine, are sampled, published and recorded.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from rpud_sim.model.compile import compiled
-from rpud_sim.model.suspension import Oscillation, decaying_integral, decaying_part
-from rpud_sim.model.vibration import TWO_PI
+from rpud_sim.model.suspension import (
+    Oscillation,
+    Swing,
+    decaying_integral,
+    swing_at,
+    swinging_part,
+)
+from rpud_sim.model.vibration import TWO_PI, Turn, turn_at
 
 # Bodies in contact with the free mass during a segment: bits, both may be set.
 CONTACT_ACTUATOR = 1
@@ -161,6 +168,63 @@ def fall(position, velocity, gravity, time):
     return u_fm, v_fm
 
 
+class Turns(NamedTuple):
+    """Trigonometric functions that the motions of a segment need at one time."""
+
+    vibration: Turn
+    nodal_plane: Swing
+    drill_tool: Swing
+
+
+@compiled
+def vibration_turn(segment, time):
+    """Return the ``Turn`` of the vibration at a time after a segment's start."""
+    return turn_at(segment.vibration_phase + segment.vibration_frequency * time)
+
+
+@compiled
+def nodal_plane_swing(segment, time):
+    """Return the ``Swing`` of the nodal plane at a time after a segment's start."""
+    return swing_at(segment.nodal_plane_decay_rate, segment.nodal_plane_angular_frequency, time)
+
+
+@compiled
+def drill_tool_swing(segment, time):
+    """Return the ``Swing`` of the drill tool at a time after a segment's start."""
+    return swing_at(segment.drill_tool_decay_rate, segment.drill_tool_angular_frequency, time)
+
+
+@compiled
+def turns_at(segment, time):
+    """Return the ``Turns`` at a time after a segment's start."""
+    return Turns(
+        vibration_turn(segment, time),
+        nodal_plane_swing(segment, time),
+        drill_tool_swing(segment, time),
+    )
+
+
+@compiled
+def tip_motion(segment, vibration, swing):
+    """Motion of nodal plane and tip: u_np, v_np, u_ut, v_ut [m, m/s].
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        vibration: ``Turn`` of the vibration.
+        swing: of the nodal plane.
+    """
+    omega = TWO_PI * segment.vibration_frequency
+    sine, cosine = vibration
+    displacement, velocity = swinging_part(nodal_plane_motion(segment), swing)
+    steady_sine = segment.nodal_plane_vibration_sine
+    steady_cosine = segment.nodal_plane_vibration_cosine
+    u_np = segment.nodal_plane_offset + displacement + steady_sine * sine + steady_cosine * cosine
+    v_np = velocity + omega * (steady_sine * cosine - steady_cosine * sine)
+    u_ut = u_np + segment.vibration_amplitude * sine
+    v_ut = v_np + omega * segment.vibration_amplitude * cosine
+    return u_np, v_np, u_ut, v_ut
+
+
 @compiled
 def motion_at(segment, time):
     """Motion of every body at a time after a segment's start.
@@ -172,20 +236,16 @@ def motion_at(segment, time):
     Returns:
         u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt [m, m/s], positive toward the rock.
     """
-    omega = TWO_PI * segment.vibration_frequency
-    angle = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
-    sine = math.sin(angle)
-    cosine = math.cos(angle)
-    displacement, velocity = decaying_part(nodal_plane_motion(segment), time)
-    steady_sine = segment.nodal_plane_vibration_sine
-    steady_cosine = segment.nodal_plane_vibration_cosine
-    u_np = segment.nodal_plane_offset + displacement + steady_sine * sine + steady_cosine * cosine
-    v_np = velocity + omega * (steady_sine * cosine - steady_cosine * sine)
-    u_ut = u_np + segment.vibration_amplitude * sine
-    v_ut = v_np + omega * segment.vibration_amplitude * cosine
+    return motion_of(segment, time, turns_at(segment, time))
+
+
+@compiled
+def motion_of(segment, time, turns):
+    """Return the same as ``motion_at``, given the ``Turns`` at the time."""
+    u_np, v_np, u_ut, v_ut = tip_motion(segment, turns.vibration, turns.nodal_plane)
     if segment.contact == CONTACT_ACTUATOR | CONTACT_DRILL_TOOL:
         return u_np, v_np, u_ut, v_ut, u_ut, v_ut, u_ut, v_ut
-    displacement, v_dt = decaying_part(drill_tool_motion(segment), time)
+    displacement, v_dt = swinging_part(drill_tool_motion(segment), turns.drill_tool)
     u_dt = segment.drill_tool_offset + displacement
     if segment.contact == CONTACT_ACTUATOR:
         return u_np, v_np, u_ut, v_ut, u_ut, v_ut, u_dt, v_dt

@@ -70,7 +70,7 @@ def driven_vibration(
     force_sine,
     force_cosine,
     frequency,
-    phase,
+    turn,
     position,
     velocity,
 ):
@@ -84,7 +84,7 @@ def driven_vibration(
         force_sine: H_s [N].
         force_cosine: H_c [N].
         frequency: of the vibration [Hz].
-        phase: of the vibration at the start [cycles].
+        turn: ``Turn`` of the vibration at the start.
         position: at the start [m].
         velocity: at the start [m/s].
 
@@ -97,10 +97,8 @@ def driven_vibration(
     square = stiffness * stiffness + resistance * resistance
     vibration_sine = (stiffness * force_sine + resistance * force_cosine) / square
     vibration_cosine = (stiffness * force_cosine - resistance * force_sine) / square
-    sin_phase = math.sin(TWO_PI * phase)
-    cos_phase = math.cos(TWO_PI * phase)
-    steady = vibration_sine * sin_phase + vibration_cosine * cos_phase
-    steady_rate = omega * (vibration_sine * cos_phase - vibration_cosine * sin_phase)
+    steady = vibration_sine * turn.sine + vibration_cosine * turn.cosine
+    steady_rate = omega * (vibration_sine * turn.cosine - vibration_cosine * turn.sine)
     free = free_vibration(
         mass, damping, spring_rate, force, position - steady, velocity - steady_rate
     )
@@ -115,14 +113,44 @@ def driven_vibration(
     )
 
 
+class Swing(NamedTuple):
+    """Decaying cosine and sine of an ``Oscillation`` at one time: exp(-a s) cos(w s), .. sin."""
+
+    cosine: float
+    sine: float
+
+
+# That of every oscillation at its start, and of one that rests.
+NO_SWING = Swing(1.0, 0.0)
+
+
+@compiled
+def swing_at(decay_rate, angular_frequency, time):
+    """Return the ``Swing`` at a time; functions whose value is known are not called."""
+    if time == 0.0:
+        return NO_SWING
+    decay = 1.0
+    if decay_rate != 0.0:
+        decay = math.exp(-decay_rate * time)
+    if angular_frequency == 0.0:
+        return Swing(decay, 0.0)
+    angle = angular_frequency * time
+    return Swing(decay * math.cos(angle), decay * math.sin(angle))
+
+
 @compiled
 def decaying_part(motion, time):
     """Decaying part of an ``Oscillation``, eq. (8): displacement [m] and velocity [m/s]."""
+    return swinging_part(motion, swing_at(motion.decay_rate, motion.angular_frequency, time))
+
+
+@compiled
+def swinging_part(motion, swing):
+    """Return the same as ``decaying_part``, given the ``Swing`` at the time."""
     a = motion.decay_rate
     w = motion.angular_frequency
-    decay = math.exp(-a * time)
-    cosine = decay * math.cos(w * time)
-    sine = decay * math.sin(w * time)
+    cosine = swing.cosine
+    sine = swing.sine
     displacement = motion.cosine * cosine + motion.sine * sine
     velocity = (w * motion.sine - a * motion.cosine) * cosine - (
         w * motion.cosine + a * motion.sine

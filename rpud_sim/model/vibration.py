@@ -1,10 +1,35 @@
 """Harmonic vibration of the actuator's bottom side: eqs. (1) and (3)."""
 
 import math
+from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
 
 TWO_PI = 2.0 * math.pi
+
+
+class Turn(NamedTuple):
+    """Sine and cosine of the phase angle: computed once for all that is asked at one instant."""
+
+    sine: float
+    cosine: float
+
+
+# That of a whole number of cycles, for where no turn is needed.
+NO_TURN = Turn(0.0, 1.0)
+
+
+@compiled
+def turn_at(phase):
+    """Return the ``Turn`` of a phase [cycles]."""
+    angle = TWO_PI * phase
+    return Turn(math.sin(angle), math.cos(angle))
+
+
+@compiled
+def vibration_of(amplitude, frequency, turn):
+    """Displacement and velocity of the harmonic vibration, eq. (1), given its ``Turn``."""
+    return amplitude * turn.sine, TWO_PI * frequency * amplitude * turn.cosine
 
 
 @compiled
@@ -19,10 +44,7 @@ def harmonic_vibration(amplitude, frequency, phase):
     Returns:
         u_hv [m] and v_hv [m/s], positive toward the rock.
     """
-    angle = TWO_PI * phase
-    u_hv = amplitude * math.sin(angle)
-    v_hv = TWO_PI * frequency * amplitude * math.cos(angle)
-    return u_hv, v_hv
+    return vibration_of(amplitude, frequency, turn_at(phase))
 
 
 @compiled
