@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -10,7 +11,12 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
+from rpud_sim.foundation.time import join_seconds
+from rpud_sim.ros.lateness import Lateness
+
 _TAKE_PERIOD = 0.002  # [s]
+_HEADER = 4  # bytes of the encapsulation, before the stamp of a header
+_STAMP = struct.Struct("=iI")
 
 
 class Hearing:
@@ -23,14 +29,21 @@ class Hearing:
         node: to subscribe with.
         topics: the type of each.
         kept: topics whose last message is kept.
+        stamped: topics with a header whose delays are counted, from the stamp to the arrival.
         depth: messages that may wait on each topic.
     """
 
     def __init__(
-        self, node: Node, topics: Mapping[str, type], kept: Iterable[str] = (), depth: int = 5000
+        self,
+        node: Node,
+        topics: Mapping[str, type],
+        kept: Iterable[str] = (),
+        stamped: Iterable[str] = (),
+        depth: int = 5000,
     ) -> None:
         self.messages = dict.fromkeys(topics, 0)
         self.bytes = 0
+        self.delays = {name: Lateness() for name in stamped}
         self._kept: dict[str, bytes] = dict.fromkeys(kept, b"")
         self._kinds = dict(topics)
         self._subscriptions = {
@@ -58,6 +71,9 @@ class Hearing:
                 while (taken := handle.take_message(kind, True)) is not None:
                     count += 1
                     self.bytes += len(taken[0])
+                    if name in self.delays:
+                        stamp = join_seconds(*_STAMP.unpack_from(taken[0], _HEADER))
+                        self.delays[name].add(taken[1]["received_timestamp"] - stamp)
                     if name in self._kept:
                         self._kept[name] = taken[0]
             self.messages[name] += count

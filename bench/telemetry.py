@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import signal
 import subprocess
 import sys
-import threading
+import tempfile
 import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import rclpy
-from rclpy.node import Node
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
+from rpud_msgs.msg import WeightOnBit
+from rpud_msgs.srv import ListFaults
 
-from bench.hearing import Hearing
-from bench.row import Row, row
-from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.drill.publishers import DIAGNOSTICS
+from bench.bare_timer import SHARES
+from bench.row import Goal, Row, row
+from bench.talk import Talk
 from rpud_sim.ros.lateness import Lateness
-from rpud_sim.ros.types import message_class
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.configuration import Settings
 
-PERIOD = 0.01  # of blocks at the default rate [s]
 SECONDS = 20.0  # of listening at each load
 TURNS = 5  # of the comparison of bytes
 TURN_SECONDS = 3.0
@@ -33,12 +33,15 @@ LOADS: Mapping[str, Mapping[str, object]] = {
     # Five channels and more at 100 kHz, about 1,500 impacts per second, scalars at 1 kHz.
     "largest": {"weight_on_bit": 80.0, "sample_rate": 100_000, "telemetry_rate": 1000},
 }
-_KINDS = {
-    name: message_class(topic.type)
-    for name, topic in {**TOPICS, "/diagnostics": DIAGNOSTICS}.items()
-}
-_STARTING = 60.0  # that a process may take until it is heard [s]
-_SETTLING = 2.0  # between the first message and the first figure [s]
+RATIO = Goal(most=1.2)
+CORE = Goal(most=12.0)  # [%]
+LATEST = Goal(most=5.0)  # [ms]
+IN_TIME = Goal(least=99.9)  # [%]
+REPLY = Goal(most=50.0)  # [ms]
+_REQUESTS = 20.0  # of commands and of calls of a service, each [1/s]
+_PRIORITY = Settings().thread_priority
+_ASKED = 5.0  # [s]
+_WEIGHTS = (59.0, 60.0)  # of the commands, in turns [N]
 
 
 def telemetry(seconds: float = SECONDS) -> Iterator[Row]:
@@ -47,133 +50,153 @@ def telemetry(seconds: float = SECONDS) -> Iterator[Row]:
     Args:
         seconds: of listening at each load.
     """
-    yield from _timer(seconds)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with _ros():
         for name, parameters in LOADS.items():
             yield from _real_time(name, parameters, seconds)
         for name, parameters in LOADS.items():
             yield from _throughput(name, parameters)
+
+
+@contextlib.contextmanager
+def _ros() -> Iterator[None]:
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield
     finally:
         rclpy.try_shutdown()
 
 
-def _timer(seconds: float) -> Iterator[Row]:
-    """How late this machine wakes a thread that waits for every default period and does nothing."""
-    wake, lateness = threading.Event(), Lateness()
-    due = time.monotonic_ns()
-    for _ in range(round(seconds / PERIOD)):
-        due += round(PERIOD * SECOND)
-        wake.wait(max(0.0, (due - time.monotonic_ns()) / SECOND))
-        lateness.add(time.monotonic_ns() - due)
-    for key, share in (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999)):
-        late = 1e3 * lateness.quantile(share)
-        yield row(f"telemetry: lateness of a bare timer, {key}", [late], "ms")
-
-
 def _real_time(name: str, parameters: Mapping[str, object], seconds: float) -> Iterator[Row]:
-    with _Talk("drill_node", parameters) as talk:
+    """Listen to the node beside bare timers; at the largest load beside a recorder."""
+    largest = name == "largest"
+    timers = {} if largest else {"a bare timer": 0, "a bare timer of its priority": _PRIORITY}
+    with contextlib.ExitStack() as stack:
+        talk = stack.enter_context(Talk("drill_node", parameters))
+        if largest:
+            stack.enter_context(_recorder(talk.namespace))
+        talk.settle()
+        before = talk.status().deadlines_missed, int(talk.diagnostics()["blocks"])
+        running = {key: stack.enter_context(_Timer(value)) for key, value in timers.items()}
         counted = talk.measure(seconds)
-        talk.interrupt()
-        hearing = talk.hearing
-        hearing.take_until(lambda: talk.status().state == "stopped", 30.0)
-        status, timing = talk.status(), hearing.last("/diagnostics").status[0]
-        values = {pair.key: pair.value for pair in timing.values}
-        yield row(f"telemetry, {name}: share of one core", [100.0 * counted.share], "%")
+        late = {key: timer.quantiles() for key, timer in running.items()}
+        status, values = talk.status(), talk.diagnostics()
+        impacts = talk.hearing.delays["contact_force"]
+        yield row(
+            f"telemetry, {name}: share of one core",
+            [100.0 * counted.share],
+            "%",
+            None if largest else CORE,
+        )
         yield row(f"telemetry, {name}: impacts per second", [counted.impacts], "1/s")
         yield row(f"telemetry, {name}: bytes per second", [counted.bytes], "B/s")
-        for key in ("p50", "p99", "p99.9"):
-            late = 1e3 * float(values[f"lateness_{key} [s]"])
-            yield row(f"telemetry, {name}: lateness of blocks, {key}", [late], "ms")
+        for key in SHARES:
+            ours = 1e3 * float(values[f"lateness_{key} [s]"])
+            last = key == "p99.9"
+            goal = LATEST if largest and last else None
+            yield row(f"telemetry, {name}: lateness of blocks, {key}", [ours], "ms", goal)
+            for timer, quantiles in late.items():
+                what = f"telemetry, {name}: lateness of {timer}, {key}"
+                yield row(what, [quantiles[key]], "ms")
+                what = f"telemetry, {name}: lateness of blocks over that of {timer}, {key}"
+                goal = RATIO if last and timers[timer] == 0 else None
+                yield row(what, [ours / quantiles[key]], "", goal)
         yield row(f"telemetry, {name}: greatest lateness of each second", talk.late, "ms")
-        yield row(f"telemetry, {name}: blocks late by a period", [status.deadlines_missed])
+        missed = status.deadlines_missed - before[0]
+        blocks = max(1, int(values["blocks"]) - before[1])
+        yield row(f"telemetry, {name}: blocks late by a period", [missed])
+        in_time = 100.0 * (1.0 - missed / blocks)
+        goal = IN_TIME if largest else None
+        yield row(f"telemetry, {name}: blocks within their period", [in_time], "%", goal)
+        for key, share in SHARES.items():
+            delay = 1e3 * impacts.quantile(share)
+            yield row(f"telemetry, {name}: an impact, stamp to arrival, {key}", [delay], "ms")
         yield row(f"telemetry, {name}: messages dropped", [status.messages_dropped])
         yield row(f"telemetry, {name}: load of the machine", [os.getloadavg()[0]])
+        yield from _answers(name, talk)
+
+
+def _answers(name: str, talk: Talk) -> Iterator[Row]:
+    """Give commands and call a service, both served by the thread that publishes the blocks."""
+    caller = rclpy.create_node("caller", namespace=talk.namespace)
+    commands = caller.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
+    client = caller.create_client(ListFaults, "list_faults")
+    if not client.wait_for_service(10.0):
+        raise RuntimeError("there is no service list_faults")
+    executor = SingleThreadedExecutor()
+    executor.add_node(caller)
+    replies, delays = Lateness(), {"p50": [0.0], "p99": [0.0], "max": [0.0]}
+    for number in range(round(_ASKED * _REQUESTS)):
+        commands.publish(WeightOnBit(force=_WEIGHTS[number % 2]))
+        began = time.monotonic_ns()
+        future = client.call_async(ListFaults.Request())
+        executor.spin_until_future_complete(future, 10.0)
+        replies.add(time.monotonic_ns() - began)
+        talk.listen(max(0.0, 1.0 / _REQUESTS - (time.monotonic_ns() - began) / 1e9))
+        values = talk.diagnostics()
+        for key, found in delays.items():
+            found.append(1e3 * float(values[f"command_delay_{key} [s]"]))
+    executor.shutdown()
+    caller.destroy_node()
+    for key, found in delays.items():
+        what = f"telemetry, {name}: a command, arrival to effect, {key} of a second"
+        yield row(what, found[len(found) // 2 :], "ms")
+    yield row(f"telemetry, {name}: reply to a call, p50", [1e3 * replies.quantile(0.5)], "ms")
+    yield row(f"telemetry, {name}: slowest reply to a call", [1e3 * replies.greatest], "ms", REPLY)
+
+
+class _Timer:
+    """A bare timer in a process of its own."""
+
+    def __init__(self, priority: int) -> None:
+        words = (sys.executable, "-m", "bench.bare_timer", str(priority))
+        self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+
+    def __enter__(self) -> _Timer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+
+    def quantiles(self) -> dict[str, float]:
+        """End it, and return the quantiles of its lateness [ms]."""
+        self._process.send_signal(signal.SIGINT)
+        said, _ = self._process.communicate(timeout=30.0)
+        found: dict[str, float] = json.loads(said)
+        return found
+
+
+@contextlib.contextmanager
+def _recorder(namespace: str) -> Iterator[None]:
+    with tempfile.TemporaryDirectory() as folder:
+        words = ("-m", "rpud_sim.cli.main", "record", "--namespace", namespace)
+        process = subprocess.Popen(
+            (sys.executable, *words, "--out", str(Path(folder, "bag"))), stdout=subprocess.DEVNULL
+        )
+        try:
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(60.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
 
 
 def _throughput(name: str, parameters: Mapping[str, object]) -> Iterator[Row]:
     """Bytes per second of the node in a hurry and of a bare loop, in turns."""
-    ours, bare = [], []
+    ours: list[float] = []
+    bare: list[float] = []
     for _ in range(TURNS):
-        with _Talk("drill_node", {**parameters, "real_time_factor": 0.0}) as talk:
-            ours.append(talk.measure(TURN_SECONDS).bytes)
-        with _Talk("bare_talker", parameters) as talk:
-            bare.append(talk.measure(TURN_SECONDS).bytes)
+        for program, extra, found in (
+            ("drill_node", {"real_time_factor": 0.0}, ours),
+            ("bare_talker", {}, bare),
+        ):
+            with Talk(program, {**parameters, **extra}) as talk:
+                talk.settle()
+                found.append(talk.measure(TURN_SECONDS).bytes)
     yield row(f"telemetry, {name}: bytes per second, as fast as possible", ours, "B/s")
     yield row(f"telemetry, {name}: bytes per second, bare rclpy", bare, "B/s")
     ratios = [a / b for a, b in zip(ours, bare, strict=True)]
     yield row(f"telemetry, {name}: bytes per second over bare rclpy", ratios)
-
-
-class _Counted(NamedTuple):
-    """What was heard per second, and the process' share of one core."""
-
-    bytes: float
-    impacts: float
-    share: float
-
-
-class _Talk:
-    """A process that publishes a drill's topics, and what is heard of it."""
-
-    def __init__(self, program: str, parameters: Mapping[str, object]) -> None:
-        namespace = f"/bench_{os.getpid()}_{time.monotonic_ns()}"
-        self._node: Node = rclpy.create_node("listener", namespace=namespace)
-        kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
-        self.hearing = Hearing(self._node, kinds, ("status", "/diagnostics"))
-        words = [f"{key}:={value}" for key, value in parameters.items()]
-        talker = (sys.executable, "-m", f"bench.{program}")
-        self._process = subprocess.Popen(
-            [
-                *(("drill_node",) if program == "drill_node" else talker),
-                *("--ros-args", "-r", f"__ns:={namespace}"),
-                *("--log-level", "error"),
-                *(word for pair in words for word in ("-p", pair)),
-            ]
-        )
-        self.late: list[float] = []
-
-    def __enter__(self) -> _Talk:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.interrupt()
-        try:
-            self._process.wait(30.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._node.destroy_node()
-
-    def interrupt(self) -> None:
-        """Ask the process to end."""
-        self._process.send_signal(signal.SIGINT)
-
-    def status(self) -> Any:
-        """The last status."""
-        return self.hearing.last("status")
-
-    def measure(self, seconds: float) -> _Counted:
-        """Listen for some time, once the process is heard."""
-        hearing = self.hearing
-        if not hearing.take_until(lambda: hearing.messages["waveform"] > 0, _STARTING):
-            raise RuntimeError(f"nothing was heard within {_STARTING:g} s")
-        hearing.take_until(_never, _SETTLING)
-        began, before = time.monotonic(), self._counts()
-        while (elapsed := time.monotonic() - began) < seconds:
-            hearing.take_until(_never, min(1.0, seconds - elapsed))
-            if self.status() is not None:
-                self.late.append(1e3 * self.status().lateness_max)
-        differences = zip(self._counts(), before, strict=True)
-        return _Counted(*((now - then) / elapsed for now, then in differences))
-
-    def _counts(self) -> tuple[float, float, float]:
-        return self.hearing.bytes, self.hearing.messages["contact_force"], self._used()
-
-    def _used(self) -> float:
-        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def _never() -> bool:
-    return False

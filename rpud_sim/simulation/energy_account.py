@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import operator
 from collections import deque
 
 import numpy as np
@@ -61,12 +62,12 @@ class EnergyAccount:
     @staticmethod
     def of(block: Block) -> EnergyAccount:
         """Return the account of a block."""
-        terms = dict(zip(TERMS, _joules(block).tolist(), strict=True))
+        terms = dict(zip(TERMS, _joules_of(block).tolist(), strict=True))
         return EnergyAccount(**terms, electrical=block.electrical_energy)
 
     def __add__(self, other: EnergyAccount) -> EnergyAccount:
         """Return the account of both."""
-        pairs = zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True)
+        pairs = zip(_values_of(self), _values_of(other), strict=True)
         return EnergyAccount(*(one + another for one, another in pairs))
 
     @property
@@ -99,8 +100,11 @@ class EnergyAccount:
         return {name: value if math.isfinite(value) else None for name, value in terms.items()}
 
 
-def _joules(block: Block) -> np.ndarray:
-    """Return the energies of a block by ``TERMS`` [J]."""
+_values_of = operator.attrgetter(*(field.name for field in dataclasses.fields(EnergyAccount)))
+
+
+def _joules_of(block: Block) -> np.ndarray:
+    """Return the ``TERMS`` of a block's account [J]."""
     joules = np.zeros(len(TERMS))
     add_segments(
         block.rpud,
@@ -122,14 +126,15 @@ class RecentEnergy:
     """Accounts of the blocks of the last second of simulation time."""
 
     def __init__(self) -> None:
-        # Beginning, end and joules of each block. Those of a span wait until they are wanted.
-        self._blocks: deque[tuple[int, int, np.ndarray]] = deque()
+        # Start, end and terms of each block; as bytes, which copies of a run share. Those of a
+        # span wait until they are wanted.
+        self._blocks: deque[tuple[int, int, bytes]] = deque()
         self._spans: deque[Span] = deque()
 
     def add(self, block: Block) -> None:
         """Add the block that follows."""
         self._calculate()
-        self._blocks.append((block.start, block.end, _joules(block)))
+        self._blocks.append((block.start, block.end, _joules_of(block).tobytes()))
         self._forget(block.end)
 
     def add_span(self, span: Span) -> None:
@@ -157,7 +162,10 @@ class RecentEnergy:
                 rest / SECOND,
                 joules,
             )
-            self._blocks.extend(zip(span.starts.tolist(), span.ends.tolist(), joules, strict=True))
+            times = zip(span.starts.tolist(), span.ends.tolist(), strict=True)
+            self._blocks.extend(
+                (*pair, terms.tobytes()) for pair, terms in zip(times, joules, strict=True)
+            )
             self._forget(span.end)
         self._spans.clear()
 
@@ -168,10 +176,12 @@ class RecentEnergy:
         absorbed_power + stored_power``.
         """
         self._calculate()
-        joules = np.zeros(len(TERMS))
-        for _, _, more in self._blocks:
-            joules = joules + more
-        total = EnergyAccount(**dict(zip(TERMS, joules.tolist(), strict=True)))
+        rows = b"".join(terms for _, _, terms in self._blocks)
+        # A status waits for it, and a second has up to 1,000 blocks. Block by block in their order,
+        # or the powers would have other bits than those of earlier versions.
+        table = np.frombuffer(bytes(8 * len(TERMS)) + rows).reshape(-1, len(TERMS))
+        terms = dict(zip(TERMS, table.cumsum(axis=0)[-1].tolist(), strict=True))
+        total = EnergyAccount(**terms)
         duration = (self._blocks[-1][1] - self._blocks[0][0]) / SECOND if self._blocks else 0.0
         energies = {
             "actuator_power": total.actuator_work,

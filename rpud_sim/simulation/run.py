@@ -17,7 +17,7 @@ from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_field
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.telemetry import Telemetry
+from rpud_sim.simulation.telemetry import Stream, Telemetry, messages_of
 from rpud_sim.simulation.together import Entry, Together
 from rpud_sim.simulation.versions import PHYSICS, engine_and_processor
 
@@ -220,10 +220,17 @@ class Run:
         self._control.set(settings.command_timeout, settings.command_loss_ramp)
         self._simulation.configure(settings.configuration)
 
-    def advance_to(self, time: int) -> Iterator[Entry]:
+    def advance_to(
+        self, time: int, defer: Callable[[Stream], object] | None = None
+    ) -> Iterator[Entry]:
         """Advance to a time [ns], block by block, and yield the messages.
 
         Impacts and the samples at the end of a block come first, waveform and trajectory last.
+
+        Args:
+            time: to advance to [ns].
+            defer: called with each stream of waveform and trajectory, which is not yielded then:
+                the caller makes and publishes it when it has time. None to have it yielded.
         """
         yield from self.changes()
         simulation = self._simulation
@@ -236,7 +243,11 @@ class Run:
             self._recent_energy.add(block)
             yield from self._telemetry.prompt(block, simulation.faults.since(block.start))
             yield from self._changed_faults()
-            yield from self._telemetry.streams(block)
+            stream = self._telemetry.streams(block)
+            if defer is None:
+                yield from messages_of(stream)
+            elif stream is not None:
+                defer(stream)
             self._on_block(block)
 
     def advance_together(self, time: int) -> Iterator[Entry | Together]:

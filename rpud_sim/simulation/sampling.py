@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -60,6 +61,14 @@ class Samples:
 
 # Channels of numbers, in the order in which the kernel fills them.
 CHANNELS = tuple(field.name for field in dataclasses.fields(Samples) if field.name != "in_contact")
+
+
+def join_samples(parts: Sequence[Samples]) -> Samples:
+    """Return the samples of consecutive times, at least one part, as one."""
+    if len(parts) == 1:
+        return parts[0]
+    names = [field.name for field in dataclasses.fields(Samples)]
+    return Samples(**{n: np.concatenate([getattr(part, n) for part in parts]) for n in names})
 
 
 @compiled

@@ -26,7 +26,7 @@ from rpud_sim.simulation.fields import (
     wrench_fields,
 )
 from rpud_sim.simulation.ledger import FaultRecord
-from rpud_sim.simulation.sampling import Times
+from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.span import Span
 from rpud_sim.simulation.together import Columns, Entry, Single, Together
@@ -41,6 +41,11 @@ _SENSORS = (
 # Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
 # saves no time.
 _TOGETHER = SECOND
+
+_PART = 1000  # samples of a waveform that are made in one part, about 0.2 ms
+
+# Messages that may come later, with None between two parts of the work.
+Stream = Iterator[Entry | None]
 
 
 class Telemetry:
@@ -95,12 +100,16 @@ class Telemetry:
         for channel, values in self._signals.release(block.end, faults):
             yield block.end, channel, values
 
-    def streams(self, block: Block) -> Iterator[Entry]:
-        """Yield waveform and trajectory if a period of theirs ends with this block."""
+    def streams(self, block: Block) -> Stream | None:
+        """Return waveform and trajectory if a period of theirs ends with this block, else None.
+
+        They are made while they are taken, part by part, and later blocks do not change them.
+        """
         self._pending.append(block)
         number = self._boundary(block.end)
         if number is not None and number % self._stream_period == 0:
-            yield from self.flush()
+            return self._take_pending()
+        return None
 
     def stride(self, start: int, time: int) -> int:
         """Return the number of blocks from ``start`` that can be done together, up to a time [ns].
@@ -213,16 +222,23 @@ class Telemetry:
         self._wanted = wanted
 
     def flush(self) -> Iterator[Entry]:
-        """Yield the waveform and the trajectory up to the end of the last block."""
+        """Return the waveform and the trajectory up to the end of the last block."""
+        return messages_of(self._take_pending())
+
+    def _take_pending(self) -> Stream:
         if not self._pending:
-            return
+            return iter(())
         block = join_blocks(self._pending)
         self._pending.clear()
         first = self._segments
         self._segments += len(block.segments)
-        yield from self._waveform(block)
+        return self._stream(block, first, self.origin)
+
+    def _stream(self, block: Block, first: int, origin: int) -> Stream:
+        yield from self._waveform(block, origin)
         if self._wanted("trajectory"):
-            for values in trajectory_fields(block.segments, first, self.origin):
+            yield None
+            for values in trajectory_fields(block.segments, first, origin):
                 yield block.end, "trajectory", values
 
     def _boundary(self, time: int) -> int | None:
@@ -249,13 +265,17 @@ class Telemetry:
             if self._wanted("actuator_state"):
                 yield block.end, "actuator_state", actuator_state_fields(reading, power, stamp)
 
-    def _waveform(self, block: Block) -> Iterator[Entry]:
+    def _waveform(self, block: Block, origin: int) -> Stream:
         rate = self._sample_rate
         numbers = block.grid(rate)
         if numbers and self._wanted("waveform"):
-            samples = block.sample(Times.from_grid(numbers.start, len(numbers), rate))
-            stamp = self.origin + numbers.start * SECOND // rate
-            values = waveform_fields(samples, stamp, numbers.start, rate)
+            parts = []
+            for first in numbers[::_PART]:
+                count = min(_PART, numbers.stop - first)
+                parts.append(block.sample(Times.from_grid(first, count, rate)))
+                yield None
+            stamp = origin + numbers.start * SECOND // rate
+            values = waveform_fields(join_samples(parts), stamp, numbers.start, rate)
             yield block.end, "waveform", values
 
 
@@ -270,3 +290,8 @@ def _readings(
         fields = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         fields["header"] = header_fields("actuator_state", stamps)
     return {**fields, "mechanical_power": np.array(powers)}
+
+
+def messages_of(stream: Stream | None) -> Iterator[Entry]:
+    """Yield the messages of a stream, if there is one."""
+    return (entry for entry in stream or () if entry is not None)

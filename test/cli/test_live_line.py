@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
 from rpud_sim.ros.drill.pacer import Timing
-from rpud_sim.ros.drill.report import Report
+from rpud_sim.ros.drill.report import NO_DELAYS, Report
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
@@ -59,6 +59,8 @@ class Drill:
             namesakes=0,
             scheduling="time-sharing",
             timing=TIMING,
+            command_delays=NO_DELAYS,
+            impact_delays=NO_DELAYS,
             figures=self.statistics.figures(),
             published={},
             subscribers={},

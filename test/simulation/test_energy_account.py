@@ -1,5 +1,6 @@
 """The energy account closes, whatever the drill, its commands, its faults and its blocks."""
 
+import copy
 import dataclasses
 import json
 import math
@@ -165,6 +166,25 @@ def test_powers_are_those_of_the_last_second_and_balance():
         powers[f"{name}_power"] for name in ("load_damper", "collision", "absorbed", "stored")
     )
     assert inflow == pytest.approx(outflow, rel=1e-9)
+
+
+def test_powers_have_the_bits_of_a_sum_block_by_block_and_so_has_a_copy():
+    simulation = Simulation(preset("drilling"), 0.3)
+    recent = RecentEnergy()
+    blocks = [simulation.advance_to(number * SECOND // 200) for number in range(1, 300)]
+    for block in blocks:
+        recent.add(block)
+    total = EnergyAccount()
+    for block in blocks[-200:]:
+        total += EnergyAccount.of(block)
+    powers = recent.powers()
+    assert powers["actuator_power"] == total.actuator_work / 1.0
+    assert powers["load_damper_power"] == total.load_damper / 1.0
+    assert powers["absorbed_power"] == total.absorbed / 1.0
+    assert powers["stored_power"] == total.stored / 1.0
+    copied = copy.deepcopy(recent)
+    recent.add(simulation.advance_to(2 * SECOND))
+    assert copied.powers() == powers != recent.powers()
 
 
 def test_a_step_of_no_length_leaves_the_powers():

@@ -9,7 +9,6 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.drill.pacer import LEAD
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.sampling import Times
@@ -37,7 +36,7 @@ def draw_drill() -> str:
 def draw_blocks() -> str:
     """Return the time line of four blocks at the node's default rate."""
     period = 1e3 / Settings().telemetry_rate
-    return render("blocks.svg.jinja", period=round(period), ahead=f"{LEAD * 1e3:g}")
+    return render("blocks.svg.jinja", period=round(period))
 
 
 def draw_events() -> str:

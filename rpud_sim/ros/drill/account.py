@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 
 from rclpy.node import Node
 
@@ -11,7 +12,8 @@ from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.namesakes import Namesakes
 from rpud_sim.ros.drill.pacer import NO_TIMING, Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
-from rpud_sim.ros.drill.report import Report, report_to_diagnostics
+from rpud_sim.ros.drill.report import NO_DELAYS, Delays, Report, report_to_diagnostics
+from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.block import Block, join_blocks
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.run import Run
@@ -53,6 +55,8 @@ class Account:
         self._command_topics = [node.resolve_topic_name(topic) for topic in _COMMAND_TOPICS]
         self._last: Report | None = None
         self._blocks: list[Block] = []
+        self._impact_delays = Lateness()
+        self._diagnostics_wait = False
         self.begin()
 
     @property
@@ -75,6 +79,7 @@ class Account:
         self._totals = Statistics()
         self._interval = Statistics()
         self._inbox.begin()
+        self._impact_delays = Lateness()
         self._due = 0
 
     def add(self, block: Block) -> None:
@@ -82,6 +87,11 @@ class Account:
         self._blocks.append(block)
         if len(self._blocks) >= _BATCH_SIZE:
             self._count()
+
+    def add_impact_delays(self, delays: Iterable[int]) -> None:
+        """Add the delays of impacts from their stamps until they were published [ns]."""
+        for delay in delays:
+            self._impact_delays.add(delay)
 
     def due(self) -> bool:
         """Whether it is time for a full report."""
@@ -98,7 +108,7 @@ class Account:
         self._due = 0
 
     def report(self, state: str, run: Run, pacer: Pacer | None = None) -> None:
-        """Publish status and diagnostics.
+        """Publish the status; diagnostics of it wait for ``publish_diagnostics``.
 
         Args:
             state: one of the STATE constants of ``rpud_msgs/Status``.
@@ -107,14 +117,21 @@ class Account:
         """
         now = time.monotonic_ns()
         if self._last is None or now >= self._due or pacer is None:
+            self.publish_diagnostics()  # one in each period, even where time is short
             self._count()
             timing = pacer.read() if pacer else NO_TIMING
+            command_delays = Delays.of(self._inbox.delays) if pacer else NO_DELAYS
+            impact_delays = Delays.of(self._impact_delays) if pacer else NO_DELAYS
+            self._inbox.begin_delays()
+            self._impact_delays = Lateness()
             figures = self._interval.figures()
             self._totals.merge(self._interval)
             self._interval = Statistics()
             self._due = now + round(REPORT_PERIOD * SECOND)
         else:
             timing, figures = self._last.timing, self._last.figures
+            command_delays = self._last.command_delays
+            impact_delays = self._last.impact_delays
         bookkeeping = Bookkeeping(
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
@@ -138,11 +155,20 @@ class Account:
             namesakes=self._namesakes.count(),
             scheduling=self.scheduling,
             timing=timing,
+            command_delays=command_delays,
+            impact_delays=impact_delays,
             figures=figures,
             published=self._publishers.published,
             subscribers=self._publishers.subscribers(),
             acknowledged=self._publishers.acknowledged(),
         )
+        self._diagnostics_wait = True
+
+    def publish_diagnostics(self) -> None:
+        """Publish the diagnostics of the latest report, unless that was done."""
+        if not self._diagnostics_wait or self._last is None:
+            return
+        self._diagnostics_wait = False
         self._publishers.publish_diagnostics(
             report_to_diagnostics(
                 self._last,

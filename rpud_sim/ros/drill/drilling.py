@@ -113,6 +113,7 @@ class Drilling:
         """Publish status and diagnostics of a drilling that has not started."""
         self.run.place(self._source.return_to(self.run.time))
         self._account.report("inactive", self.run)
+        self._account.publish_diagnostics()
 
     def begin(self, settings: Settings) -> None:
         """Begin, active and with a journal, with settings that may have changed.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -42,9 +43,9 @@ class Gate:
             ("drive", DriveMessage, self._on_drive),
         ):
             # Raw: the middleware would drop a malformed payload without a count.
-            node.create_subscription(
-                kind, f"command/{name}", self._reading(name, kind, handler), COMMAND_QOS, raw=True
-            )
+            # rclpy passes the times of a message to a callback with two arguments.
+            callback: Any = self._reading(name, kind, handler)
+            node.create_subscription(kind, f"command/{name}", callback, COMMAND_QOS, raw=True)
 
     def open(self, opened: bool) -> None:
         """Accept commands from now on, or reject all of them."""
@@ -54,9 +55,10 @@ class Gate:
             self._open.clear()
 
     def _reading(
-        self, name: str, kind: type, handler: Callable[[Any], None]
-    ) -> Callable[[bytes], None]:
-        def read(payload: bytes) -> None:
+        self, name: str, kind: type, handler: Callable[[Any, int], None]
+    ) -> Callable[[bytes, Mapping[str, int]], None]:
+        def read(payload: bytes, information: Mapping[str, int]) -> None:
+            arrived = arrival(information)
             try:
                 message = deserialize_message(payload, kind)
             except Exception:  # RMWError, or what the conversion to Python raises
@@ -64,23 +66,23 @@ class Gate:
                     f"{name}: a payload of {len(payload)} bytes is malformed"
                 )
             else:
-                handler(message)
+                handler(message, arrived)
 
         return read
 
-    def _on_weight_on_bit(self, message: WeightOnBitMessage) -> None:
+    def _on_weight_on_bit(self, message: WeightOnBitMessage, arrived: int) -> None:
         try:
             self._check("weight on bit", message.header.stamp)
-            self._inbox.accept(WeightOnBit(message.force))
+            self._inbox.accept(WeightOnBit(message.force), arrived)
         except ParameterError as error:
             self._inbox.refuse(str(error))
 
-    def _on_drive(self, message: DriveMessage) -> None:
+    def _on_drive(self, message: DriveMessage, arrived: int) -> None:
         try:
             self._check("drive", message.header.stamp)
             drive = Drive(message.enabled, message.voltage, message.frequency)
             self.settings.configuration.check_drive(drive)
-            self._inbox.accept(drive)
+            self._inbox.accept(drive, arrived)
         except ParameterError as error:
             self._inbox.refuse(str(error))
 
@@ -96,3 +98,13 @@ class Gate:
         if not -timeout <= age <= timeout:
             what = f"{age:.3f} s old" if age > 0 else f"{-age:.3f} s ahead of the drill's time"
             raise ParameterError(f"{name} is stale: its stamp is {what}; allowed is {timeout:g} s")
+
+
+def arrival(information: Mapping[str, int]) -> int:
+    """Return when the middleware received a message, on the monotonic clock [ns].
+
+    The middleware notes the time of day, which may be set meanwhile. So a message counts as one
+    that arrived within the last second.
+    """
+    waited = time.time_ns() - information["received_timestamp"]
+    return time.monotonic_ns() - min(max(waited, 0), SECOND)

@@ -8,6 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from rpud_sim.ros.lateness import Lateness
+
 if TYPE_CHECKING:
     from rclpy.impl.rcutils_logger import RcutilsLogger
 
@@ -28,11 +30,13 @@ class Inbox:
         rejected: commands that were refused, since the start.
         requests_refused: requests of services that were refused, since the start.
         last_refusal: why the latest command or request was refused.
+        delays: of commands, from their arrival until they were drained, since ``begin_delays``.
     """
 
     def __init__(self, logger: RcutilsLogger) -> None:
         self._logger = logger
-        self._waiting: deque[WeightOnBit | Drive] = deque()
+        self._waiting: deque[tuple[int, WeightOnBit | Drive]] = deque()
+        self.delays = Lateness()
         self._second = 0
         self._logged = 0
         self._notify: Callable[[], None] = lambda: None
@@ -49,14 +53,24 @@ class Inbox:
     def begin(self) -> None:
         """Count from zero, and discard waiting commands: they were meant for the run before."""
         self._waiting.clear()
+        self.begin_delays()
         self.accepted = 0
         self.rejected = 0
         self.requests_refused = 0
         self.last_refusal = ""
 
-    def accept(self, command: WeightOnBit | Drive) -> None:
-        """Queue a command for the next block boundary."""
-        self._waiting.append(command)
+    def begin_delays(self) -> None:
+        """Count delays from zero."""
+        self.delays = Lateness()
+
+    def accept(self, command: WeightOnBit | Drive, arrived: int | None = None) -> None:
+        """Queue a command for the next block boundary.
+
+        Args:
+            command: to queue.
+            arrived: when the middleware received it, on the monotonic clock [ns]; None for now.
+        """
+        self._waiting.append((time.monotonic_ns() if arrived is None else arrived, command))
         self._notify()
 
     def refuse(self, reason: str) -> None:
@@ -97,6 +111,8 @@ class Inbox:
         """Return the waiting commands in order, and count them as accepted."""
         commands = []
         while self._waiting:
-            commands.append(self._waiting.popleft())
+            arrived, command = self._waiting.popleft()
+            self.delays.add(time.monotonic_ns() - arrived)
+            commands.append(command)
         self.accepted += len(commands)
         return commands

@@ -1,4 +1,7 @@
-"""A run in soft real time: blocks are computed ahead of their deadlines, and published at them."""
+"""A run in soft real time: blocks are computed ahead of their deadlines, and published at them.
+
+Waveform, trajectory and diagnostics have no deadline: they fill the time between those of blocks.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,10 @@ from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.time_control import TimeControl
 from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.telemetry import Stream
 
 _STANDSTILL_PERIOD = 0.1  # of /clock while time stands still [s]
-_STREAMS = ("waveform", "trajectory")
+_PART = 0.0004  # that a part of other work takes between two deadlines at most, usually [s]
 
 
 class PacedRun:
@@ -56,6 +60,7 @@ class PacedRun:
         self._logger = logger
         self._clock_due = 0.0
         self._planned = planned
+        self._streams: deque[Stream] = deque()
         self._switch(run)
         run.begin(0)
 
@@ -82,6 +87,7 @@ class PacedRun:
             priority: of the thread while it has deadlines in real time or slower.
             due: when the present simulation time is due on the pacer's schedule [ns]; None for now.
         """
+        self._publish_rest()
         playing = self.time_control.playing
         if playing:
             self._pacer.start(self._run.time, due, factor)
@@ -103,6 +109,7 @@ class PacedRun:
         elif (idle := self._pacer.idle(until)) > 0.0:
             if self._account.due():
                 self.report()
+            self._fill_time(until)
             return idle
         else:
             self._advance_to(until)
@@ -116,6 +123,7 @@ class PacedRun:
 
     def flush(self, kind: str = "flush") -> None:
         """Publish what the streams still hold: ``flush`` to go on, or ``end``."""
+        self._publish_rest()
         # One by one: the journal's entry arrives before the short blocks that follow from it, or a
         # recorder that ends in between has blocks which nothing explains.
         for message in self._run.flush(kind):
@@ -123,23 +131,32 @@ class PacedRun:
 
     def report(self, state: str = "") -> None:
         """Publish changes and the status; its state is that of the time control if empty."""
+        later = self._pacer.ahead and not state
         if not state:
             state = self.time_control.state if self._run.control.active else "inactive"
         self._publishers.publish(self._run.changes())
         self._account.report(state, self._run, self._pacer)
+        if not later:
+            self._account.publish_diagnostics()
 
     def _advance_to(self, until: int) -> None:
         """Compute a block, publish it at its deadline, and let commands act at its end."""
-        messages = self._publishers.encode(self._run.advance_to(until))
+        entries = list(self._run.advance_to(until, self._streams.append))
+        messages = self._publishers.encode(entries)
         # Without deadlines its subscribers set the pace.
         self._publishers.patient = not self._pacer.paces
+        if self._pacer.ahead:
+            self._fill_time(until)
         self._pacer.wait(until)
         self._publishers.publish_clock(self._run.origin + until)
-        self._publishers.send(each for each in messages if each[0] not in _STREAMS)
+        self._publishers.send(messages)
+        if self._pacer.paces:
+            struck = [time for time, name, _ in entries if name == "contact_force"]
+            self._account.add_impact_delays(map(self._pacer.delay_since, struck))
         changed = self._apply_planned() | self._apply_commands()
         self._pacer.finish(until)
-        # Streams are large, and have no deadline.
-        self._publishers.send(each for each in messages if each[0] in _STREAMS)
+        if not self._pacer.ahead:
+            self._publish_rest()
         for refusal in self._run.simulation.drain_refusals():
             self._logger.warning(refusal)
         due = self._report_due(until)
@@ -148,6 +165,30 @@ class PacedRun:
             self.report()
         if step is not None:
             step.set_result(until)
+
+    def _fill_time(self, until: int) -> None:
+        """Publish what has no deadline, in parts, until a deadline is near.
+
+        A stream is finished before the next one: on a machine without time to spare, they are late
+        by a period of theirs, and their number is bounded.
+        """
+        if self._pacer.remaining(until) > _PART:
+            self._account.publish_diagnostics()
+        while self._streams and (len(self._streams) > 1 or self._pacer.remaining(until) > _PART):
+            self._publish_part()
+
+    def _publish_rest(self) -> None:
+        """Publish everything that has waited for time between deadlines."""
+        while self._streams:
+            self._publish_part()
+        self._account.publish_diagnostics()
+
+    def _publish_part(self) -> None:
+        for entry in self._streams[0]:
+            if entry is not None:
+                self._publishers.publish([entry])
+            return
+        self._streams.popleft()
 
     def _report_due(self, time: int) -> bool:
         """Return whether a report is due by itself at the end of a block.

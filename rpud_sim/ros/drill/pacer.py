@@ -11,9 +11,9 @@ from collections.abc import Callable
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.lateness import Lateness
 
-# A block is computed this long before its deadline, at most half a block [s]. Until then requests
-# and parameters still act at the beginning of the block, so that services answer at once.
-LEAD = 0.005
+# A block is computed this long before its deadline, or right after the block before [s]. Requests
+# and parameters wait for its end from then on: with a longer lead services would answer late.
+LEAD = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,6 +82,11 @@ class Pacer:
         """Whether blocks have deadlines: it is started, and the factor is not zero."""
         return self._running and self._factor != 0.0
 
+    @property
+    def ahead(self) -> bool:
+        """Whether blocks are computed ahead of their deadlines."""
+        return self.paces and not self._in_steps
+
     def reset(self) -> None:
         """Count from zero, and hold the schedule until the next start."""
         self._running = False
@@ -122,12 +127,12 @@ class Pacer:
     def idle(self, time: int) -> float:
         """Time until the block that ends at a simulation time [ns] is to be computed [s].
 
-        That is 5 ms before its deadline or half a block, whichever is less. With another schedule
+        That is 10 ms before its deadline or a whole block, whichever is less. With another schedule
         it is at the deadline: that time may stand still just then, and requests would wait with it.
         """
-        if self._in_steps or self._factor == 0.0:
+        if not self.ahead:
             return self.remaining(time)
-        return self.remaining(time) - min(LEAD, 0.5 / (self._rate * self._factor))
+        return self.remaining(time) - min(LEAD, 1.0 / (self._rate * self._factor))
 
     def wait(self, time: int) -> None:
         """Sleep until the deadline of a block that was computed ahead of it.
@@ -135,8 +140,12 @@ class Pacer:
         Without effect with another schedule: its blocks are computed at their deadlines, and it may
         have gone back meanwhile.
         """
-        if self.paces and not self._in_steps and (early := self.remaining(time)) > 0.0:
+        if self.ahead and (early := self.remaining(time)) > 0.0:
             self._sleep(early)
+
+    def delay_since(self, time: int) -> int:
+        """Return how long ago a simulation time [ns] was due [ns]."""
+        return self._schedule() - self._due(time)
 
     def finish(self, time: int) -> None:
         """Note that the block up to a simulation time [ns] is finished."""

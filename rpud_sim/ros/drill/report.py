@@ -10,11 +10,45 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
 from rpud_sim.ros.drill.pacer import Timing
+from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.ensemble import Figures
 from rpud_sim.simulation.fields import Bookkeeping, Fields
 from rpud_sim.simulation.ledger import FaultRecord
 
 LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
+
+
+@dataclasses.dataclass(frozen=True)
+class Delays:
+    """Delays of one kind in a period between two reports; zero without any.
+
+    Args:
+        count: of the delays.
+        p50: half of them were not longer [s].
+        p99: 99 % were not longer [s].
+        greatest: of all [s].
+    """
+
+    count: int
+    p50: float
+    p99: float
+    greatest: float
+
+    @staticmethod
+    def of(delays: Lateness) -> Delays:
+        """Return the delays of a histogram."""
+        return Delays(delays.count, delays.quantile(0.5), delays.quantile(0.99), delays.greatest)
+
+    def values(self, name: str) -> dict[str, object]:
+        """Return them as values of a diagnostic."""
+        return {
+            f"{name}_delay_p50 [s]": f"{self.p50:.6f}",
+            f"{name}_delay_p99 [s]": f"{self.p99:.6f}",
+            f"{name}_delay_max [s]": f"{self.greatest:.6f}",
+        }
+
+
+NO_DELAYS = Delays(0, 0.0, 0.0, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +65,8 @@ class Report:
         namesakes: other nodes of the same name.
         scheduling: how the system schedules the pacing thread.
         timing: punctuality of the blocks.
+        command_delays: of commands, from their arrival until they acted, in the last second.
+        impact_delays: of impacts, from their stamps until they were published, in the last second.
         figures: of the interval since the report before.
         published: messages by topic, the status of this report among them.
         subscribers: by topic.
@@ -46,6 +82,8 @@ class Report:
     namesakes: int
     scheduling: str
     timing: Timing
+    command_delays: Delays
+    impact_delays: Delays
     figures: Figures
     published: Mapping[str, int]
     subscribers: Mapping[str, int]
@@ -80,6 +118,7 @@ def report_to_diagnostics(
                     "lateness_p99 [s]": f"{timing.lateness_p99:.6f}",
                     "lateness_p99.9 [s]": f"{timing.lateness_p999:.6f}",
                     "lag [s]": f"{timing.lag:.6f}",
+                    **report.impact_delays.values("impact"),
                     "scheduling": report.scheduling,
                     "messages_dropped": counts.messages_dropped,
                 },
@@ -90,6 +129,7 @@ def report_to_diagnostics(
                 {
                     "commands_accepted": counts.commands_accepted,
                     "commands_rejected": counts.commands_rejected,
+                    **report.command_delays.values("command"),
                     "requests_refused": report.requests_refused,
                     "last_refusal": report.last_refusal,
                     "weight_on_bit [N]": f"{status['weight_on_bit']:g}",

@@ -12,7 +12,7 @@ from rpud_msgs.msg import Drive as DriveMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from std_msgs.msg import Header
 
-from rpud_sim.ros.drill.gate import Gate
+from rpud_sim.ros.drill.gate import Gate, arrival
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
@@ -179,3 +179,19 @@ def test_a_stale_stamp_is_refused_where_there_is_a_timeout(commander, seconds, w
     )
     drive = DriveMessage(header=stamped(seconds))
     assert commander.give(drive).startswith(f"drive is stale: its stamp is {what}")
+
+
+def test_the_delay_of_a_command_begins_when_the_middleware_has_it(shared):
+    shared.inbox.begin_delays()
+    shared.publishers[WeightOnBitMessage].publish(WeightOnBitMessage(force=12.0))
+    sent = time.monotonic_ns()
+    taken = []
+    shared.until(lambda: taken.extend(shared.inbox.drain()) or taken)
+    waited = (time.monotonic_ns() - sent) / SECOND
+    assert 0.0 < shared.inbox.delays.greatest <= waited + 0.01
+
+
+def test_the_time_of_day_may_be_set_while_a_command_waits():
+    for jump in (-100 * SECOND, 100 * SECOND):
+        arrived = arrival({"received_timestamp": time.time_ns() + jump})
+        assert time.monotonic_ns() - SECOND - SECOND // 2 <= arrived <= time.monotonic_ns()

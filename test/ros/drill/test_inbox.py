@@ -1,6 +1,7 @@
 """Commands wait in order; those refused are counted in full and logged in part."""
 
 import threading
+import time
 
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.simulation.commands import Drive, WeightOnBit
@@ -22,6 +23,18 @@ def test_commands_come_out_once_in_the_order_in_which_they_came():
     assert inbox.drain() == commands
     assert inbox.drain() == []
     assert (inbox.accepted, inbox.rejected) == (3, 0)
+
+
+def test_the_delay_of_a_command_runs_from_its_arrival_until_it_is_drained():
+    inbox = Inbox(Log())
+    inbox.accept(WeightOnBit(1.0), time.monotonic_ns() - 70_000_000)
+    inbox.accept(WeightOnBit(2.0))
+    assert inbox.delays.count == 0
+    inbox.drain()
+    assert inbox.delays.count == 2
+    assert inbox.delays.greatest >= 0.07
+    inbox.begin_delays()
+    assert (inbox.delays.count, inbox.delays.greatest) == (0, 0.0)
 
 
 def test_a_refusal_is_counted_and_logged_with_its_reason():

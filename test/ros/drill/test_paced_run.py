@@ -16,7 +16,7 @@ from rpud_sim.simulation.run import Beginning, Run
 
 MILLISECOND = 1_000_000
 PERIOD = 10 * MILLISECOND
-LEAD = 5 * MILLISECOND
+LEAD = 10 * MILLISECOND
 START = 17 * SECOND
 
 
@@ -26,7 +26,8 @@ class Publishers(DrillPublishers):
     def __init__(self, node, clock):
         super().__init__(node, publish_clock=False)
         self.clock = clock
-        self.computed, self.sent_at = [], []
+        self.computed, self.sent_at, self.topics = [], [], []
+        self.messages = []
         self.meanwhile = lambda: None
 
     def wanted(self, topic):
@@ -40,9 +41,14 @@ class Publishers(DrillPublishers):
         return encoded
 
     def _send(self, name, message):
+        self.topics.append(name)
         if name == "nodal_plane":
             self.sent_at.append(self.clock())
+        self.messages.append((name, message))
         super()._send(name, message)
+
+    def bytes_of(self, *names):
+        return [message for name, message in self.messages if name in names]
 
 
 class Drill:
@@ -122,7 +128,7 @@ def test_a_command_that_comes_while_a_block_waits_acts_at_its_end(drill):
 
 
 def test_a_command_between_two_blocks_acts_at_the_next_end(drill):
-    drill = drill()
+    drill = drill(factor=0.5)  # with time between two blocks
     drill.play()
     drill.advance()
     before = drill.weight_on_bit
@@ -131,6 +137,76 @@ def test_a_command_between_two_blocks_acts_at_the_next_end(drill):
     assert (drill.weight_on_bit, drill.paced.run.time) == (before, PERIOD)
     assert drill.advance() == 2 * PERIOD
     assert drill.weight_on_bit == 33.0
+
+
+def streams_of(drill):
+    return [name for name in drill.publishers.topics if name in ("waveform", "trajectory")]
+
+
+def test_waveform_and_trajectory_follow_in_the_time_before_the_next_deadline(drill):
+    drill = drill()
+    drill.play()
+    for _ in range(4):
+        drill.advance()
+    assert streams_of(drill) == []
+    drill.advance()
+    assert streams_of(drill) == ["waveform", "trajectory"]
+    after = drill.publishers.topics.index("trajectory")
+    assert drill.publishers.topics[:after].count("nodal_plane") == 4  # ahead of the fifth
+
+
+def test_without_time_they_wait_but_not_longer_than_a_period_of_theirs(drill):
+    drill = drill()
+    drill.play()
+    drill.publishers.meanwhile = lambda: drill.clock.sleep(0.02)  # twice as long as a block
+    for _ in range(9):
+        drill.advance()
+    assert streams_of(drill) == []
+    drill.advance()
+    assert streams_of(drill) == ["waveform", "trajectory"]
+    drill.pause()
+    assert streams_of(drill) == ["waveform", "trajectory"] * 2
+
+
+def test_what_was_put_off_comes_before_a_flush_and_with_the_stamps_of_its_time(drill):
+    slow, prompt = drill(), drill()
+    slow.publishers.meanwhile = lambda: slow.clock.sleep(0.02)
+    for each in (slow, prompt):
+        each.play()
+        for _ in range(5):
+            each.advance()
+        each.paced.run.place(7 * SECOND)
+        each.paced.flush()
+    assert streams_of(slow) == streams_of(prompt) == ["waveform", "trajectory"]
+    sent = [each.publishers.bytes_of("waveform", "trajectory") for each in (slow, prompt)]
+    assert sent[0] == sent[1]
+
+
+def test_the_diagnostics_of_a_change_wait_for_time_and_come_once_in_a_report(drill):
+    drill = drill()
+    drill.play()
+    drill.advance()
+    drill.publishers.meanwhile = lambda: drill.clock.sleep(0.02)
+    before = drill.publishers.topics.count("/diagnostics")
+    for force in (31.0, 32.0, 33.0):
+        drill.inbox.accept(WeightOnBit(force))
+        drill.advance()
+    assert drill.publishers.topics.count("/diagnostics") == before
+    drill.pause()
+    assert drill.publishers.topics.count("/diagnostics") >= before + 1
+    assert drill.publishers.topics[-1] == "/diagnostics"
+
+
+def test_impacts_are_published_within_a_period_of_their_stamps(drill):
+    drill = drill()
+    drill.play()
+    for _ in range(20):
+        drill.advance()
+    drill.account.finish()
+    drill.paced.report()
+    delays = drill.account.last.impact_delays
+    assert delays.count == drill.paced.run.simulation.impact_count > 0
+    assert 0.0 < delays.p50 <= delays.p99 <= delays.greatest <= PERIOD / SECOND
 
 
 def test_a_late_block_is_published_at_once(drill):

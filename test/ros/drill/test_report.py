@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import serialize_message
 
 from rpud_sim.ros.drill.pacer import Timing
-from rpud_sim.ros.drill.report import Report, report_to_diagnostics
+from rpud_sim.ros.drill.report import Delays, Report, report_to_diagnostics
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.fields import Bookkeeping
@@ -58,6 +58,8 @@ def made(**counts):
         namesakes=0,
         scheduling="real-time priority 10",
         timing=ON_TIME,
+        command_delays=Delays(4, 0.004, 0.009, 0.0095),
+        impact_delays=Delays(9, 0.005, 0.01, 0.011),
         figures={},
         published={"status": 5, "journal": 3},
         subscribers={"status": 2, "journal": 0},
@@ -124,6 +126,10 @@ def test_the_diagnostics_have_names_and_values():
     assert values["lateness_p50 [s]"] == "0.000100"
     assert values["lateness_p99 [s]"] == "0.001100"
     assert values["lateness_p99.9 [s]"] == "0.002500"
+    assert values["command_delay_p50 [s]"] == "0.004000"
+    assert values["command_delay_p99 [s]"] == "0.009000"
+    assert values["command_delay_max [s]"] == "0.009500"
+    assert values["impact_delay_max [s]"] == "0.011000"
     assert values["messages_dropped"] == "1"
     assert values["commands_accepted"] == "2"
     assert values["weight_on_bit [N]"] == "30"

@@ -1,0 +1,122 @@
+"""A process that publishes a drill's topics, and what an independent listener hears of it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import rclpy
+from rclpy.node import Node
+
+from bench.hearing import Hearing
+from rpud_sim.ros.drill.publishers import DIAGNOSTICS
+from rpud_sim.ros.types import message_class
+from rpud_sim.simulation.topics import TOPICS
+
+_KINDS = {
+    name: message_class(topic.type)
+    for name, topic in {**TOPICS, "/diagnostics": DIAGNOSTICS}.items()
+}
+_STARTING = 60.0  # that a process may take until it is heard [s]
+_SETTLING = 2.0  # between the first message and the first figure [s]
+
+
+class Counted(NamedTuple):
+    """What was heard per second, and the process' share of one core."""
+
+    bytes: float
+    impacts: float
+    share: float
+
+
+class Talk:
+    """A process that publishes a drill's topics, and what is heard of it.
+
+    Args:
+        program: ``drill_node``, or a module of the bench.
+        parameters: of its node.
+    """
+
+    def __init__(self, program: str, parameters: Mapping[str, object]) -> None:
+        self.namespace = f"/bench_{os.getpid()}_{time.monotonic_ns()}"
+        self.node: Node = rclpy.create_node("listener", namespace=self.namespace)
+        kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
+        self.hearing = Hearing(self.node, kinds, ("status", "/diagnostics"), ("contact_force",))
+        words = [f"{key}:={value}" for key, value in parameters.items()]
+        talker = (sys.executable, "-m", f"bench.{program}")
+        self._process = subprocess.Popen(
+            [
+                *(("drill_node",) if program == "drill_node" else talker),
+                *("--ros-args", "-r", f"__ns:={self.namespace}"),
+                *("--log-level", "error"),
+                *(word for pair in words for word in ("-p", pair)),
+            ]
+        )
+        self.late: list[float] = []
+
+    def __enter__(self) -> Talk:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.send_signal(signal.SIGINT)
+        try:
+            self._process.wait(30.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self.node.destroy_node()
+
+    def status(self) -> Any:
+        """Return the last status."""
+        return self.hearing.last("status")
+
+    def diagnostics(self) -> dict[str, str]:
+        """Return the values of the last diagnostics, by key."""
+        last = self.hearing.last("/diagnostics")
+        return {pair.key: pair.value for status in last.status for pair in status.values}
+
+    def settle(self) -> None:
+        """Wait until the process is heard, and some time more.
+
+        Raises:
+            RuntimeError: if it is not heard in time.
+        """
+        if not self.hearing.take_until(lambda: self.hearing.messages["waveform"] > 0, _STARTING):
+            raise RuntimeError(f"nothing was heard within {_STARTING:g} s")
+        self.listen(_SETTLING)
+
+    def listen(self, seconds: float) -> None:
+        """Hear what comes for some time."""
+        self.hearing.take_until(lambda: False, seconds)
+
+    def measure(self, seconds: float) -> Counted:
+        """Listen for some time, and count."""
+        began, before = time.monotonic(), self._counts()
+        for _ in self.each_second(seconds):
+            pass
+        elapsed = time.monotonic() - began
+        differences = zip(self._counts(), before, strict=True)
+        return Counted(*((now - then) / elapsed for now, then in differences))
+
+    def each_second(self, seconds: float) -> Iterator[None]:
+        """Listen for some time, and yield once in every second."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self.listen(min(1.0, left))
+            if self.status() is not None:
+                self.late.append(1e3 * self.status().lateness_max)
+            yield
+
+    def processor_time(self) -> float:
+        """Return the time of processors that the process has used [s]."""
+        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def _counts(self) -> tuple[float, float, float]:
+        return self.hearing.bytes, self.hearing.messages["contact_force"], self.processor_time()
