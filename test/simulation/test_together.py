@@ -102,7 +102,7 @@ def told(values, scenario, steps, advance):
     return messages + serialized(run.flush("end"))
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(VALUES, scenarios(), STEPS)
 def test_together_they_are_the_same_as_one_by_one(values, scenario, steps):
     if values.get("block_duration", 1.0) * values["telemetry_rate"] < 1.0:
