@@ -8,10 +8,14 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+import numpy as np
+
+from bench.flight import Flight
 from rpud_sim.model.drill import derive
 from rpud_sim.simulation import Parameters
 
 SOURCE = Path(__file__).parent / "c" / "drill.c"
+FLAGS = ("-O3", "-march=native", "-ffast-math")  # the fastest of those that gcc offers
 
 
 class DrillInC:
@@ -29,7 +33,7 @@ class DrillInC:
         self._program = Path(self._folder.name, "drill")
         subprocess.run(
             [
-                *(compiler, "-std=gnu11", "-O3", "-march=native"),
+                *(compiler, "-std=gnu11", *FLAGS),
                 *("-o", str(self._program), str(SOURCE), "-lm"),
             ],
             check=True,
@@ -40,22 +44,25 @@ class DrillInC:
         self._folder.cleanup()
 
     def run(
-        self, parameters: Parameters, duration: float, phase: float, strides: bool
-    ) -> dict[str, float]:
-        """Run once; returns figures by the names of `rpud simulate`, and `cpu_time` [s].
+        self, parameters: Parameters, duration: float, flight: Flight
+    ) -> tuple[dict[str, float], np.ndarray]:
+        """Run once from a flight on.
 
         Args:
             parameters: of the drill.
             duration: to simulate [s].
-            phase: of the vibration at time zero [cycles].
-            strides: whether it steps further while the free mass is out of the tip's reach.
+            flight: where it begins.
+
+        Returns:
+            Figures by the names of `rpud simulate`, and `cpu_time` [s]; and the times of the first
+            impacts on the drill tool [s].
         """
         drill = derive(parameters)
         numbers = (
             drill.in_rock,
-            strides,
             duration,
-            phase,
+            flight.phase % 1.0,
+            *flight.bodies,
             drill.rpud_mass,
             drill.rpud_damping,
             drill.load_spring_rate,
@@ -72,5 +79,5 @@ class DrillInC:
         )
         words = [repr(float(number)) for number in numbers]
         output = subprocess.run([self._program, *words], check=True, stdout=subprocess.PIPE).stdout
-        figures: dict[str, float] = json.loads(output)
-        return figures
+        figures = json.loads(output)
+        return figures, np.array(figures.pop("impact_times"))

@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from bench.flight import Bodies
 from rpud_sim.model.collision import collide
 from rpud_sim.model.drill import derive
 from rpud_sim.simulation import Parameters
 
 STEPS_PER_CYCLE = 8  # events are seen between steps, so that these bound what is missed
-
-
-class Bodies(NamedTuple):
-    """Positions [m] and velocities [m/s] of nodal plane, free mass and drill tool."""
-
-    u_np: float
-    v_np: float
-    u_fm: float
-    v_fm: float
-    u_dt: float
-    v_dt: float
 
 
 def impact_times(

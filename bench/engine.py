@@ -10,18 +10,18 @@ import importlib.util
 import sys
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from bench.drill_in_c import DrillInC
-from bench.drill_in_scipy import Bodies, impact_times
-from bench.row import Row, row
+from bench.drill_in_scipy import impact_times
+from bench.flight import COUNTED, Flight, agreeing, first_flight
+from bench.row import Goal, Row, row
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.sampling import Times
-from rpud_sim.simulation.simulation import Block, Simulation
+from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
 
 if TYPE_CHECKING:
@@ -42,6 +42,11 @@ SAME = {
 
 Figures = dict[str, float]
 
+# The engine keeps the whole trajectory, the C program statistics alone.
+GOALS = {"C": Goal(least=1.5)}
+# A change of the initial phase by its last digits, which shows how soon roundings part two runs.
+ROUNDING = 1e-15  # [cycles]
+
 
 def engine() -> Iterator[Row]:
     """Time the engine, C, SciPy and MuJoCo, each on one core."""
@@ -52,9 +57,10 @@ def engine() -> Iterator[Row]:
 def _beside(regime: str, parameters: Parameters) -> Iterator[Row]:
     compile_kernels(parameters)
     speeds: dict[str, list[float]] = {}
-    ours: list[Figures] = []
-    in_c: dict[str, list[Figures]] = {"C": [], "C with strides": []}
-    shared: list[float] = []
+    ours: list[Run] = []
+    in_c: list[Figures] = []
+    first: dict[str, list[float]] = {"C": [], "SciPy": []}
+    agree: dict[str, list[int]] = {"C": [], "ours after a rounding": []}
     mujoco = _mujoco(regime, parameters)
 
     def took(name: str, simulated: float, used: float) -> None:
@@ -62,71 +68,77 @@ def _beside(regime: str, parameters: Parameters) -> Iterator[Row]:
 
     with DrillInC() as program:
         for phase in PHASES:
-            used, figures, block = _run(parameters, phase)
-            took("rpud_sim", DURATION, used)
-            ours.append(figures)
-            for name, runs in in_c.items():
-                runs.append(program.run(parameters, DURATION, phase, name != "C"))
-                took(name, DURATION, runs[-1]["cpu_time"])
-            used, same = _scipy(parameters, block)
-            took("SciPy", SCIPY_DURATION, used)
-            shared.append(same)
+            ours.append(_run(parameters, phase))
+            took("rpud_sim", DURATION, ours[-1].used)
+            flight = ours[-1].flight
+            figures, times = program.run(parameters, DURATION, flight)
+            in_c.append(figures)
+            took("C", DURATION, figures["cpu_time"])
+            first["C"].append(abs(float(times[0] - flight.impact_times[0])))
+            agree["C"].append(agreeing(flight.impact_times, times))
+            agree["ours after a rounding"].append(_agreeing_after_rounding(parameters, phase))
+            began = time.process_time()
+            theirs = impact_times(parameters, flight.bodies, flight.phase, SCIPY_DURATION)
+            took("SciPy", SCIPY_DURATION, time.process_time() - began)
+            first["SciPy"].append(abs(float(theirs[0] - flight.impact_times[0])))
             if mujoco is not None:
                 simulated = MUJOCO_STEPS * mujoco.step
                 took("MuJoCo", simulated, mujoco.advance(simulated))
     for name, values in speeds.items():
         yield row(f"engine, {regime}: simulated seconds per second, {name}", values)
+    rates = [run.events / run.used for run in ours]
+    yield row(f"engine, {regime}: events per second on one core", rates, "1/s")
     for name, values in speeds.items():
         if name != "rpud_sim":
             pairs = zip(speeds["rpud_sim"], values, strict=True)
             ratios = [our / theirs for our, theirs in pairs]
-            yield row(f"engine, {regime}: speed over that of {name}", ratios)
+            yield row(f"engine, {regime}: speed over that of {name}", ratios, goal=GOALS.get(name))
     for figure in SAME[regime]:
-        for name, runs in in_c.items():
-            ratios = [theirs[figure] / our[figure] for our, theirs in zip(ours, runs, strict=True)]
-            yield row(f"engine, {regime}: {figure}, {name} over ours", ratios)
+        ratios = [
+            theirs[figure] / our.figures[figure] for our, theirs in zip(ours, in_c, strict=True)
+        ]
+        yield row(f"engine, {regime}: {figure}, C over ours", ratios)
         if mujoco is not None:
-            mean = float(np.mean([figures[figure] for figures in ours]))
+            mean = float(np.mean([our.figures[figure] for our in ours]))
             ratio = mujoco.figures()[figure] / mean
             yield row(f"engine, {regime}: {figure}, MuJoCo over ours", [ratio])
-    yield row(f"engine, {regime}: first impact, SciPy less ours", shared, "s")
+    for name, gaps in first.items():
+        yield row(f"engine, {regime}: first impact, {name} less ours", gaps, "s")
+    for name, counts in agree.items():
+        yield row(f"engine, {regime}: impacts that agree within 0.1 us, {name}", counts)
 
 
-def _run(parameters: Parameters, phase: float) -> tuple[float, Figures, Block]:
-    """Processor time of a run, its figures, and its last block."""
+class Run(NamedTuple):
+    """Run of the engine: processor time [s], events, figures, and a flight to begin others from."""
+
+    used: float
+    events: int
+    figures: Figures
+    flight: Flight
+
+
+def _run(parameters: Parameters, phase: float) -> Run:
     simulation = Simulation(parameters, phase)
     statistics = Statistics()
     used = 0.0
+    events = 0
     for end in range(STRIDE, DURATION + 1, STRIDE):
         began = time.process_time()
         block = simulation.advance_to(end * SECOND)
         used += time.process_time() - began
+        events += len(block.segments)
         statistics.add(block)
     figures = {name: value for name, value in statistics.figures().items() if value is not None}
-    return used, figures, block
+    return Run(used, events, figures, first_flight(block))
 
 
-def _scipy(parameters: Parameters, block: Block) -> tuple[float, float]:
-    """Processor time of SciPy from a flight in a block on, and how far its first impact is off."""
-    flights = block.covering[block.covering["contact"] == 0]
-    flight = flights[np.argmax(flights["duration"] > 1e-4)]
-    middle = 0.5 * float(flight["duration"])
-    seconds, fraction = int(flight["start_seconds"]), float(flight["start_fraction"]) + middle
-    at = block.sample(Times(np.array([seconds]), np.array([fraction])))
-    bodies = Bodies(
-        at.nodal_plane_position[0],
-        at.nodal_plane_velocity[0],
-        at.free_mass_position[0],
-        at.free_mass_velocity[0],
-        at.drill_tool_displacement[0],
-        at.drill_tool_velocity[0],
-    )
-    phase = float(flight["vibration_phase"] + middle * flight["vibration_frequency"])
-    began = time.process_time()
-    theirs = impact_times(parameters, bodies, phase, SCIPY_DURATION)
-    used = time.process_time() - began
-    times = (block.impacts["seconds"] - seconds) + (block.impacts["fraction"] - fraction)
-    return used, abs(float(theirs[0] - times[times > 0.0][0]))
+def _agreeing_after_rounding(parameters: Parameters, phase: float) -> int:
+    times = []
+    for start in (phase, phase + ROUNDING):
+        impacts = Simulation(parameters, start).advance_to(SECOND).impacts
+        counted = impacts[impacts["impact_velocity"] > COUNTED]
+        times.append(counted["seconds"] + counted["fraction"])
+    return agreeing(*times)
 
 
 def _mujoco(regime: str, parameters: Parameters) -> DrillInMujoco | None:

@@ -41,6 +41,7 @@ _ENCAPSULATION = b"\0\1\0\0" if sys.byteorder == "little" else b"\0\0\0\0"
 _SIZES = {code: struct.calcsize(f"={code}") for code in CODES.values() if code != TEXT}
 # Layouts that an encoder keeps: lengths of sequences may differ from message to message.
 _MOST_LAYOUTS = 256
+_DTYPES = {code: np.dtype(code) for code in _SIZES}
 _COUNT = ("I", 4, 4)  # before each text and sequence
 
 
@@ -141,7 +142,8 @@ def _flatten_sequence(
 ) -> None:
     number = isinstance(element, str) and element != TEXT
     if number and isinstance(values, np.ndarray):
-        if values.dtype != np.dtype(element) or values.ndim not in (1, 2):
+        assert isinstance(element, str)
+        if values.dtype != _DTYPES[element] or values.ndim not in (1, 2):
             raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
         lengths.append(values.shape[-1])
         flat.append(values.shape[-1])
@@ -177,8 +179,8 @@ def _record(kind: Members, lengths: list[int]) -> np.dtype:
         formats.append(f"S{size}" if code.endswith("s") else code)
         end += size
     names = [f"part {number}" for number in range(len(formats))]
-    dtype = {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
-    return np.dtype(dtype)
+    layout: Any = {"names": names, "formats": formats, "offsets": offsets, "itemsize": end}
+    return np.dtype(layout)
 
 
 def _layout(kind: Members, lengths: list[int]) -> str:

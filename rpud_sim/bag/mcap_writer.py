@@ -70,7 +70,7 @@ class McapWriter:
     @property
     def pending(self) -> int:
         """Greatest size of the chunk in progress and its indexes [bytes]."""
-        return len(self._chunk.data) + 16 * self._chunk.count
+        return self._chunk.size + 16 * self._chunk.count
 
     @property
     def in_flight(self) -> int:
@@ -116,13 +116,13 @@ class McapWriter:
         if not count:
             return
         first, last = int(records.log_times.min()), int(records.log_times.max())
-        numbers, counts = np.unique(records.channels, return_counts=True)
-        for channel, more in zip(numbers.tolist(), counts.tolist(), strict=True):
-            self._count(channel, more, first, last)
+        numbers, firsts, counts = np.unique(records.channels, return_index=True, return_counts=True)
+        for place in np.argsort(firsts).tolist():
+            self._count(int(numbers[place]), int(counts[place]), first, last)
         done = 0
         while done < count:
             start = int(records.ends[done - 1]) if done else 0
-            room = start + self._chunk_size - len(self._chunk.data)
+            room = start + self._chunk_size - self._chunk.size
             end = min(count, int(np.searchsorted(records.ends, room, side="right")) + 1)
             end = max(end, done + 1)
             self._chunk.extend(records, done, end)
@@ -200,7 +200,7 @@ class McapWriter:
             self._thread.shutdown(cancel_futures=True)
 
     def _declare(self, record: McapRecord) -> None:
-        self._chunk.data += _bytes_of(record)
+        self._chunk.declare(_bytes_of(record))
 
     def _count(self, channel: int, more: int, first: int, last: int) -> None:
         self._first = min(self._first, first) if self._counts else first
@@ -208,7 +208,7 @@ class McapWriter:
         self._counts[channel] = self._counts.get(channel, 0) + more
 
     def _close_full_chunk(self) -> None:
-        if len(self._chunk.data) > self._chunk_size:
+        if self._chunk.size > self._chunk_size:
             self._close_chunk()
 
     def _close_chunk(self) -> None:

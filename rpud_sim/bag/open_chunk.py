@@ -93,15 +93,21 @@ class OpenChunk:
     """Chunk in progress.
 
     Attributes:
-        data: uncompressed bytes.
+        size: uncompressed [bytes].
         count: number of the messages.
     """
 
     def __init__(self) -> None:
-        self.data = bytearray()
+        self.size = 0
         self.count = 0
+        self._parts: list[bytes | memoryview] = []
         self._first = self._last = 0
         self._entries: dict[int, array[int]] = {}  # log time and place of each, by channel
+
+    def declare(self, record: bytes) -> None:
+        """Add the record of a schema or a channel."""
+        self._parts.append(record)
+        self.size += len(record)
 
     def add(self, channel: int, log_time: int, data: bytes, publish_time: int, number: int) -> None:
         """Add one message."""
@@ -110,11 +116,12 @@ class OpenChunk:
         if entries is None:
             entries = self._entries[channel] = array("Q")
         entries.append(log_time)
-        entries.append(len(self.data))
+        entries.append(self.size)
         self.count += 1
         length = _HEAD.size - 9 + len(data)
-        self.data += _HEAD.pack(Opcode.MESSAGE, length, channel, number, log_time, publish_time)
-        self.data += data
+        head = _HEAD.pack(Opcode.MESSAGE, length, channel, number, log_time, publish_time)
+        self._parts += head, data
+        self.size += len(head) + len(data)
 
     def extend(self, records: Records, first: int, end: int) -> None:
         """Add the records from number ``first`` to ``end``."""
@@ -122,7 +129,7 @@ class OpenChunk:
         ends = records.ends[first:end]
         places = np.empty((end - first, 2), np.uint64)
         places[:, 0] = log_times = records.log_times[first:end]
-        places[:, 1] = np.concatenate([[start], ends[:-1]]) + (len(self.data) - start)
+        places[:, 1] = np.concatenate([[start], ends[:-1]]) + (self.size - start)
         channels = records.channels[first:end]
         found, firsts = np.unique(channels, return_index=True)
         for channel in found[np.argsort(firsts)].tolist():
@@ -130,7 +137,8 @@ class OpenChunk:
             entries.frombytes(places[channels == channel].tobytes())
         self._widen(int(log_times.min()), int(log_times.max()))
         self.count += end - first
-        self.data += memoryview(records.data)[start : int(ends[-1])]
+        self._parts.append(records.data[start : int(ends[-1])].data)
+        self.size += int(ends[-1]) - start
 
     def _widen(self, first: int, last: int) -> None:
         self._first = min(first, self._first) if self.count else first
@@ -138,7 +146,7 @@ class OpenChunk:
 
     def close(self) -> ClosedChunk:
         """Return the chunk as it is, ready to be compressed."""
-        return ClosedChunk(self.data, self._first, self._last, self._entries)
+        return ClosedChunk(b"".join(self._parts), self._first, self._last, self._entries)
 
 
 @dataclass(frozen=True)
@@ -152,7 +160,7 @@ class ClosedChunk:
         entries: log time and place of each message in turn, by channel.
     """
 
-    data: bytearray
+    data: bytes
     first: int
     last: int
     entries: Mapping[int, array[int]]
@@ -181,7 +189,7 @@ class Compressor:
 
     def record(self, chunk: ClosedChunk) -> tuple[bytes, bytes]:
         """Return the record of a chunk, in two parts: its head and its compressed data."""
-        data: bytes = bytes(chunk.data) if self.name == "" else b""
+        data = chunk.data
         if self._zstd is not None:
             data = self._zstd.compress(chunk.data)
         elif self.name:

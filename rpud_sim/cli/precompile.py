@@ -65,7 +65,7 @@ def _use_every_kernel() -> None:
 
     configuration = Configuration()
     actuator = dataclasses.replace(configuration.actuator, actuator_model="resonance")
-    compile_kernels(configuration)
+    compile_kernels(configuration, messages=True)
     compile_members(configuration)
     compile_kernels(dataclasses.replace(configuration, actuator=actuator))
     single_contact(configuration.parameters, 1.0)

@@ -120,7 +120,7 @@ def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
     file = values.get("scenario", "")
     scenario = _scenario(file, arguments.seed)
     if arguments.bag or scenario:
-        compile_kernels(configuration, _show)
+        compile_kernels(configuration, _show, messages=bool(arguments.bag))
     compile_members(configuration, _show)
     phases = initial_phases(arguments.repeat, arguments.seed)
     if arguments.bag:

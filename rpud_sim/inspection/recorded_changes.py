@@ -103,6 +103,6 @@ def _cleared_faults(
     return found
 
 
-def _exhaust(messages: Iterable[Entry]) -> None:
+def _exhaust(messages: Iterable[object]) -> None:
     for _ in messages:
         pass

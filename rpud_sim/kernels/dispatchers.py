@@ -29,8 +29,9 @@ from numba.core.serialize import dumps
 from rpud_sim.kernels.processor import this_target
 from rpud_sim.kernels.store import KernelStore, digest_of_sources, kernel_name
 
-# No fastmath: the same commands must give the same bits, in one call or in many.
-_OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy"}
+# No fastmath: the same commands must give the same bits, in one call or in many. Kernels make no
+# arrays, so that those of the caller need not be counted as they are handed on.
+_OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "_nrt": False}
 
 
 class _KernelLibrary(JITCodeLibrary):

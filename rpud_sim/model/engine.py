@@ -17,11 +17,11 @@ from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 from rpud_sim.model.unusual import unusual_values
 
-# Records that one call of the kernel can return; it is called again when they are full. With larger
-# arrays, every call gets fresh memory from the system, and short blocks take a fifth longer.
+# Records that the first call of the kernel in an advance can return, and the most that a later one
+# can; it is called again, with twice the room, when they are full. If the first arrays were larger,
+# every call would get fresh memory from the system, and short blocks would take a fifth longer.
 _CAPACITY = 256
-# The same of a call through many times.
-_SPAN_CAPACITY = 4096
+_MOST_CAPACITY = 4096
 # What would be lost first if numbers overflowed: every other number of the state follows from them.
 _FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
 
@@ -165,8 +165,8 @@ class Engine:
         reached = 0
         status = FULL
         while status == FULL:
-            segments = np.empty(_SPAN_CAPACITY, SEGMENT)
-            impacts = np.empty(2 * _SPAN_CAPACITY + 2, IMPACT)
+            segments = np.empty(_MOST_CAPACITY, SEGMENT)
+            impacts = np.empty(2 * _MOST_CAPACITY + 2, IMPACT)
             status, more, written, count = advance_through(
                 self._drill,
                 self._state,
@@ -245,9 +245,11 @@ class Engine:
 
     def _advance(self, seconds: int, fraction: float) -> None:
         status = FULL
+        capacity = _CAPACITY
         while status == FULL:
-            segments = np.empty(_CAPACITY, SEGMENT)
-            impacts = np.empty(2 * _CAPACITY + 2, IMPACT)
+            segments = np.empty(capacity, SEGMENT)
+            impacts = np.empty(2 * capacity + 2, IMPACT)
+            capacity = min(2 * capacity, _MOST_CAPACITY)
             status, written, count = advance(
                 self._drill,
                 self._state,

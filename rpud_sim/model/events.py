@@ -46,8 +46,12 @@ from rpud_sim.model.segment import (
     Turns,
     drill_tool_swing,
     motion_of,
+    nodal_plane_motion,
+    nodal_plane_swing,
     turns_at,
+    vibration_turn,
 )
+from rpud_sim.model.suspension import swinging_part
 from rpud_sim.model.tolerances import (
     EVENT_BUDGET,
     GREATEST_EFFORT,
@@ -58,7 +62,7 @@ from rpud_sim.model.tolerances import (
     SHORTEST_SEGMENT,
     SLOWEST_IMPACT,
 )
-from rpud_sim.model.vibration import TWO_PI, advance_phase, turn_at
+from rpud_sim.model.vibration import NO_TURN, TWO_PI, advance_phase, turn_at
 
 # How an advance ends: at the requested time, with no room for more results, in a standstill, or
 # with more events than their budget.
@@ -193,11 +197,20 @@ def open_segment(drill, state, segment, turn):
 
 @compiled
 def turns_at_end(segment, strike):
-    """Return the ``Turns`` at a segment's end; those of a ``Strike`` there are known."""
+    """Return the ``Turns`` that ``end_segment`` needs at a segment's end.
+
+    Those of a ``Strike`` there are known. The vibration moves no body but the tip while the tip
+    touches none; it is then computed for the sign of a zero velocity alone.
+    """
     time = segment.duration
+    tool = drill_tool_swing(segment, time)
     if strike.time == time:
-        return Turns(strike.turn, strike.swing, drill_tool_swing(segment, time))
-    return turns_at(segment, time)
+        return Turns(strike.turn, strike.swing, tool)
+    swing = nodal_plane_swing(segment, time)
+    _, velocity = swinging_part(nodal_plane_motion(segment), swing)
+    if segment.contact & CONTACT_ACTUATOR or velocity == 0.0:
+        return Turns(vibration_turn(segment, time), swing, tool)
+    return Turns(NO_TURN, swing, tool)
 
 
 @compiled

@@ -283,33 +283,39 @@ def guard_at(segment, end, time):
 
 
 @compiled
+def bounds_of(motion):
+    """Bounds on the derivatives of an ``Oscillation``: omega_n, and of the second and third."""
+    rate = undamped_frequency(motion)
+    second = rate**2 * decaying_amplitude(motion)
+    return rate, second, rate * second
+
+
+@compiled
 def guard_bounds(segment, end):
     """Bounds on the derivatives of a guard, which hold for the whole segment."""
-    nodal_plane = nodal_plane_motion(segment)
-    drill_tool = drill_tool_motion(segment)
+    impact = end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT)
+    tool_alone = segment.contact == 0 and end == END_DRILL_TOOL_IMPACT
+    if end == END_DRILL_TOOL_REST or tool_alone:
+        _, dt_second, dt_third = bounds_of(drill_tool_motion(segment))
+        if tool_alone:
+            return Bounds(dt_second + segment.gravity, dt_third, 0.0, 0.0)
+        return Bounds(dt_second, math.inf, 0.0, 0.0)
+    if segment.contact == CONTACT_DRILL_TOOL and not impact:
+        dt_rate, _, dt_third = bounds_of(drill_tool_motion(segment))
+        return Bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
+    np_rate, np_second, np_third = bounds_of(nodal_plane_motion(segment))
     omega = TWO_PI * segment.vibration_frequency
-    np_rate = undamped_frequency(nodal_plane)
-    dt_rate = undamped_frequency(drill_tool)
-    np_second = np_rate**2 * decaying_amplitude(nodal_plane)
-    dt_second = dt_rate**2 * decaying_amplitude(drill_tool)
     amplitude = tip_amplitude(segment)
     vibration_second = omega**2 * amplitude
-    np_third = np_rate * np_second
-    dt_third = dt_rate * dt_second
     vibration_third = omega * vibration_second
-    if end == END_DRILL_TOOL_REST:
-        return Bounds(dt_second, math.inf, 0.0, 0.0)
-    if end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT):
-        if segment.contact != 0:
-            slow = np_second + dt_second
-            third = np_third + dt_third + vibration_third
-            return Bounds(slow + vibration_second, third, slow, amplitude)
-        if end == END_DRILL_TOOL_IMPACT:
-            return Bounds(dt_second + segment.gravity, dt_third, 0.0, 0.0)
+    if impact and segment.contact != 0:
+        _, dt_second, dt_third = bounds_of(drill_tool_motion(segment))
+        slow = np_second + dt_second
+        third = np_third + dt_third + vibration_third
+        return Bounds(slow + vibration_second, third, slow, amplitude)
+    if impact:
         slow = np_second + segment.gravity
         return Bounds(slow + vibration_second, np_third + vibration_third, slow, amplitude)
-    if segment.contact == CONTACT_DRILL_TOOL:
-        return Bounds(segment.free_mass * dt_rate * dt_third, math.inf, 0.0, 0.0)
     mass, damping, spring_rate, _ = load_of(segment, end)
     slow = np_second * (mass * np_rate**2 + damping * np_rate + spring_rate)
     vibration = vibration_second * (mass * omega**2 + damping * omega + spring_rate)

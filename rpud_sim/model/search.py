@@ -48,7 +48,7 @@ from rpud_sim.model.tolerances import (
     TOUCHING,
     WEAKEST_PULL,
 )
-from rpud_sim.model.vibration import TWO_PI, Turn, time_to_zero_displacement
+from rpud_sim.model.vibration import NO_TURN, TWO_PI, Turn, time_to_zero_displacement
 
 # A guard that does not bend still needs a bound to divide by [m/s^2 or N/s^2].
 LEAST_BOUND = 1e-9
@@ -108,20 +108,33 @@ def positive_bounds(segment, end):
 @compiled
 def is_above(guard, bounds, allowance):
     """Whether a guard is certain to rise above an allowance before it can fall."""
-    return guard.value + max(guard.slope, 0.0) ** 2 / (2.0 * bounds.second) > allowance
+    if guard.slope <= 0.0 or guard.value > allowance:
+        return guard.value > allowance
+    return guard.value + guard.slope**2 / (2.0 * bounds.second) > allowance
 
 
 @compiled
-def certain_step(guard, bounds, allowance):
-    """Time within which a guard cannot fall below the allowance [s]."""
+def envelope_step(envelope, slow_slope, bounds):
+    """Time within which an envelope cannot reach zero [s]; zero if it is not above it."""
+    return safe_step(envelope, slow_slope, bounds.slow_second) if envelope > 0.0 else 0.0
+
+
+@compiled
+def certain_step(guard, bounds, allowance, least):
+    """Time within which a guard cannot fall below the allowance [s].
+
+    Args:
+        guard: at a time.
+        bounds: of the guard.
+        allowance: how far below zero it may fall.
+        least: ``envelope_step`` at that time [s].
+    """
     value = guard.value + allowance
     step = max(
         safe_step(value, guard.slope, bounds.second),
         convex_step(value, guard.slope, guard.curvature, bounds.third),
+        least,
     )
-    envelope = guard.slow - bounds.vibration
-    if envelope > 0.0:
-        step = max(step, safe_step(envelope, guard.slow_slope, bounds.slow_second))
     if guard.slope >= 0.0:
         step = max(step, 10.0 * TIME_RESOLUTION)
     return step
@@ -151,9 +164,10 @@ def first_root(segment, end, limit):
     time = 0.0
     for number in range(LONGEST_SEARCH):
         guard = guard_at(segment, end, time)
-        if is_above(guard, bounds, allowance):
+        if allowance > 0.0 and is_above(guard, bounds, allowance):
             allowance = 0.0
-        step = certain_step(guard, bounds, allowance)
+        least = envelope_step(guard.slow - bounds.vibration, guard.slow_slope, bounds)
+        step = certain_step(guard, bounds, allowance, least)
         if is_root(guard, allowance, step):
             return time, True, number + 1
         time += step
@@ -173,7 +187,7 @@ class Strike(NamedTuple):
 
 
 # Stands for a strike that does not end the segment.
-NO_STRIKE = Strike(-1.0, False, 0, Turn(0.0, 0.0), NO_SWING)
+NO_STRIKE = Strike(-1.0, False, 0, NO_TURN, NO_SWING)
 
 
 @compiled
@@ -218,17 +232,15 @@ def first_strike(segment, limit, start):
         swing = nodal_plane_swing(segment, time)
         gap = slow_gap(segment, time, swing)
         envelope = gap.u_fm - gap.u_np - bounds.vibration
-        step = 0.0
-        if envelope > NEAR:
-            step = safe_step(envelope, gap.v_fm - gap.v_np, bounds.slow_second)
+        step = envelope_step(envelope, gap.v_fm - gap.v_np, bounds)
         if is_out_of_reach(envelope, gap, bounds, omega, step):
             allowance = 0.0
         else:
             turn = start if time == 0.0 else vibration_turn(segment, time)
             guard = gap_to_actuator(segment, gap, turn)
-            if is_above(guard, bounds, allowance):
+            if allowance > 0.0 and is_above(guard, bounds, allowance):
                 allowance = 0.0
-            step = certain_step(guard, bounds, allowance)
+            step = certain_step(guard, bounds, allowance, step)
             if is_root(guard, allowance, step):
                 return Strike(time, True, number + 1, turn, swing)
         time += step

@@ -42,7 +42,9 @@ from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault, read_scenario
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.span import Span
 from rpud_sim.simulation.statistics import FIGURES, Statistics
+from rpud_sim.simulation.together import Together
 from rpud_sim.simulation.topics import TOPICS, Topic
 
 __all__ = [
@@ -76,8 +78,10 @@ __all__ = [
     "ScheduledFault",
     "Settings",
     "Simulation",
+    "Span",
     "Statistics",
     "Times",
+    "Together",
     "Topic",
     "WeightOnBit",
     "compile_kernels",

@@ -19,11 +19,6 @@ from rpud_sim.simulation.span import Span
 _WINDOW = SECOND
 
 
-def absorbed(impacts: float, release: float, drill_tool_damper: float) -> float:
-    """Return what drill tool and rock took for good, from its terms [J]."""
-    return math.fsum((impacts, release, drill_tool_damper))
-
-
 @dataclasses.dataclass(frozen=True)
 class EnergyAccount:
     """Energy that flowed in, was lost and is stored, in joules.
@@ -67,7 +62,7 @@ class EnergyAccount:
     @staticmethod
     def of(block: Block) -> EnergyAccount:
         """Return the account of a block."""
-        terms = dict(zip(TERMS, _joules(block).tolist(), strict=True))
+        terms = dict(zip(TERMS, _joules_of(block).tolist(), strict=True))
         return EnergyAccount(**terms, electrical=block.electrical_energy)
 
     def __add__(self, other: EnergyAccount) -> EnergyAccount:
@@ -85,7 +80,7 @@ class EnergyAccount:
     @property
     def absorbed(self) -> float:
         """What drill tool and rock took for good [J]."""
-        return absorbed(self.impacts, self.release, self.drill_tool_damper)
+        return math.fsum((self.impacts, self.release, self.drill_tool_damper))
 
     @property
     def lost(self) -> float:
@@ -108,8 +103,8 @@ class EnergyAccount:
 _values_of = operator.attrgetter(*(field.name for field in dataclasses.fields(EnergyAccount)))
 
 
-def _joules(block: Block) -> np.ndarray:
-    """Return the energies of a block by ``TERMS`` [J]."""
+def _joules_of(block: Block) -> np.ndarray:
+    """Return the ``TERMS`` of a block's account [J]."""
     joules = np.zeros(len(TERMS))
     add_segments(
         block.rpud,
@@ -131,7 +126,7 @@ class RecentEnergy:
     """Accounts of the blocks of the last second of simulation time."""
 
     def __init__(self) -> None:
-        # Beginning, end and joules of each block, as bytes, which copies of a run share. Those of a
+        # Start, end and terms of each block; as bytes, which copies of a run share. Those of a
         # span wait until they are wanted.
         self._blocks: deque[tuple[int, int, bytes]] = deque()
         self._spans: deque[Span] = deque()
@@ -139,7 +134,7 @@ class RecentEnergy:
     def add(self, block: Block) -> None:
         """Add the block that follows."""
         self._calculate()
-        self._blocks.append((block.start, block.end, _joules(block).tobytes()))
+        self._blocks.append((block.start, block.end, _joules_of(block).tobytes()))
         self._forget(block.end)
 
     def add_span(self, span: Span) -> None:
@@ -167,8 +162,10 @@ class RecentEnergy:
                 rest / SECOND,
                 joules,
             )
-            terms = map(np.ndarray.tobytes, joules)
-            self._blocks.extend(zip(span.starts.tolist(), span.ends.tolist(), terms, strict=True))
+            times = zip(span.starts.tolist(), span.ends.tolist(), strict=True)
+            self._blocks.extend(
+                (*pair, terms.tobytes()) for pair, terms in zip(times, joules, strict=True)
+            )
             self._forget(span.end)
         self._spans.clear()
 
@@ -183,7 +180,8 @@ class RecentEnergy:
         # A status waits for it, and a second has up to 1,000 blocks. Block by block in their order,
         # or the powers would have other bits than those of earlier versions.
         table = np.frombuffer(bytes(8 * len(TERMS)) + rows).reshape(-1, len(TERMS))
-        total = EnergyAccount(**dict(zip(TERMS, table.cumsum(axis=0)[-1].tolist(), strict=True)))
+        terms = dict(zip(TERMS, table.cumsum(axis=0)[-1].tolist(), strict=True))
+        total = EnergyAccount(**terms)
         duration = (self._blocks[-1][1] - self._blocks[0][0]) / SECOND if self._blocks else 0.0
         energies = {
             "actuator_power": total.actuator_work,

@@ -20,7 +20,7 @@ from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
-from rpud_sim.simulation.energy_account import EnergyAccount
+from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy
 from rpud_sim.simulation.members import Figures, Member, QuietRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
@@ -89,13 +89,16 @@ def initial_phases(repeat: int, seed: int | None) -> tuple[float, ...]:
 
 
 def compile_kernels(
-    configuration: Configuration | Parameters, report: Callable[[str], object] = lambda text: None
+    configuration: Configuration | Parameters,
+    report: Callable[[str], object] = lambda text: None,
+    messages: bool = False,
 ) -> None:
     """Compile every kernel, or load it from the cache, before anything is timed.
 
     Args:
         configuration: of the drill, or its parameters alone.
         report: called in another thread with a line that says so, if compiling takes long.
+        messages: also those that make a run's messages many at once.
     """
     with _notice(report):
         simulation = Simulation(configuration)
@@ -107,6 +110,10 @@ def compile_kernels(
         block.sample(Times.from_nanoseconds(0))
         simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
         simulation.advance_to(2000)  # the engine gets changes when time goes on
+        if messages:
+            energy = RecentEnergy()
+            energy.add_span(simulation.advance_through(np.array([3000, 4000])))
+            energy.powers()
 
 
 class _CompilationListener(event.Listener):

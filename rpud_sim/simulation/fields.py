@@ -36,8 +36,8 @@ JOINTS = ("rpud_nodal_plane_joint", "rpud_free_mass_joint", "rpud_tool_tip_joint
 SEGMENT_ARRAYS = tuple(name for name in SEGMENT.names or () if name not in CONSTANTS)
 
 # Place of the constants among the numbers of a segment, which are all of one size.
-_FIRST_CONSTANT = (SEGMENT.fields or {})[CONSTANTS[0]][1] // 8
-_CONSTANTS = slice(_FIRST_CONSTANT, _FIRST_CONSTANT + len(CONSTANTS))
+_FIELDS: Any = SEGMENT.fields
+_CONSTANTS = [_FIELDS[name][1] // np.dtype(np.float64).itemsize for name in CONSTANTS]
 
 _TYPE_CODES = {np.dtype(np.int64): "q", np.dtype(np.float64): "d", np.dtype(np.uint8): "B"}
 
@@ -182,8 +182,8 @@ def contact_force_fields(impact: Any, origin: int) -> Fields:
     """Fields of ``rpud_msgs/ContactForce`` for one ``IMPACT``, or columns for an array of them."""
     names = IMPACT.names or ()
     if isinstance(impact, np.ndarray):
-        values = {name: impact[name] for name in names}
-        fraction = np.rint(values.pop("fraction") * SECOND).astype(np.int64)
+        values: dict[str, Any] = {name: impact[name] for name in names}
+        fraction: Any = np.rint(values.pop("fraction") * SECOND).astype(np.int64)
     else:
         # All at once: one by one they would take longer than the rest of the message.
         values = dict(zip(names, impact.item(), strict=True))

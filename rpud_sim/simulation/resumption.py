@@ -81,7 +81,8 @@ def resume(
     run = rerun.run
     if run is None:
         raise JournalError("nothing has begun")
-    last = boundary(boundaries_until(time, run.beginning.settings.telemetry_rate))
+    rate = run.beginning.settings.telemetry_rate
+    last = boundary(boundaries_until(time, rate), rate)
     if last > run.time:
         hear(run.advance_together(last))
     journal.restart(entries[-1].sequence + 1)

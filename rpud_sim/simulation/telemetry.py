@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 
@@ -37,13 +38,14 @@ _SENSORS = (
     ("wrench", wrench_fields),
 )
 
+# Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
+# saves no time.
+_TOGETHER = SECOND
+
 _PART = 1000  # samples of a waveform that are made in one part, about 0.2 ms
 
 # Messages that may come later, with None between two parts of the work.
 Stream = Iterator[Entry | None]
-# Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
-# saves no time.
-_TOGETHER = SECOND
 
 
 class Telemetry:
@@ -198,9 +200,8 @@ class Telemetry:
             else:
                 for k in np.flatnonzero(counts).tolist():
                     part = slice(int(cuts[k] - cuts[0]), int(cuts[k + 1] - cuts[0]))
-                    fields = waveform_fields(
-                        samples, int(stamps[k]), int(cuts[k]), rate, lambda v, part=part: v[part]
-                    )
+                    numbers = int(stamps[k]), int(cuts[k])
+                    fields = waveform_fields(samples, *numbers, rate, itemgetter(part))
                     yield Single("waveform", int(blocks[k]), int(ends[k]), fields)
         first = 0
         for block, end, after in zip(
@@ -278,11 +279,6 @@ class Telemetry:
             yield block.end, "waveform", values
 
 
-def messages_of(stream: Stream | None) -> Iterator[Entry]:
-    """Yield the messages of a stream, if there is one."""
-    return (entry for entry in stream or () if entry is not None)
-
-
 def _readings(
     readings: Sequence[ActuatorReading], powers: Sequence[float], stamps: np.ndarray
 ) -> Fields:
@@ -294,3 +290,8 @@ def _readings(
         fields = {name: np.array([row[name] for row in rows]) for name in rows[0]}
         fields["header"] = header_fields("actuator_state", stamps)
     return {**fields, "mechanical_power": np.array(powers)}
+
+
+def messages_of(stream: Stream | None) -> Iterator[Entry]:
+    """Yield the messages of a stream, if there is one."""
+    return (entry for entry in stream or () if entry is not None)

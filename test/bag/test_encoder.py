@@ -3,6 +3,7 @@
 import struct
 from array import array
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from hypothesis import given, settings
@@ -98,6 +99,55 @@ def test_the_bytes_are_those_of_ros(kind, data):
         assert content == codec.without_padding(expected[: len(content)])
         assert repr(deserialize_message(content, kind)) == repr(message_of(kind, values))
         assert content == codec.encode(values)
+
+
+def columns_of(rows):
+    """Columns of messages whose texts and lists are those of the first one."""
+    first = rows[0]
+    columns = {}
+    for name, value in first.items():
+        own = [row[name] for row in rows]
+        if isinstance(value, dict):
+            columns[name] = columns_of(own)
+        elif isinstance(value, array):
+            columns[name] = np.array([each.tolist() for each in own], value.typecode)
+            columns[name] = columns[name].reshape(len(own), len(value))
+        else:
+            columns[name] = value if isinstance(value, (str, list)) else np.array(own)
+    return columns
+
+
+@pytest.mark.parametrize("kind", [ReactingForce, JointState])
+@settings(max_examples=25)
+@given(st.data())
+def test_columns_have_the_bytes_of_single_messages(kind, data):
+    encoder = Encoder(members_of(kind))
+    first = data.draw(values_of(kind))
+    rows = [first]
+    for _ in range(data.draw(st.integers(0, 4))):
+        other = data.draw(values_of(kind))
+        rows.append(mixed(first, other))
+    encoded = encoder.encode_columns(columns_of(rows), len(rows))
+    assert [row.tobytes() for row in encoded] == [encoder.encode(row) for row in rows]
+
+
+def mixed(first, other):
+    """A message with the numbers of another one, and texts and lengths of the first."""
+    found = {}
+    for name, value in first.items():
+        if isinstance(value, dict):
+            found[name] = mixed(value, other[name])
+        elif isinstance(value, array):
+            found[name] = array(value.typecode, reversed(value))
+        else:
+            found[name] = value if isinstance(value, (str, list)) else other[name]
+    return found
+
+
+def test_a_column_that_does_not_fit_is_an_error():
+    header = {"stamp": {"sec": np.array([1, 2**31]), "nanosec": np.array([0, 0])}, "frame_id": ""}
+    with pytest.raises(ValueError, match="does not fit int32"):
+        Encoder(members_of(ReactingForce)).encode_columns({"header": header, "force": 1.0}, 2)
 
 
 HEADER = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}

@@ -288,7 +288,7 @@ def test_an_unknown_parameter_is_told_which_there_are(simulate):
 
 
 def test_a_long_compilation_is_told(simulate, monkeypatch):
-    def compiling(configuration, tell=lambda text: None):
+    def compiling(configuration, tell=lambda text: None, messages=False):
         tell("it is compiled")
 
     monkeypatch.setattr(ensemble, "compile_members", compiling)

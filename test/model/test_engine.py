@@ -21,7 +21,7 @@ from rpud_sim.model.segment import (
     EVENT_DRILL_TOOL_IMPACT,
     motion_at,
 )
-from rpud_sim.model.vibration import harmonic_vibration
+from rpud_sim.model.vibration import harmonic_vibration, turn_at
 
 REGIMES = ("free", "drilling")
 
@@ -307,7 +307,7 @@ def test_the_blow_on_a_pair_keeps_momentum_and_returns_the_closing_velocity():
     state["frequency"], state["amplitude"], state["phase"] = 16000.0, 35e-6, 0.0
     state["v_fm"] = state["v_dt"] = -1.0
     _, v_hv = harmonic_vibration(35e-6, 16000.0, 0.0)
-    collisions = exchange_momentum(drill, state, CONTACT_BOTH)
+    collisions = exchange_momentum(drill, state, CONTACT_BOTH, turn_at(0.0))
     pair = drill.free_mass + drill.tool_mass
     assert not collisions.drill_tool_struck
     assert state["v_fm"] == state["v_dt"]

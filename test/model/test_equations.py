@@ -15,6 +15,7 @@ from rpud_sim.model.parameters import preset
 from rpud_sim.model.resets import exchange_momentum
 from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
 from rpud_sim.model.suspension import damping_coefficient, decaying_part, free_vibration
+from rpud_sim.model.vibration import turn_at
 
 DRILL = derive(preset("free").replace(actuator_restitution=0.8, drill_tool_restitution=0.6))
 
@@ -33,7 +34,7 @@ def collide(contact_bit, **velocities):
     state = np.zeros(1, STATE).view(np.recarray)[0]
     for name, velocity in velocities.items():
         setattr(state, name, velocity)
-    exchange_momentum(DRILL, state, contact_bit)
+    exchange_momentum(DRILL, state, contact_bit, turn_at(0.0))
     return state
 
 

@@ -7,6 +7,7 @@ from rpud_sim.model.drill import STATE, derive
 from rpud_sim.model.parameters import preset
 from rpud_sim.model.resets import close_gaps, exchange_momentum, lasting_contact
 from rpud_sim.model.tolerances import LOWEST_BOUNCE, TOUCHING
+from rpud_sim.model.vibration import turn_at
 
 ACTUATOR, TOOL, BOTH = 1, 2, 3
 STILL = {"vibration_amplitude": 0.0, "weight_on_bit": 0.0}
@@ -23,9 +24,10 @@ def state_of(**values):
 def settled(parameters, opened=0, **values):
     """Resolve one instant; returns the contact that lasts, the collisions and the state."""
     drill, state = derive(parameters), state_of(**values)
-    closed = close_gaps(state, 0)
-    collisions = exchange_momentum(drill, state, closed)
-    contact = lasting_contact(drill, state, closed, opened, collisions.drill_tool_struck)
+    turn = turn_at(state.phase)
+    closed = close_gaps(state, 0, turn)
+    collisions = exchange_momentum(drill, state, closed, turn)
+    contact = lasting_contact(drill, state, closed, opened, collisions.drill_tool_struck, turn)
     return contact, collisions, state
 
 
@@ -101,11 +103,11 @@ def test_a_contact_that_opens_is_not_held_again_at_once(opened):
 
 def test_overlaps_are_pushed_apart_without_moving_the_nodal_plane():
     state = state_of(u_np=1e-3, u_fm=1e-3 - TOUCHING, u_dt=1e-3 - 2 * TOUCHING)
-    assert close_gaps(state, 0) == BOTH
+    assert close_gaps(state, 0, turn_at(0.0)) == BOTH
     assert (state.u_np, state.u_fm, state.u_dt) == (1e-3, 1e-3, 1e-3)
 
 
 def test_bodies_that_met_are_closed_whatever_the_digits():
     state = state_of(u_np=-2 * TOUCHING, u_dt=1e-3)
-    assert close_gaps(state, 0) == 0
-    assert close_gaps(state, ACTUATOR) == ACTUATOR
+    assert close_gaps(state, 0, turn_at(0.0)) == 0
+    assert close_gaps(state, ACTUATOR, turn_at(0.0)) == ACTUATOR

@@ -6,15 +6,26 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from closed_forms import DRILL_TOOL, FREE_MASS, TIP, gap, motion
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
 
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
-from rpud_sim.model.guards import END_ACTUATOR_IMPACT
+from rpud_sim.model.guards import END_ACTUATOR_IMPACT, gap_to_actuator, slow_gap
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.search import fall_time, first_root
-from rpud_sim.model.segment import SEGMENT
-from rpud_sim.model.tolerances import TOUCHING, WEAKEST_PULL
+from rpud_sim.model.search import (
+    certain_step,
+    envelope_step,
+    fall_time,
+    first_strike,
+    is_above,
+    is_root,
+    positive_bounds,
+)
+from rpud_sim.model.segment import SEGMENT, nodal_plane_swing, vibration_turn
+from rpud_sim.model.tolerances import LONGEST_SEARCH, TOUCHING, WEAKEST_PULL
+from rpud_sim.model.vibration import turn_at
 
 SAMPLES_PER_CYCLE = 40
 
@@ -136,18 +147,70 @@ def hanging_mass(clearance, velocity=0.0):
     return np.rec.array(np.array([segment], SEGMENT))[0]
 
 
+def strike_of(segment, limit):
+    strike = first_strike(segment, limit, turn_at(segment.vibration_phase))
+    return strike.time, strike.struck
+
+
+def every_part_computed(segment, limit):
+    """Search as ``first_strike`` does, with the vibration at every step."""
+    bounds = positive_bounds(segment, END_ACTUATOR_IMPACT)
+    allowance, time = TOUCHING, 0.0
+    for steps in range(1, LONGEST_SEARCH + 1):
+        gap = slow_gap(segment, time, nodal_plane_swing(segment, time))
+        guard = gap_to_actuator(segment, gap, vibration_turn(segment, time))
+        if is_above(guard, bounds, allowance):
+            allowance = 0.0
+        least = envelope_step(guard.slow - bounds.vibration, guard.slow_slope, bounds)
+        step = certain_step(guard, bounds, allowance, least)
+        if is_root(guard, allowance, step):
+            return time, True, steps
+        time += step
+        if not time < limit:
+            return limit, False, steps
+    return time, False, LONGEST_SEARCH
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    clearance=st.one_of(st.floats(-7e-5, 1e-10), st.floats(0.0, 2e-3)),
+    velocity=st.floats(-10.0, 10.0),
+    acceleration=st.sampled_from([0.0, 9.81, 500.0]),
+    amplitude=st.sampled_from([0.0, 1e-9, 35e-6, 1e-3]),
+    frequency=st.sampled_from([50.0, 16000.0, 2e5]),
+    angular=st.sampled_from([0.0, 40.0, 3e4]),
+    decay=st.sampled_from([0.0, 20.0, 1e4]),
+    swing=st.floats(-1e-3, 1e-3),
+    limit=st.sampled_from([1e-5, 1e-3, 1e-2]),
+)
+def test_what_is_left_out_far_from_the_tip_changes_no_bit(
+    clearance, velocity, acceleration, amplitude, frequency, angular, decay, swing, limit
+):
+    segment = hanging_mass(clearance, velocity)
+    segment.free_mass_acceleration = acceleration
+    segment.gravity = acceleration
+    segment.vibration_amplitude = amplitude
+    segment.vibration_frequency = frequency
+    segment.nodal_plane_angular_frequency = angular
+    segment.nodal_plane_decay_rate = decay
+    segment.nodal_plane_sine = swing
+    strike = first_strike(segment, limit, turn_at(segment.vibration_phase))
+    expected = every_part_computed(segment, limit)
+    assert (strike.time, strike.struck, strike.steps) == expected
+
+
 @pytest.mark.parametrize("clearance", [1e-15, 1e-13, 1e-11, 1e-8])
 def test_a_tip_that_just_misses_does_not_strike(clearance):
-    time, is_root, _ = first_root(hanging_mass(clearance), END_ACTUATOR_IMPACT, 1e-3)
-    assert (time, is_root) == (1e-3, False)
+    time, struck = strike_of(hanging_mass(clearance), 1e-3)
+    assert (time, struck) == (1e-3, False)
 
 
 @pytest.mark.parametrize("depth", [1e-14, 1e-13, 1e-11, 1e-9, 1e-6])
 def test_of_two_roots_in_one_cycle_the_first_is_found(depth):
-    time, is_root, _ = first_root(hanging_mass(-depth), END_ACTUATOR_IMPACT, 1e-3)
+    time, struck = strike_of(hanging_mass(-depth), 1e-3)
     crest = 0.35 / 16000.0
     before = math.acos(1.0 - depth / 35e-6) / (2 * math.pi * 16000.0)
-    assert is_root
+    assert struck
     # Where the tip just touches, the gap is flat: a picometre counts there, not a picosecond.
     assert time < crest
     assert time == pytest.approx(crest - before, abs=1e-12 if depth > 1e-10 else 2e-10)
@@ -156,8 +219,8 @@ def test_of_two_roots_in_one_cycle_the_first_is_found(depth):
 @pytest.mark.parametrize("velocity", [-1e-3, -0.05, -1.0])
 def test_a_mass_that_drifts_into_the_vibration_is_struck_at_the_first_touch(velocity):
     segment = hanging_mass(2e-6, velocity)
-    time, is_root, _ = first_root(segment, END_ACTUATOR_IMPACT, 1.0)
-    assert is_root
+    time, struck = strike_of(segment, 1.0)
+    assert struck
     earlier = np.linspace(0.0, time * (1 - 1e-9), 200_001)
     assert gap(segment, FREE_MASS, TIP, earlier).min() > 0.0
     assert abs(float(gap(segment, FREE_MASS, TIP, time))) < 1e-15

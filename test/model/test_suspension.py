@@ -16,6 +16,7 @@ from rpud_sim.model.suspension import (
     free_vibration,
     reacting_force,
 )
+from rpud_sim.model.vibration import turn_at
 
 
 def position(motion, frequency, phase, time):
@@ -39,8 +40,18 @@ def test_closed_form_solves_the_equation_of_motion(
 ):
     frequency, phase, start, time = 900.0, 0.3, 1e-3, 7e-3
     c = damping_coefficient(damping_ratio, mass, spring_rate)
+
     motion = driven_vibration(
-        mass, c, spring_rate, force, vibration_force, 7.0, frequency, phase, start, velocity
+        mass,
+        c,
+        spring_rate,
+        force,
+        vibration_force,
+        7.0,
+        frequency,
+        turn_at(phase),
+        start,
+        velocity,
     )
 
     def equation(t, y):

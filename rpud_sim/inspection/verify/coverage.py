@@ -45,7 +45,7 @@ def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretc
         stretches: of its journal.
     """
     start = max(0, bag.duration - _END_LENGTH)
-    end = max((message.log_time for message in bag.messages(codecs.keys(), start)), default=0)
+    end = max((int(block.log_times[-1]) for block in bag.blocks(codecs.keys(), start)), default=0)
     latest: dict[str, int] = {}
     reached: list[Position] = []
     for message in bag.messages(codecs.keys(), start):

@@ -162,8 +162,9 @@ def _equal_count(first: MessageBlock, second: MessageBlock) -> int:
             items(block.data, size)[block.starts[:count]].view(np.uint8).reshape(count, size)
             for block in (first, second)
         ]
-        equal = (rows[0] == rows[1]).all(axis=1)
-        return count if equal.all() else int(np.argmin(equal))
+        if np.array_equal(*rows):
+            return count
+        return int(np.argmin((rows[0] == rows[1]).all(axis=1)))
     for number in range(count):
         if not np.array_equal(_bytes(first, number), _bytes(second, number)):
             return number
