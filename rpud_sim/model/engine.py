@@ -17,11 +17,11 @@ from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.model.tolerances import EVENT_BUDGET, LONGEST_STANDSTILL
 from rpud_sim.model.unusual import unusual_values
 
-# Records that the first call of the kernel in an advance can return, and the most that a later one
-# can; it is called again, with twice the room, when they are full. If the first arrays were larger,
-# every call would get fresh memory from the system, and short blocks would take a fifth longer.
+# Records that one call of the kernel can return, at least and at most; it is called again when they
+# are full. There is room for as many as the last advance had: a long one comes in one piece.
+# More would take fresh memory from the system, and short blocks a fifth longer.
 _CAPACITY = 256
-_MOST_CAPACITY = 4096
+_MOST_CAPACITY = 65536
 # What would be lost first if numbers overflowed: every other number of the state follows from them.
 _FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
 
@@ -102,6 +102,8 @@ class Engine:
         self._state = initial_state(parameters, initial_phase, drive, resonance)
         self._open_segment = np.zeros(1, SEGMENT)
         self._open_impact = np.zeros(1, IMPACT)
+        self._capacity = _CAPACITY
+        self._room = np.empty(0, SEGMENT)  # of the last call of the kernel
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
         impacts = np.zeros(2, IMPACT)
@@ -245,11 +247,12 @@ class Engine:
 
     def _advance(self, seconds: int, fraction: float) -> None:
         status = FULL
-        capacity = _CAPACITY
+        capacity = self._capacity
+        passed = 0
         while status == FULL:
-            segments = np.empty(capacity, SEGMENT)
+            self._room = np.empty(capacity + 1, SEGMENT)  # one for the open segment
+            segments = self._room[:-1]
             impacts = np.empty(2 * capacity + 2, IMPACT)
-            capacity = min(2 * capacity, _MOST_CAPACITY)
             status, written, count = advance(
                 self._drill,
                 self._state,
@@ -262,6 +265,8 @@ class Engine:
             )
             self._segments.append(segments[:written])
             self._impacts.append(impacts[:count])
+            passed += written
+        self._capacity = min(max(passed + passed // 8, _CAPACITY), _MOST_CAPACITY)
         if status != DONE or not is_finite(self._state):
             raise failure(status, self._parameters, self._drill, self._state)
 
@@ -295,8 +300,23 @@ class Engine:
 
     def drain_covering(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the same as ``drain``, with the open segment after the finished ones."""
-        covering = join_records([*self._segments, self._open_segment], SEGMENT)
+        covering = self._covering()
         impacts = join_records(self._impacts, IMPACT)
         self._segments.clear()
         self._impacts.clear()
         return covering, impacts
+
+    def _covering(self) -> np.ndarray:
+        """Return the segments since the last drain and the open one as one immutable array.
+
+        One piece that uses most of its room is returned as it is, without a copy.
+        """
+        parts = self._segments
+        room = self._room
+        if len(parts) != 1 or parts[0].base is not room or 2 * len(parts[0]) < len(room):
+            return join_records([*parts, self._open_segment], SEGMENT)
+        count = len(parts[0])
+        room[count] = self._open_segment[0]
+        room.flags.writeable = False
+        self._room = np.empty(0, SEGMENT)
+        return room[: count + 1]

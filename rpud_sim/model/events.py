@@ -34,7 +34,7 @@ from rpud_sim.model.resonator import (
     move_resonance,
     update,
 )
-from rpud_sim.model.search import NO_STRIKE, next_event
+from rpud_sim.model.search import next_event
 from rpud_sim.model.segment import (
     CONTACT_ACTUATOR,
     CONTACT_DRILL_TOOL,
@@ -51,6 +51,7 @@ from rpud_sim.model.segment import (
     turns_at,
     vibration_turn,
 )
+from rpud_sim.model.strike import NO_STRIKE
 from rpud_sim.model.suspension import swinging_part
 from rpud_sim.model.tolerances import (
     EVENT_BUDGET,

@@ -1,19 +1,11 @@
 """Search for the end of the open segment: the only place that solves an equation numerically.
 
-A guard whose second derivative is bounded by B cannot fall from a value g with a slope g' to zero
-within
-
-    step = (g' + sqrt(g'^2 + 2 B g)) / B
-
-The search makes such steps, one after another. It cannot pass a root, however near two roots are,
-and near a simple root the steps converge to it quadratically from the left. Two longer steps are
-as safe: while the second derivative is certain to stay positive, by a bound on the third, the
-guard lies above its tangent; and a guard in which the tip vibrates is at least its slowly changing
-envelope.
+The search makes steps within which the guard is certain to stay positive (steps.py), one after
+another. It cannot pass a root, however near two roots are, and near a simple root the steps
+converge to it quadratically from the left.
 """
 
 import math
-from typing import NamedTuple
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.contact import release_time
@@ -25,125 +17,25 @@ from rpud_sim.model.guards import (
     END_DRILL_TOOL_RELEASE,
     END_DRILL_TOOL_REST,
     END_LIMIT,
-    Bounds,
-    gap_to_actuator,
     guard_at,
-    guard_bounds,
-    slow_gap,
 )
 from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.resonator import time_to_update
-from rpud_sim.model.segment import (
-    CONTACT_ACTUATOR,
-    CONTACT_DRILL_TOOL,
-    nodal_plane_swing,
-    vibration_turn,
+from rpud_sim.model.segment import CONTACT_ACTUATOR, CONTACT_DRILL_TOOL
+from rpud_sim.model.steps import (
+    allowance_of,
+    certain_step,
+    envelope_step,
+    is_above,
+    is_root,
+    positive_bounds,
 )
-from rpud_sim.model.suspension import NO_SWING, Swing
-from rpud_sim.model.tolerances import (
-    LONGEST_SEARCH,
-    LONGEST_SEGMENT,
-    STEP_EFFORT,
-    TIME_RESOLUTION,
-    TOUCHING,
-    WEAKEST_PULL,
-)
-from rpud_sim.model.vibration import NO_TURN, TWO_PI, Turn, time_to_zero_displacement
-
-# A guard that does not bend still needs a bound to divide by [m/s^2 or N/s^2].
-LEAST_BOUND = 1e-9
-
-# Where the envelope is this near to zero, every part of a guard is computed [m]; and a step counts
-# as longer than another if it is so by more than rounding.
-NEAR = 1e-11
-MARGIN = 1.0 + 1e-6
+from rpud_sim.model.strike import NO_STRIKE, first_strike
+from rpud_sim.model.tolerances import LONGEST_SEARCH, LONGEST_SEGMENT, STEP_EFFORT, TOUCHING
+from rpud_sim.model.vibration import time_to_zero_displacement
 
 # How far two forces are followed at first [s].
 FIRST_SPAN = 1e-5
-
-
-@compiled
-def safe_step(value, slope, bound):
-    """Time within which a guard cannot reach zero, by a bound on its second derivative [s]."""
-    value = max(value, 0.0)
-    root = math.sqrt(slope * slope + 2.0 * bound * value)
-    if slope < 0.0:
-        return 2.0 * value / (root - slope)  # without the cancellation
-    return (slope + root) / bound
-
-
-@compiled
-def convex_step(value, slope, curvature, bound):
-    """Time within which a guard cannot reach zero, as long as it is certain to be convex [s]."""
-    if not curvature > 0.0:
-        return 0.0
-    convex = curvature / bound
-    if slope < 0.0:
-        convex = min(convex, max(value, 0.0) / -slope)
-    return convex
-
-
-@compiled
-def allowance_of(end):
-    """Return how far below zero a guard may be that was not yet as far above zero."""
-    if end in (END_ACTUATOR_IMPACT, END_DRILL_TOOL_IMPACT):
-        return TOUCHING
-    if end == END_DRILL_TOOL_REST:
-        return 0.0
-    return WEAKEST_PULL
-
-
-@compiled
-def positive_bounds(segment, end):
-    """Return the ``Bounds`` of a guard, fit to divide by."""
-    bounds = guard_bounds(segment, end)
-    return Bounds(
-        max(bounds.second, LEAST_BOUND),
-        max(bounds.third, LEAST_BOUND),
-        max(bounds.slow_second, LEAST_BOUND),
-        bounds.vibration,
-    )
-
-
-@compiled
-def is_above(guard, bounds, allowance):
-    """Whether a guard is certain to rise above an allowance before it can fall."""
-    if guard.slope <= 0.0 or guard.value > allowance:
-        return guard.value > allowance
-    return guard.value + guard.slope**2 / (2.0 * bounds.second) > allowance
-
-
-@compiled
-def envelope_step(envelope, slow_slope, bounds):
-    """Time within which an envelope cannot reach zero [s]; zero if it is not above it."""
-    return safe_step(envelope, slow_slope, bounds.slow_second) if envelope > 0.0 else 0.0
-
-
-@compiled
-def certain_step(guard, bounds, allowance, least):
-    """Time within which a guard cannot fall below the allowance [s].
-
-    Args:
-        guard: at a time.
-        bounds: of the guard.
-        allowance: how far below zero it may fall.
-        least: ``envelope_step`` at that time [s].
-    """
-    value = guard.value + allowance
-    step = max(
-        safe_step(value, guard.slope, bounds.second),
-        convex_step(value, guard.slope, guard.curvature, bounds.third),
-        least,
-    )
-    if guard.slope >= 0.0:
-        step = max(step, 10.0 * TIME_RESOLUTION)
-    return step
-
-
-@compiled
-def is_root(guard, allowance, step):
-    """Whether a guard ends here, as there is no step left."""
-    return guard.slope < 0.0 and (guard.value + allowance <= 0.0 or step < TIME_RESOLUTION)
 
 
 @compiled
@@ -174,79 +66,6 @@ def first_root(segment, end, limit):
         if not time < limit:
             return limit, False, number + 1
     return time, False, LONGEST_SEARCH
-
-
-class Strike(NamedTuple):
-    """End of a search for the actuator's strike, with the functions that were computed there."""
-
-    time: float  # until which the gap is certain to be open [s]
-    struck: bool  # whether it closes there
-    steps: int
-    turn: Turn  # of the vibration, if it closes
-    swing: Swing  # of the nodal plane, if it closes
-
-
-# Stands for a strike that does not end the segment.
-NO_STRIKE = Strike(-1.0, False, 0, NO_TURN, NO_SWING)
-
-
-@compiled
-def is_out_of_reach(envelope, gap, bounds, omega, step):
-    """Whether no bound allows a longer step than the envelope does, wherever the vibration is.
-
-    ``certain_step`` is then that of the envelope, and the vibration need not be computed. Steps are
-    compared without dividing: each is where a parabola or a line reaches zero.
-    """
-    reach = bounds.vibration
-    fastest = max(gap.v_fm - gap.v_np + omega * reach, 0.0)
-    bend = gap.free_mass_acceleration - gap.nodal_plane_acceleration
-    most_bent = max(bend, 0.0) + omega * omega * reach
-    highest = envelope + 2.0 * reach
-    return (
-        envelope > NEAR
-        and step > 1000.0 * TIME_RESOLUTION
-        and 0.5 * bounds.second * step * step > MARGIN * (highest + fastest * step)
-        and bounds.third * step > MARGIN * most_bent
-    )
-
-
-@compiled
-def first_strike(segment, limit, start):
-    """Find when the actuator strikes the free mass, which does not touch it, up to a limit [s].
-
-    The same as ``first_root`` with the gap to the actuator.
-
-    Args:
-        segment: a ``SEGMENT`` record.
-        limit: [s].
-        start: ``Turn`` of the vibration at the segment's start.
-
-    Returns:
-        The ``Strike``.
-    """
-    bounds = positive_bounds(segment, END_ACTUATOR_IMPACT)
-    omega = TWO_PI * segment.vibration_frequency
-    allowance = TOUCHING
-    time = 0.0
-    for number in range(LONGEST_SEARCH):
-        swing = nodal_plane_swing(segment, time)
-        gap = slow_gap(segment, time, swing)
-        envelope = gap.u_fm - gap.u_np - bounds.vibration
-        step = envelope_step(envelope, gap.v_fm - gap.v_np, bounds)
-        if is_out_of_reach(envelope, gap, bounds, omega, step):
-            allowance = 0.0
-        else:
-            turn = start if time == 0.0 else vibration_turn(segment, time)
-            guard = gap_to_actuator(segment, gap, turn)
-            if allowance > 0.0 and is_above(guard, bounds, allowance):
-                allowance = 0.0
-            step = certain_step(guard, bounds, allowance, step)
-            if is_root(guard, allowance, step):
-                return Strike(time, True, number + 1, turn, swing)
-        time += step
-        if not time < limit:
-            return Strike(limit, False, number + 1, start, swing)
-    return Strike(time, False, LONGEST_SEARCH, start, swing)
 
 
 @compiled

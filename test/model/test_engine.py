@@ -330,3 +330,21 @@ def test_an_impact_is_squeezed_if_the_tip_pressed_meanwhile():
     assert impacts["squeezed"][inside].all()
     # The greatest forces of all are those of squeezed impacts, for the tip does not yield.
     assert impacts["squeezed"][np.argmax(impacts["peak_force"])]
+
+
+@pytest.mark.parametrize("pieces", [1, 3])
+def test_a_long_block_is_the_same_in_one_piece_and_joined_and_stays_as_it_is(pieces):
+    drained = []
+    for count in (1, pieces):
+        engine = Engine(preset("drilling"), 0.3)
+        engine.advance(1, 0.0)
+        engine.drain()
+        for piece in range(1, count + 1):
+            engine.advance(1 + piece // count, piece / count % 1.0)
+        covering, _ = engine.drain_covering()
+        before = covering.copy()
+        engine.advance(3, 0.0)
+        assert (covering == before).all()
+        assert not covering.flags.writeable
+        drained.append(np.concatenate([before, engine.drain_covering()[0]]))
+    assert (drained[0] == drained[1]).all()

@@ -14,16 +14,16 @@ from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.guards import END_ACTUATOR_IMPACT, gap_to_actuator, slow_gap
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.search import (
+from rpud_sim.model.search import fall_time
+from rpud_sim.model.segment import SEGMENT, nodal_plane_swing, vibration_turn
+from rpud_sim.model.steps import (
     certain_step,
     envelope_step,
-    fall_time,
-    first_strike,
     is_above,
     is_root,
     positive_bounds,
 )
-from rpud_sim.model.segment import SEGMENT, nodal_plane_swing, vibration_turn
+from rpud_sim.model.strike import first_strike
 from rpud_sim.model.tolerances import LONGEST_SEARCH, TOUCHING, WEAKEST_PULL
 from rpud_sim.model.vibration import turn_at
 
