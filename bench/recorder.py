@@ -17,16 +17,25 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from bench.row import Row, row
-from rpud_sim.bag import BagReader
+from bench.row import Goal, Row, row
+from rpud_sim.bag import BagReader, BagWriter, Message, Topic
+from rpud_sim.ros.record.intake import Intake
+from rpud_sim.ros.record.message_queue import Declaration, MessageQueue
+from rpud_sim.ros.record.writing_thread import WritingThread
 
 SECONDS = 5.0  # of talking
 RATES: Mapping[int, Sequence[int]] = {
-    100: (5_000, 10_000, 20_000, 30_000),
+    100: (10_000, 20_000, 30_000, 35_000, 40_000),
     1_000_000: (20, 50, 100, 200),
 }
+STARTS = 5
+GROWTH_MESSAGES = (1_000, 10_000, 100_000, 1_000_000)
+GROWTH_TOPICS = (1, 10, 100, 1_000)
+_PER_TOPIC = 100
+_KIND = "std_msgs/msg/UInt8MultiArray"
 _RPUD = (sys.executable, "-m", "rpud_sim.cli.main")
 _ENDING = 120.0  # [s]
+_STARTING = 4.0  # until a recorder that started is stopped [s]
 
 
 class _Recorded(NamedTuple):
@@ -41,6 +50,7 @@ class _Recorded(NamedTuple):
 def recorder() -> Iterator[Row]:
     """Record the drill's own mix, and small and large messages at rising rates."""
     with tempfile.TemporaryDirectory() as folder:
+        yield from _starts(Path(folder))
         yield from _drill(Path(folder, "drill"))
         for size, rates in RATES.items():
             greatest: dict[str, float] = {}
@@ -57,7 +67,9 @@ def recorder() -> Iterator[Row]:
                         greatest[name] = max(greatest.get(name, 0.0), best)
             for name, best in greatest.items():
                 what = f"{name}, {size:,} bytes: most without loss"
-                yield row(what, [best], "messages/s")
+                small = name == "rpud record" and size == min(RATES)
+                goal = Goal(least=40_000) if small else None
+                yield row(what, [best], "messages/s", goal)
                 yield row(what, [best * size], "B/s")
 
 
@@ -68,6 +80,81 @@ def _recorders(topic: str, bag: Path) -> dict[str, Sequence[str]]:
         words = ("ros2", "bag", "record", "--storage", "mcap", "--output", str(bag))
         found["ros2 bag record"] = (*words, "--topics", topic)
     return found
+
+
+def growth() -> Iterator[tuple[str, float, float]]:
+    """Yield curve, amount and processor time [s] of recordings, without ROS: queue and bag."""
+    for size in range(len(GROWTH_MESSAGES)):
+        for what, amount, topics, each in (
+            ("messages", GROWTH_MESSAGES[size], 1, GROWTH_MESSAGES[size]),
+            ("topics", GROWTH_TOPICS[size], GROWTH_TOPICS[size], _PER_TOPIC),
+        ):
+            with tempfile.TemporaryDirectory() as folder:
+                yield f"recorder ({what})", amount, _cost(Path(folder, "bag"), topics, each)
+
+
+def _cost(path: Path, topics: int, count: int) -> float:
+    names = [f"/bench/topic_{number}" for number in range(topics)]
+    began = time.process_time()
+    messages = MessageQueue()
+    intake = Intake(messages)
+    with BagWriter(path) as bag:
+        writing = WritingThread(messages, bag, 1.0, lambda: None)
+        writing.start()
+        for name in names:
+            intake.declare(Declaration(Topic(name, _KIND), None))
+        for number in range(topics * count):
+            intake.put(Message(names[number % topics], number, number, bytes(100)))
+        messages.close()
+        writing.join()
+    used = time.process_time() - began
+    if intake.refused or bag.message_count != topics * count:
+        raise RuntimeError(f"of {topics * count} messages the bag has {bag.message_count}")
+    return used
+
+
+def _starts(folder: Path) -> Iterator[Row]:
+    """Start recorders beside a publisher: time from the command to the first message in the bag."""
+    topic = f"/bench_{os.getpid()}/start"
+    words = (sys.executable, "-m", "bench.byte_talker", topic, "--size", "100", "--rate", "100")
+    # Another listener is there, or the talker would wait for the recorder with its first message.
+    hear = f"""
+import rclpy
+from std_msgs.msg import UInt8MultiArray as Kind
+rclpy.init()
+node = rclpy.create_node("hearing")
+heard = node.create_subscription(Kind, {topic!r}, lambda _: None, 10)
+rclpy.spin(node)
+"""
+    seconds = str(STARTS * len(_recorders("", Path())) * 8.0)
+    with (
+        open(os.devnull, "w") as nowhere,
+        subprocess.Popen((sys.executable, "-c", hear), stderr=nowhere) as hearing,
+        subprocess.Popen(
+            (*words, "--seconds", seconds), stdout=subprocess.PIPE, stderr=nowhere, text=True
+        ) as talking,
+    ):
+        try:
+            assert talking.stdout is not None
+            talking.stdout.readline()  # it begins
+            for name in _recorders("", Path()):
+                found = []
+                for number in range(STARTS):
+                    bag = folder / f"{name.split()[0]}_start_{number}"
+                    began = time.time_ns()
+                    with subprocess.Popen(
+                        _recorders(topic, bag)[name], stdout=nowhere, stderr=nowhere
+                    ) as recording:
+                        time.sleep(_STARTING)
+                        recording.send_signal(signal.SIGINT)
+                        recording.wait(_ENDING)
+                    with BagReader(bag) as reader:
+                        found.append((reader.start_time - began) / 1e9)
+                goal = Goal(most=1.5) if name == "rpud record" else None
+                yield row(f"{name}: start to first message", found, "s", goal)
+        finally:
+            talking.terminate()
+            hearing.terminate()
 
 
 def _drill(bag: Path) -> Iterator[Row]:
