@@ -19,6 +19,11 @@ from rpud_sim.simulation.span import Span
 _WINDOW = SECOND
 
 
+def absorbed(impacts: float, release: float, drill_tool_damper: float) -> float:
+    """Return what drill tool and rock took for good, from its terms [J]."""
+    return math.fsum((impacts, release, drill_tool_damper))
+
+
 @dataclasses.dataclass(frozen=True)
 class EnergyAccount:
     """Energy that flowed in, was lost and is stored, in joules.
@@ -80,7 +85,7 @@ class EnergyAccount:
     @property
     def absorbed(self) -> float:
         """What drill tool and rock took for good [J]."""
-        return math.fsum((self.impacts, self.release, self.drill_tool_damper))
+        return absorbed(self.impacts, self.release, self.drill_tool_damper)
 
     @property
     def lost(self) -> float:

@@ -66,7 +66,13 @@ IMPACT_ROOM = 2 * SEGMENT_ROOM + 2
 _IMPULSE = len(TERMS)
 _OFFSET = _IMPULSE + 1
 _POSITION = _IMPULSE + 2
-PART_ROOM = _IMPULSE + 3
+# Room of a pairwise sum: for each of the halves in progress its number of values, the sum of its
+# first half, and whether that is known.
+_DEPTH = 64
+_COUNTS = _IMPULSE + 3
+_HALVES = _COUNTS + _DEPTH
+_KNOWN = _HALVES + _DEPTH
+PART_ROOM = _KNOWN + _DEPTH
 
 _HAPPENED = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
 
@@ -120,7 +126,7 @@ def _begin(rpud, segment, seconds, fraction, counts, tally, part):
         tally: to add to.
         part: sums of the part, shape (PART_ROOM,).
     """
-    part[:] = 0.0
+    part[:_COUNTS] = 0.0
     offset = time_in(segment, seconds, fraction)
     motion = motion_at(segment, offset)
     part[STORED] -= stored_energy(segment, motion, rpud.mass)
@@ -192,38 +198,38 @@ def _sum_of_128(values, first, count):
 
 
 @compiled
-def pairwise_sum(values):
+def pairwise_sum(values, part):
     """Sum of values in the order of ``numpy.sum``, which halves them until 128 are left.
 
     A plain sum would round differently, and a run's figures would no longer be those of its bag.
+
+    Args:
+        values: to add.
+        part: room, shape (PART_ROOM,).
     """
-    if len(values) <= 128:
-        return _sum_of_128(values, 0, len(values))
-    # Of each sum in progress: how many values it has, its first half, and whether that is known.
-    counts = np.zeros(64, np.int64)
-    halves = np.zeros(64)
-    known = np.zeros(64, np.bool_)
-    counts[0] = len(values)
-    depth = 0
+    count = len(values)
     first = 0
+    depth = 0
     while True:
-        while counts[depth] > 128:
-            half = counts[depth] // 2
-            counts[depth + 1] = half - half % 8
-            known[depth] = False
+        while count > 128:
+            part[_COUNTS + depth] = count
+            part[_KNOWN + depth] = 0.0
+            half = count // 2
+            count = half - half % 8
             depth += 1
-        total = _sum_of_128(values, first, counts[depth])
-        first += counts[depth]
+        total = _sum_of_128(values, first, count)
+        first += count
         depth -= 1
-        while depth >= 0 and known[depth]:
-            total = halves[depth] + total
+        while depth >= 0 and part[_KNOWN + depth] != 0.0:
+            total = part[_HALVES + depth] + total
             depth -= 1
         if depth < 0:
             return total
-        halves[depth] = total
-        known[depth] = True
-        half = counts[depth] // 2
-        counts[depth + 1] = counts[depth] - (half - half % 8)
+        part[_HALVES + depth] = total
+        part[_KNOWN + depth] = 1.0
+        whole = int(part[_COUNTS + depth])
+        half = whole // 2
+        count = whole - (half - half % 8)
         depth += 1
 
 
@@ -236,22 +242,23 @@ def class_of(force):
 
 
 @compiled
-def _add_impacts(impacts, tally, classes):
+def _add_impacts(impacts, tally, classes, part):
     """Add the impacts of a part of a run.
 
     Args:
         impacts: all of them, in order.
         tally: to add to.
         classes: of the contact forces: how many are in each, shape (CLASSES,).
+        part: room, shape (PART_ROOM,).
     """
     if not len(impacts):
         return
     tally.impacts += len(impacts)
-    tally.impact_velocity += pairwise_sum(impacts["impact_velocity"])
-    tally.contact_force += pairwise_sum(impacts["peak_force"])
-    tally.contact_duration += pairwise_sum(impacts["contact_duration"])
-    tally.energy += pairwise_sum(impacts["energy"])
-    tally.energy_transferred += pairwise_sum(impacts["energy_transferred"])
+    tally.impact_velocity += pairwise_sum(impacts["impact_velocity"], part)
+    tally.contact_force += pairwise_sum(impacts["peak_force"], part)
+    tally.contact_duration += pairwise_sum(impacts["contact_duration"], part)
+    tally.energy += pairwise_sum(impacts["energy"], part)
+    tally.energy_transferred += pairwise_sum(impacts["energy_transferred"], part)
     for i in range(len(impacts)):
         force = impacts[i].peak_force
         tally.contact_force_max = max(tally.contact_force_max, force)
@@ -297,7 +304,7 @@ def add_block(
     _begin(rpud, covering[0], start_seconds, start_fraction, counts, tally, part)
     _add_ended(rpud, covering, last, True, tally, part)
     _finish(rpud, covering[last], seconds, fraction, True, tally, part)
-    _add_impacts(impacts, tally, classes)
+    _add_impacts(impacts, tally, classes, part)
 
 
 @compiled
@@ -400,7 +407,7 @@ def advance_members(
         statuses[i] = status
         if added and status == DONE:
             _finish(rpud, segment[0], seconds, fraction, whole, tally, part)
-            _add_impacts(impacts[: progress[1]], tally, classes)
+            _add_impacts(impacts[: progress[1]], tally, classes, part)
         if ends:
             quantiles[i] = class_at(tallies[i : i + 1], classes, QUANTILE)
             if tally.impacts:
