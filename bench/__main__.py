@@ -32,6 +32,7 @@ MEASUREMENTS: Mapping[str, str] = {
     "ensembles": "bench.ensemble:ensembles",
     "dask": "bench.dask_sweep:dask",
     "offline": "bench.offline:offline",
+    "reading": "bench.reading:reading",
     "replay": "bench.replay:replay",
     "recorder": "bench.recorder:recorder",
     "telemetry": "bench.telemetry:telemetry",

@@ -21,7 +21,7 @@ from scipy.special import stdtrit
 
 from bench.row import Goal, Row, row
 
-SOURCES = ("bench.lengths", "bench.sizes", "bench.drills")
+SOURCES = ("bench.lengths", "bench.sizes", "bench.replay", "bench.recorder", "bench.drills")
 """Files of the bench with curves."""
 
 GOAL = Goal(most=1.1)
