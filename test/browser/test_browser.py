@@ -126,7 +126,7 @@ def test_a_failed_test_leaves_a_screenshot_and_the_next_may_have_a_loop(tmp_path
 
 
 def test_a_test_without_end_is_ended_and_the_next_one_runs(tmp_path):
-    printed = run(tmp_path, "page.until('false')", "--timeout=10")
+    printed = run(tmp_path, "page.until('false')", "--timeout=25")
     assert "Timeout" in printed
     assert "1 failed, 1 passed" in printed
 
