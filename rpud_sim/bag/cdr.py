@@ -92,8 +92,10 @@ class Codec:
         """
         return self._encoder.encode(fields)
 
-    def encode_columns(self, columns: Mapping[str, Any], count: int) -> np.ndarray:
-        """Return ``count`` serialized messages, each a row; as ``Encoder.encode_columns``.
+    def encode_columns(
+        self, columns: Mapping[str, Any], count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return ``count`` serialized messages and their sizes; as ``Encoder.encode_columns``.
 
         Raises:
             BagFormatError: if the type has members that an ``Encoder`` cannot encode.

@@ -1,6 +1,5 @@
 """Blocks of messages are compared with the result of single ones, on damaged recordings too."""
 
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
