@@ -173,9 +173,10 @@ def _column_at(data: np.ndarray, begins: np.ndarray, code: str, value: Any) -> N
 
 def _check_fits(value: Any, written: np.ndarray) -> None:
     """Raise a ValueError if whole numbers were changed when they were written."""
-    if written.dtype.base.kind in "iu" and not np.array_equal(
-        written, np.broadcast_to(value, written.shape)
-    ):
+    dtype = written.dtype.base
+    if dtype.kind not in "iu" or getattr(value, "dtype", None) == dtype:
+        return
+    if not (written == value).all():
         raise ValueError(f"a value does not fit {written.dtype}")
 
 

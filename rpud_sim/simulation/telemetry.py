@@ -124,7 +124,8 @@ class Telemetry:
             return 0
         most = max(1, _TOGETHER * self._rate // SECOND // self._stream_period)
         periods = (boundaries_until(time, self._rate) - number) // self._stream_period
-        return min(most, periods) * self._stream_period
+        # Something that is due by now lies before the present boundary.
+        return max(0, min(most, periods)) * self._stream_period
 
     def ends(self, start: int, count: int) -> np.ndarray:
         """Return the ends of the blocks that follow a boundary [ns]."""

@@ -119,7 +119,8 @@ def columns_of(rows):
                 values = np.array([v for each in own for v in each.tolist()], value.typecode)
                 columns[name] = Ragged(values, np.cumsum([0, *counts]))
         else:
-            columns[name] = value if isinstance(value, (str, list)) else np.array(own)
+            whole = np.uint64 if isinstance(value, int) and max(own) >= 2**63 else None
+            columns[name] = value if isinstance(value, (str, list)) else np.array(own, whole)
     return columns
 
 

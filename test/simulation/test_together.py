@@ -111,6 +111,15 @@ def test_together_they_are_the_same_as_one_by_one(values, scenario, steps):
     assert told(values, scenario, steps, Run.advance_together) == expected
 
 
+def test_a_fault_that_begins_at_once_is_done_block_by_block():
+    values = {"regime": "drilling"}
+    for channel in ("", "wrench"):
+        kind = Fault("off", channel) if channel else Fault("lost_preload", "", 0.5)
+        scenario = Scenario(0, (ScheduledFault(0, 300 * MILLISECOND, kind),))
+        expected = told(values, scenario, [], Run.advance_to)
+        assert told(values, scenario, [], Run.advance_together) == expected
+
+
 @pytest.mark.parametrize("model", ["gain", "resonance"])
 def test_without_changes_almost_all_come_together(model):
     values = {"regime": "drilling", "actuator_model": model}
