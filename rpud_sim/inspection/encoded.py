@@ -6,31 +6,31 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.encoder import Encoder
 from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.simulation.together import Columns, Together
 
 
 def encoded(
-    together: Together, codecs: Mapping[str, Codec], prefix: str
+    together: Together, encoders: Mapping[str, Encoder], prefix: str
 ) -> list[tuple[MessageBlock, np.ndarray]]:
-    """Return the messages of each topic that has a codec, and their places among all.
+    """Return the messages of each topic that has an encoder, and their places among all.
 
     Args:
         together: the messages of a span.
-        codecs: of the wanted topics, by their names in the run.
+        encoders: of the wanted topics, by their names in the run.
         prefix: of the names in a bag.
     """
     return [
-        (encoded_columns(columns, codecs[columns.topic], prefix), columns.places)
+        (encoded_columns(columns, encoders[columns.topic], prefix), columns.places)
         for columns in together.columns
-        if columns.topic in codecs
+        if columns.topic in encoders
     ]
 
 
-def encoded_columns(columns: Columns, codec: Codec, prefix: str) -> MessageBlock:
+def encoded_columns(columns: Columns, encoder: Encoder, prefix: str) -> MessageBlock:
     """Return the messages of columns."""
-    data, sizes = codec.encode_columns(columns.fields, len(columns))
+    data, sizes = encoder.encode_columns(columns.fields, len(columns))
     times = columns.times
     starts = np.cumsum(sizes) - sizes
     return MessageBlock(prefix + columns.topic, times, times, data, starts, sizes)

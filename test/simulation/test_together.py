@@ -29,6 +29,7 @@ MILLISECOND = 1_000_000
 SECOND = 1_000_000_000
 ORIGIN = 1_700_000_000 * SECOND + 7
 CODECS = {name: Codec(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()}
+ENCODERS = {name: codec.encoder for name, codec in CODECS.items()}
 
 VALUES = st.fixed_dictionaries(
     {
@@ -151,7 +152,7 @@ def test_serialized_by_the_block_they_are_the_same(values):
             continue
         placed = [
             (place, number, int(block.log_times[index]), block.topic, block.message(index))
-            for number, (block, places) in enumerate(encoded(found, CODECS, "/rpud/"))
+            for number, (block, places) in enumerate(encoded(found, ENCODERS, "/rpud/"))
             for index, place in enumerate(places.tolist())
         ]
         placed.sort(key=lambda each: each[:2])

@@ -59,5 +59,5 @@ def computed_blocks(
     ends = together.ends + origin
     for columns in together.columns:
         if columns.topic in codecs:
-            messages = encoded_columns(columns, codecs[columns.topic], "")
+            messages = encoded_columns(columns, codecs[columns.topic].encoder, "")
             yield columns.topic, ComputedBlock(messages, columns, stretch, ends[columns.blocks])
