@@ -12,7 +12,6 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
-from rosbags.typesys.store import Typestore
 
 from rpud_sim.bag.budget import Budget
 from rpud_sim.bag.encoder import CODES, Encoder, Members, Sequence
@@ -90,15 +89,7 @@ class Codec:
         Raises:
             BagFormatError: if the type has members that an ``Encoder`` cannot encode.
         """
-        return self._encoder.encode(fields)
-
-    def encode_columns(self, columns: Mapping[str, Any], count: int) -> np.ndarray:
-        """Return ``count`` serialized messages, each a row; as ``Encoder.encode_columns``.
-
-        Raises:
-            BagFormatError: if the type has members that an ``Encoder`` cannot encode.
-        """
-        return self._encoder.encode_columns(columns, count)
+        return self.encoder.encode(fields)
 
     def decode(self, data: bytes) -> Any:
         """Return a message as an object with its fields, and with NumPy arrays for sequences.
@@ -129,8 +120,13 @@ class Codec:
             return bytes(self._store.serialize_cdr(message, self._type))
 
     @cached_property
-    def _encoder(self) -> Encoder:
-        return Encoder(_members(self._store, self._type))
+    def encoder(self) -> Encoder:
+        """Encoder of the type.
+
+        Raises:
+            BagFormatError: if the type has members that an ``Encoder`` cannot encode.
+        """
+        return Encoder(_members(self._store.fielddefs, self._type))
 
     @contextmanager
     def _understanding(self, what: str) -> Iterator[None]:
@@ -159,16 +155,29 @@ def _written_out(kind: Any) -> int:
     return count
 
 
-def _members(store: Typestore, type_name: str) -> Members:
-    fields = store.get_msgdef(type_name).fields
-    return Members(tuple((name, _member(store, *described)) for name, described in fields))
+def encoder_of(type_name: str, definition: str) -> Encoder:
+    """Return the encoder of a type that this package knows; to compile a ``Codec`` takes longer.
+
+    Args:
+        type_name: such as ``std_msgs/msg/Header``.
+        definition: complete ``ros2msg`` text.
+
+    Raises:
+        BagFormatError: if the type has members that an ``Encoder`` cannot encode.
+    """
+    return Encoder(_members(get_types_from_msg(definition, type_name), type_name))
 
 
-def _member(store: Typestore, node: Nodetype, described: Any) -> Any:
+def _members(types: Mapping[str, Any], type_name: str) -> Members:
+    fields = types[type_name][1]
+    return Members(tuple((name, _member(types, *described)) for name, described in fields))
+
+
+def _member(types: Mapping[str, Any], node: Nodetype, described: Any) -> Any:
     if node == Nodetype.NAME:
-        return _members(store, described)
+        return _members(types, described)
     if node == Nodetype.SEQUENCE:
-        return Sequence(_member(store, *described[0]))
+        return Sequence(_member(types, *described[0]))
     if node == Nodetype.BASE and described[0] in CODES:
         return CODES[described[0]]
     raise BagFormatError(f"no message with a member {described!r:.80} can be written")

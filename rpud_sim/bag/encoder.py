@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rpud_sim.foundation.ragged import Ragged
+
 TEXT = "s"
 # Codes of the struct, by the names of types in definitions and in IDL.
 CODES = {
@@ -43,6 +45,7 @@ _SIZES = {code: struct.calcsize(f"={code}") for code in CODES.values() if code !
 _MOST_LAYOUTS = 256
 _DTYPES = {code: np.dtype(code) for code in _SIZES}
 _COUNT = ("I", 4, 4)  # before each text and sequence
+_RAGGED = -1  # in place of the length of a sequence that differs from message to message
 
 
 class Sequence(NamedTuple):
@@ -90,13 +93,15 @@ class Encoder:
             _keep(self._structs, key, packer)
         return packer.pack(_ENCAPSULATION, *flat)
 
-    def encode_columns(self, columns: Mapping[str, Any], count: int) -> np.ndarray:
-        """Return serialized messages of one size as rows of bytes, shape (count, size), uint8.
+    def encode_columns(
+        self, columns: Mapping[str, Any], count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return serialized messages one behind the other, uint8, and their sizes [bytes].
 
         Args:
             columns: as the values of one message, with an array in place of each number that
                 differs from message to message. Sequences of numbers are arrays with a row for each
-                message; texts and other sequences are the same in all.
+                message, or ``Ragged``; texts and other sequences are the same in all.
             count: of the messages.
 
         Raises:
@@ -106,6 +111,8 @@ class Encoder:
         flat: list[Any] = []
         lengths: list[int] = []
         _flatten(self._members, columns, flat, lengths)
+        if any(isinstance(value, Ragged) for value in flat):
+            return _encode_ragged(_parts(self._members, iter(lengths)), flat, count)
         key = tuple(lengths)
         dtype = self._records.get(key)
         if dtype is None:
@@ -114,11 +121,63 @@ class Encoder:
         rows = np.zeros(count, dtype)
         for name, value in zip(dtype.names or (), (_ENCAPSULATION, *flat), strict=True):
             rows[name] = value
-            if rows.dtype[name].base.kind in "iu" and not np.array_equal(
-                rows[name], np.broadcast_to(value, rows[name].shape)
-            ):
-                raise ValueError(f"a value of {name} does not fit {rows.dtype[name]}")
-        return rows.view(np.uint8).reshape(count, dtype.itemsize)
+            _check_fits(value, rows[name])
+        return rows.view(np.uint8), np.full(count, dtype.itemsize, np.int64)
+
+
+def _encode_ragged(
+    parts: Iterator[tuple[str, int, int]], flat: list[Any], count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return messages of different sizes: each value at its own place in each of them."""
+    place: Any = 0  # in each message, from its end of the encapsulation: one for all, or an array
+    written: list[tuple[str, Any, Any]] = []
+    for (code, size, alignment), value in zip(parts, flat, strict=True):
+        pad = -place % alignment
+        if isinstance(value, Ragged):
+            counts = value.counts
+            place = place + np.where(counts > 0, pad, 0)
+            written.append((code, place, value))
+            place = place + counts * size
+        else:
+            place = place + pad
+            written.append((f"S{size}" if code.endswith("s") else code, place, value))
+            place = place + size
+    head = len(_ENCAPSULATION)
+    sizes = np.broadcast_to(place, count) + head
+    starts = np.cumsum(sizes) - sizes
+    data = np.zeros(int(sizes.sum()), np.uint8)
+    _column_at(data, starts, f"S{head}", _ENCAPSULATION)
+    for code, place, value in written:
+        begins = starts + head + place
+        if isinstance(value, Ragged):
+            size = _SIZES[code]
+            begins = np.repeat(begins - size * value.cuts[:-1], value.counts)
+            begins += size * np.arange(len(begins))
+            value = value.values
+        _column_at(data, begins, code, value)
+    return data, sizes
+
+
+def _column_at(data: np.ndarray, begins: np.ndarray, code: str, value: Any) -> None:
+    """Write a value, or one for each place, to places in bytes."""
+    dtype = np.dtype(code)
+    if not dtype.itemsize or not len(begins):
+        return
+    # An overlapping view with an item at each byte.
+    view: np.ndarray = np.ndarray((len(data) - dtype.itemsize + 1,), dtype, data, strides=(1,))
+    values = np.empty(len(begins), dtype)
+    values[:] = value
+    _check_fits(value, values)
+    view[begins] = values
+
+
+def _check_fits(value: Any, written: np.ndarray) -> None:
+    """Raise a ValueError if whole numbers were changed when they were written."""
+    dtype = written.dtype.base
+    if dtype.kind not in "iu" or getattr(value, "dtype", None) == dtype:
+        return
+    if not (written == value).all():
+        raise ValueError(f"a value does not fit {written.dtype}")
 
 
 def _flatten(kind: Members, values: Mapping[str, Any], flat: list[Any], lengths: list[int]) -> None:
@@ -141,6 +200,13 @@ def _flatten_sequence(
     element: str | Members, values: Any, flat: list[Any], lengths: list[int]
 ) -> None:
     number = isinstance(element, str) and element != TEXT
+    if number and isinstance(values, Ragged):
+        assert isinstance(element, str)
+        if values.values.dtype != _DTYPES[element]:
+            raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
+        lengths.append(_RAGGED)
+        flat += values.counts, values
+        return
     if number and isinstance(values, np.ndarray):
         assert isinstance(element, str)
         if values.dtype != _DTYPES[element] or values.ndim not in (1, 2):
@@ -212,7 +278,9 @@ def _parts_of_sequence(
     element: str | Members, count: int, lengths: Iterator[int]
 ) -> Iterator[tuple[str, int, int]]:
     yield _COUNT
-    if isinstance(element, str) and element != TEXT:
+    if isinstance(element, str) and element != TEXT and count == _RAGGED:
+        yield element, _SIZES[element], _SIZES[element]
+    elif isinstance(element, str) and element != TEXT:
         size = count * _SIZES[element]
         yield f"{size}s", size, _SIZES[element] if count else 1
     else:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
-from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.cdr import encoder_of
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
@@ -47,8 +47,8 @@ def write_offline_bag(
         FaultError: if a fault of the scenario is not possible.
     """
     run = Run(beginning, Journal())
-    codecs = {
-        name: Codec(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()
+    encoders = {
+        name: encoder_of(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()
     }
     manifest = Manifest(
         parameters={**beginning.settings.values(), "seed": beginning.seed},
@@ -68,10 +68,10 @@ def write_offline_bag(
             )
         for found in _messages(run, round(duration * SECOND), report):
             if isinstance(found, Together):
-                bag.write_blocks(encoded(found, codecs, f"{NAMESPACE}/"))
+                bag.write_blocks(encoded(found, encoders, f"{NAMESPACE}/"))
             else:
                 time, name, values = found
-                bag.write(f"{NAMESPACE}/{name}", codecs[name].encode(values), time, time)
+                bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(values), time, time)
         losses = {f"{NAMESPACE}/{name}": Losses() for name in TOPICS}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
 

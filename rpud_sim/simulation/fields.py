@@ -5,7 +5,8 @@ ROS messages from it, and offline bags are encoded from it. Messages are diction
 ``array.array``, stamps integer nanoseconds; an origin is the stamp of simulation time zero.
 
 The same functions give many messages at once as columns: a stamp is then an array, and so is each
-value that differs from message to message. A sequence is an array with a row for each message.
+value that differs from message to message. A sequence is an array with a row for each message, or
+``Ragged`` if its length differs.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
 from rpud_sim.simulation.actuator import ActuatorReading
@@ -221,24 +223,17 @@ def waveform_fields(
     }
 
 
-def trajectory_fields(
-    segments: np.ndarray,
-    sequence: int,
-    origin: int,
-    convert: Callable[[np.ndarray], Any] = to_array,
-) -> Iterator[Fields]:
+def trajectory_fields(segments: np.ndarray, sequence: int, origin: int) -> Iterator[Fields]:
     """Fields of ``rpud_msgs/Trajectory`` for finished segments: one message per set of constants.
 
     Args:
         segments: of a block.
         sequence: number of the first segment since the start.
         origin: stamp of simulation time zero.
-        convert: makes a sequence of a column.
     """
     if not len(segments):
         return
-    constants = segments.view(np.float64).reshape(len(segments), -1)[:, _CONSTANTS]
-    cuts = np.flatnonzero((constants[1:] != constants[:-1]).any(axis=1)) + 1
+    cuts = trajectory_cuts(segments)
     for first, end in pairwise([0, *cuts.tolist(), len(segments)]):
         part = segments[first:end]
         start = int(part["start_seconds"][0]) * SECOND
@@ -248,8 +243,37 @@ def trajectory_fields(
             "sequence": sequence + first,
             "origin": time_fields(origin),
             **{name: float(part[name][0]) for name in CONSTANTS},
-            **{name: convert(part[name]) for name in SEGMENT_ARRAYS},
+            **{name: to_array(part[name]) for name in SEGMENT_ARRAYS},
         }
+
+
+def trajectory_cuts(segments: np.ndarray) -> np.ndarray:
+    """Return the numbers of the segments whose constants differ from those of the one before."""
+    constants = segments.view(np.float64).reshape(len(segments), -1)[:, _CONSTANTS]
+    return np.flatnonzero((constants[1:] != constants[:-1]).any(axis=1)) + 1
+
+
+def trajectory_columns(
+    segments: np.ndarray, cuts: np.ndarray, sequence: int, origin: int
+) -> Fields:
+    """Columns of ``rpud_msgs/Trajectory``.
+
+    Args:
+        segments: of all messages.
+        cuts: number of the first segment of each message, and of all.
+        sequence: number of the first segment since the start.
+        origin: stamp of simulation time zero.
+    """
+    first = segments[cuts[:-1]]
+    starts = first["start_seconds"] * SECOND
+    starts += np.rint(first["start_fraction"] * SECOND).astype(np.int64)
+    return {
+        "header": header_fields("trajectory", origin + starts),
+        "sequence": sequence + cuts[:-1],
+        "origin": time_fields(origin),
+        **{name: first[name] for name in CONSTANTS},
+        **{name: Ragged(segments[name], cuts) for name in SEGMENT_ARRAYS},
+    }
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from operator import itemgetter
 
 import numpy as np
 
+from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
@@ -21,6 +21,8 @@ from rpud_sim.simulation.fields import (
     nodal_plane_fields,
     reacting_force_fields,
     stamp_of,
+    trajectory_columns,
+    trajectory_cuts,
     trajectory_fields,
     waveform_fields,
     wrench_fields,
@@ -29,7 +31,7 @@ from rpud_sim.simulation.ledger import FaultRecord
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.span import Span
-from rpud_sim.simulation.together import Columns, Entry, Single, Together
+from rpud_sim.simulation.together import Columns, Entry, Together
 
 _SENSORS = (
     ("nodal_plane", nodal_plane_fields),
@@ -122,7 +124,8 @@ class Telemetry:
             return 0
         most = max(1, _TOGETHER * self._rate // SECOND // self._stream_period)
         periods = (boundaries_until(time, self._rate) - number) // self._stream_period
-        return min(most, periods) * self._stream_period
+        # Something that is due by now lies before the present boundary.
+        return max(0, min(most, periods)) * self._stream_period
 
     def ends(self, start: int, count: int) -> np.ndarray:
         """Return the ends of the blocks that follow a boundary [ns]."""
@@ -161,8 +164,8 @@ class Telemetry:
             powers = self._powers(span)
             if self._wanted("actuator_state"):
                 add("actuator_state", blocks, ends, _readings(span.readings, powers, stamps))
-        singles = sorted(self._streams_together(span, blocks, add), key=lambda single: single.place)
-        return Together(ends, tuple(columns), tuple(singles))
+        self._streams_together(span, blocks, add)
+        return Together(ends, tuple(columns))
 
     def _powers(self, span: Span) -> list[float]:
         """Return the actuator's mean mechanical power in each block [W]."""
@@ -177,10 +180,8 @@ class Telemetry:
         self._actuator_time, self._actuator_work = end, reading.mechanical_work
         return work * SECOND / elapsed if elapsed else 0.0
 
-    def _streams_together(
-        self, span: Span, blocks: np.ndarray, add: Callable[..., None]
-    ) -> Iterator[Single]:
-        """Add the waveforms of a span, and yield its trajectories; or yield both."""
+    def _streams_together(self, span: Span, blocks: np.ndarray, add: Callable[..., None]) -> None:
+        """Add the waveforms and trajectories of a span."""
         period = self._stream_period
         last = slice(period - 1, None, period)
         blocks, ends, finished = blocks[last], span.ends[last], span.finished[last]
@@ -189,30 +190,24 @@ class Telemetry:
             # Numbers of the samples, as of ``Block.grid``; 64 bits would overflow within days.
             cuts = np.array([-(-end * rate // SECOND) for end in (span.start, *ends.tolist())])
             counts = np.diff(cuts)
-            count = int(counts[0])
             times = Times.from_grid(int(cuts[0]), int(cuts[-1] - cuts[0]), rate)
             samples = span.sample_parts(period, cuts - cuts[0], times)
             stamps = self.origin + np.array([cut * SECOND // rate for cut in cuts[:-1].tolist()])
-            if count and (counts == count).all():
-                rows = partial(np.reshape, shape=(len(counts), count))
-                fields = waveform_fields(samples, stamps, cuts[:-1], rate, rows)
-                add("waveform", blocks, ends, fields)
-            else:
-                for k in np.flatnonzero(counts).tolist():
-                    part = slice(int(cuts[k] - cuts[0]), int(cuts[k + 1] - cuts[0]))
-                    numbers = int(stamps[k]), int(cuts[k])
-                    fields = waveform_fields(samples, *numbers, rate, itemgetter(part))
-                    yield Single("waveform", int(blocks[k]), int(ends[k]), fields)
-        first = 0
-        for block, end, after in zip(
-            blocks.tolist(), ends.tolist(), finished.tolist(), strict=True
-        ):
-            segments, number = span.covering[first:after], self._segments
-            self._segments += after - first
-            first = after
-            if self._wanted("trajectory"):
-                for fields in trajectory_fields(segments, number, self.origin, lambda v: v):
-                    yield Single("trajectory", block, end, fields)
+            held = np.flatnonzero(counts)
+            if len(held):
+                convert = partial(_by_message, counts=counts[held])
+                fields = waveform_fields(samples, stamps[held], cuts[held], rate, convert)
+                add("waveform", blocks[held], ends[held], fields)
+        number, count = self._segments, int(finished[-1])
+        self._segments += count
+        if count and self._wanted("trajectory"):
+            segments = span.covering[:count]
+            # A message holds the segments of one period that have the same constants.
+            firsts = np.unique([0, *finished[:-1].tolist(), *trajectory_cuts(segments).tolist()])
+            firsts = firsts[firsts < count]
+            periods = np.searchsorted(finished, firsts, side="right")
+            fields = trajectory_columns(segments, np.append(firsts, count), number, self.origin)
+            add("trajectory", blocks[periods], ends[periods], fields)
 
     def drop_pending(self) -> None:
         """Begin waveform and trajectory here; what is pending of them is not published."""
@@ -277,6 +272,13 @@ class Telemetry:
             stamp = origin + numbers.start * SECOND // rate
             values = waveform_fields(join_samples(parts), stamp, numbers.start, rate)
             yield block.end, "waveform", values
+
+
+def _by_message(values: np.ndarray, counts: np.ndarray) -> np.ndarray | Ragged:
+    """Return the values of consecutive messages, each with so many of them, as a column."""
+    if (counts == counts[0]).all():
+        return values.reshape(len(counts), -1)
+    return Ragged(values, np.concatenate([[0], np.cumsum(counts)]))
 
 
 def _readings(

@@ -1,4 +1,4 @@
-"""Messages of a span of blocks together: columns of topics, and single messages among them."""
+"""Messages of a span of blocks together: columns of topics."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.simulation.fields import Fields, to_array
 
 # A message: simulation time at which it is published [ns], topic, fields.
@@ -42,7 +43,8 @@ class Columns:
         topic: its name.
         blocks: number of the block in the span that each belongs to, ascending, shape (n,).
         times: simulation time at which each is published [ns], shape (n,), int64.
-        fields: as of one message, with an array in place of each value that differs.
+        fields: as of one message, with an array in place of each value that differs. A sequence
+            has a row for each message, or is ``Ragged``.
     """
 
     topic: str
@@ -65,66 +67,27 @@ class Columns:
 
 
 @dataclass(frozen=True)
-class Single:
-    """Message of a span that cannot be part of columns.
-
-    Args:
-        topic: its name.
-        block: number of the block in the span that it belongs to.
-        time: simulation time at which it is published [ns].
-        fields: of the message; sequences of numbers are NumPy arrays.
-    """
-
-    topic: str
-    block: int
-    time: int
-    fields: Fields
-
-    @property
-    def place(self) -> int:
-        """Place among all messages of the span, as of ``Columns``."""
-        return self.block * len(_ORDER) + _ORDER[self.topic]
-
-    def row(self) -> Fields:
-        """Return the fields, with sequences as in messages one by one."""
-        return _row(self.fields, None)
-
-
-@dataclass(frozen=True)
 class Together:
     """All messages of a span.
 
     Args:
         ends: of its blocks: simulation times [ns].
         columns: of topics, each at most once.
-        singles: other messages, in the order of their places.
     """
 
     ends: np.ndarray
     columns: tuple[Columns, ...]
-    singles: tuple[Single, ...]
 
     @property
     def end(self) -> int:
         """End of the span: simulation time [ns]."""
         return int(self.ends[-1])
 
-    def grouped_singles(self) -> dict[str, list[Single]]:
-        """Return the single messages of each topic."""
-        groups: dict[str, list[Single]] = {}
-        for single in self.singles:
-            groups.setdefault(single.topic, []).append(single)
-        return groups
-
     def messages(self) -> Iterator[Entry]:
         """Yield the messages one by one, in order."""
         groups = [_placed(columns) for columns in self.columns]
-        singles = ((single.place, -1, single) for single in self.singles)
-        for _, number, found in merge(*groups, singles, key=lambda each: each[0]):
-            if isinstance(found, Columns):
-                yield int(found.times[number]), found.topic, found.row(number)
-            else:
-                yield found.time, found.topic, found.row()
+        for _, number, found in merge(*groups, key=lambda each: each[0]):
+            yield int(found.times[number]), found.topic, found.row(number)
 
 
 def one_by_one(found: Iterable[Entry | Together]) -> Iterator[Entry]:
@@ -136,23 +99,23 @@ def one_by_one(found: Iterable[Entry | Together]) -> Iterator[Entry]:
             yield each
 
 
-def _placed(columns: Columns) -> Iterator[tuple[int, int, Columns | Single]]:
+def _placed(columns: Columns) -> Iterator[tuple[int, int, Columns]]:
     """Yield place and number of each message of columns, with the columns."""
     for number, place in enumerate(columns.places.tolist()):
         yield place, number, columns
 
 
-def _row(fields: Fields, number: int | None) -> Fields:
-    """Return the fields of one message of columns, or of a single one."""
+def _row(fields: Fields, number: int) -> Fields:
+    """Return the fields of one message of columns."""
     return {name: _value(value, number) for name, value in fields.items()}
 
 
-def _value(value: Any, number: int | None) -> Any:
+def _value(value: Any, number: int) -> Any:
     if isinstance(value, dict):
         return _row(value, number)
+    if isinstance(value, Ragged):
+        return to_array(value.sequence(number))
     if not isinstance(value, np.ndarray):
         return list(value) if isinstance(value, list) else value
-    if number is None:
-        return to_array(value)
     chosen: array[Any] | float = to_array(value[number]) if value.ndim == 2 else value.item(number)
     return chosen

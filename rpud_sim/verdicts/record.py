@@ -11,7 +11,7 @@ import numpy as np
 from rpud_sim.bag import Batch, Column, Kind, TopicSummary
 from rpud_sim.bag import open as open_bag
 from rpud_sim.bag.blocks import to_rows
-from rpud_sim.bag.columns import RECEIVED, objects
+from rpud_sim.bag.columns import RECEIVED, Sequences, objects
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.verdicts.messages import Live, Piece, Table, TopicMessages, get, time_of
 from rpud_sim.verdicts.names import (
@@ -250,13 +250,13 @@ class Record:
 
     def _add_block(self, topic: str, message: Any) -> None:
         """Add the samples or segments of a block."""
-        values = {}
+        values: dict[str, np.ndarray | Sequences] = {}
         for column in block_columns(topic):
             value = message
             for name in column.name.split("."):
                 value = self._count if name in RECEIVED else get(value, name)
             if column.kind is Kind.SEQUENCE:
-                values[column.name] = objects([np.array(value, column.dtype)])
+                values[column.name] = Sequences.of([np.array(value, column.dtype)], column.dtype)
             elif column.kind is Kind.TIME:
                 values[column.name] = np.array([time_of(value)], np.int64)
             else:

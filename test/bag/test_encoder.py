@@ -28,6 +28,7 @@ from sensor_msgs.msg import JointState
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.bag.encoder import CODES, Encoder
+from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.ros.types import members_of, message_class
 from rpud_sim.simulation.topics import TOPICS
 
@@ -110,35 +111,46 @@ def columns_of(rows):
         if isinstance(value, dict):
             columns[name] = columns_of(own)
         elif isinstance(value, array):
-            columns[name] = np.array([each.tolist() for each in own], value.typecode)
-            columns[name] = columns[name].reshape(len(own), len(value))
+            counts = [len(each) for each in own]
+            if len({*counts}) == 1:
+                columns[name] = np.array([each.tolist() for each in own], value.typecode)
+                columns[name] = columns[name].reshape(len(own), len(value))
+            else:
+                values = np.array([v for each in own for v in each.tolist()], value.typecode)
+                columns[name] = Ragged(values, np.cumsum([0, *counts]))
         else:
-            columns[name] = value if isinstance(value, (str, list)) else np.array(own)
+            whole = np.uint64 if isinstance(value, int) and max(own) >= 2**63 else None
+            columns[name] = value if isinstance(value, (str, list)) else np.array(own, whole)
     return columns
 
 
-@pytest.mark.parametrize("kind", [ReactingForce, JointState])
+@pytest.mark.parametrize("kind", [ReactingForce, JointState, Trajectory])
 @settings(max_examples=25)
-@given(st.data())
-def test_columns_have_the_bytes_of_single_messages(kind, data):
+@given(st.data(), st.booleans())
+def test_columns_have_the_bytes_of_single_messages(kind, data, ragged):
     encoder = Encoder(members_of(kind))
     first = data.draw(values_of(kind))
     rows = [first]
     for _ in range(data.draw(st.integers(0, 4))):
         other = data.draw(values_of(kind))
-        rows.append(mixed(first, other))
-    encoded = encoder.encode_columns(columns_of(rows), len(rows))
-    assert [row.tobytes() for row in encoded] == [encoder.encode(row) for row in rows]
+        rows.append(mixed(first, other, ragged))
+    encoded, sizes = encoder.encode_columns(columns_of(rows), len(rows))
+    assert np.split(encoded, np.cumsum(sizes))[-1].size == 0
+    found = [part.tobytes() for part in np.split(encoded, np.cumsum(sizes))[:-1]]
+    assert found == [encoder.encode(row) for row in rows]
 
 
-def mixed(first, other):
-    """A message with the numbers of another one, and texts and lengths of the first."""
+def mixed(first, other, ragged):
+    """A message with the numbers of another one, and texts of the first.
+
+    Sequences have the lengths of the first, or with ``ragged`` those of the other one.
+    """
     found = {}
     for name, value in first.items():
         if isinstance(value, dict):
-            found[name] = mixed(value, other[name])
+            found[name] = mixed(value, other[name], ragged)
         elif isinstance(value, array):
-            found[name] = array(value.typecode, reversed(value))
+            found[name] = other[name] if ragged else array(value.typecode, reversed(value))
         else:
             found[name] = value if isinstance(value, (str, list)) else other[name]
     return found

@@ -4,6 +4,7 @@ import io
 
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.records import Attachment
@@ -14,7 +15,7 @@ import rpud_sim.bag
 from rpud_sim.bag import BagError, BagWriter
 from rpud_sim.bag.mcap_writer import McapWriter
 from rpud_sim.bag.message_block import MessageBlock
-from rpud_sim.bag.open_chunk import in_order
+from rpud_sim.bag.open_chunk import ClosedChunk, Compressor, in_order
 
 TIMES = st.integers(0, 2**62)
 MESSAGES = st.lists(
@@ -109,6 +110,13 @@ def test_by_the_block_the_file_is_the_same_as_one_by_one(groups, chunk_size, com
         files.append(completed(writer, stream))
         writer.close()
     assert files[0] == files[1]
+
+
+def test_zstd_has_the_level_that_the_documentation_names():
+    data = b"".join(b"%d," % number**2 for number in range(20_000))
+    _, found = Compressor("zstd").record(ClosedChunk(data, 0, 0, {}))
+    by_level = [zstandard.ZstdCompressor(level=level).compress(data) for level in (1, 2, 3)]
+    assert [found == each for each in by_level] == [True, False, False]
 
 
 def talk(first, count, topic=TALK):

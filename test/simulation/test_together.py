@@ -29,6 +29,7 @@ MILLISECOND = 1_000_000
 SECOND = 1_000_000_000
 ORIGIN = 1_700_000_000 * SECOND + 7
 CODECS = {name: Codec(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()}
+ENCODERS = {name: codec.encoder for name, codec in CODECS.items()}
 
 VALUES = st.fixed_dictionaries(
     {
@@ -111,6 +112,15 @@ def test_together_they_are_the_same_as_one_by_one(values, scenario, steps):
     assert told(values, scenario, steps, Run.advance_together) == expected
 
 
+def test_a_fault_that_begins_at_once_is_done_block_by_block():
+    values = {"regime": "drilling"}
+    for channel in ("", "wrench"):
+        kind = Fault("off", channel) if channel else Fault("lost_preload", "", 0.5)
+        scenario = Scenario(0, (ScheduledFault(0, 300 * MILLISECOND, kind),))
+        expected = told(values, scenario, [], Run.advance_to)
+        assert told(values, scenario, [], Run.advance_together) == expected
+
+
 @pytest.mark.parametrize("model", ["gain", "resonance"])
 def test_without_changes_almost_all_come_together(model):
     values = {"regime": "drilling", "actuator_model": model}
@@ -142,7 +152,7 @@ def test_serialized_by_the_block_they_are_the_same(values):
             continue
         placed = [
             (place, number, int(block.log_times[index]), block.topic, block.message(index))
-            for number, (block, places) in enumerate(encoded(found, CODECS, "/rpud/"))
+            for number, (block, places) in enumerate(encoded(found, ENCODERS, "/rpud/"))
             for index, place in enumerate(places.tolist())
         ]
         placed.sort(key=lambda each: each[:2])

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock
-from rpud_sim.inspection.encoded import encoded_columns, encoded_singles
+from rpud_sim.inspection.encoded import encoded_columns
 from rpud_sim.inspection.verify.messages import Key, computed_key
 from rpud_sim.inspection.verify.recorded_journal import Position
 from rpud_sim.simulation.fields import Fields
-from rpud_sim.simulation.together import Columns, Single, Together
+from rpud_sim.simulation.together import Columns, Together
 
 
 @dataclass(frozen=True)
@@ -22,21 +22,19 @@ class ComputedBlock:
 
     Args:
         messages: serialized.
-        source: the same as columns, or one by one.
+        source: the same as columns.
         stretch: of the journal in which they were computed.
         ends: stamp of the end of each message's block [ns].
     """
 
     messages: MessageBlock
-    source: Columns | Sequence[Single]
+    source: Columns
     stretch: int
     ends: np.ndarray
 
     def fields(self, number: int) -> Fields:
         """Return the fields of a message."""
-        if isinstance(self.source, Columns):
-            return self.source.row(number)
-        return self.source[number].row()
+        return self.source.row(number)
 
     def key(self, number: int) -> Key:
         """Return the key of a message."""
@@ -61,10 +59,5 @@ def computed_blocks(
     ends = together.ends + origin
     for columns in together.columns:
         if columns.topic in codecs:
-            messages = encoded_columns(columns, codecs[columns.topic], "")
+            messages = encoded_columns(columns, codecs[columns.topic].encoder, "")
             yield columns.topic, ComputedBlock(messages, columns, stretch, ends[columns.blocks])
-    for topic, group in together.grouped_singles().items():
-        if topic in codecs:
-            messages = encoded_singles(group, codecs[topic], "")
-            blocks = [single.block for single in group]
-            yield topic, ComputedBlock(messages, group, stretch, ends[blocks])

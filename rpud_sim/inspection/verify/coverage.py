@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from rpud_sim.bag import BagFormatError, BagReader, Message
+import numpy as np
+
+from rpud_sim.bag import BagFormatError, BagReader
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import Kind, columns_of
+from rpud_sim.bag.field_values import FieldReader
+from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.verify.recorded_journal import Position, Span, Stretches
 from rpud_sim.simulation.topics import TOPICS
@@ -17,6 +23,16 @@ _END_LENGTH = 10 * SECOND
 # Longest delay between topics on their way to a recorder [ns].
 _TOPIC_DELAY = 1 * SECOND
 _NOWHERE: Position = (-1, -1)
+# Progress of the drill at a message; only a status says whether the drill stopped.
+_PROGRESS = np.dtype(
+    [
+        ("log_time", np.uint64),
+        ("stretch", np.int64),
+        ("stamp", np.int64),
+        ("status", np.bool_),
+        ("stopped", np.bool_),
+    ]
+)
 _STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
 
 
@@ -45,42 +61,82 @@ def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretc
         stretches: of its journal.
     """
     start = max(0, bag.duration - _END_LENGTH)
-    end = max((int(block.log_times[-1]) for block in bag.blocks(codecs.keys(), start)), default=0)
+    readers = {topic: _StampReader(codec) for topic, codec in codecs.items()}
+    end = 0
     latest: dict[str, int] = {}
-    reached: list[Position] = []
-    for message in bag.messages(codecs.keys(), start):
-        decoded = _decode(message, codecs)
-        if decoded is None:
-            continue
-        stamp, state = decoded
-        latest[message.topic] = stamp
-        # Some messages with this very stamp follow, but none of them follows a status.
-        position = (stretches.of(message)[0], stamp if state else stamp - 1)
-        if state == _STOPPED and stretches.ended:
-            reached = [position, position]
-        elif message.log_time <= end - _TOPIC_DELAY:
-            # Two messages have to agree, so that one altered stamp changes nothing.
-            reached = sorted([*reached, position])[-2:]
-    span = Span(_find_begin(bag, codecs, stretches), reached[0] if len(reached) == 2 else _NOWHERE)
+    parts: list[np.ndarray] = [np.empty(0, _PROGRESS)]
+    for block in bag.blocks(codecs.keys(), start):
+        end = max(end, int(block.log_times[-1]))
+        found = readers[block.topic].read(block, stretches)
+        if len(found):
+            latest[block.topic] = int(found["stamp"][-1])
+            parts.append(found)
+    reached = _reached(np.concatenate(parts), end, stretches.ended)
+    span = Span(_find_begin(bag, codecs, stretches), reached)
     return Coverage(span, min(sorted(latest.values())[-2:], default=0))
+
+
+def _reached(found: np.ndarray, end: int, ended: bool) -> Position:
+    """Return the position that the drill reached while all topics were recorded.
+
+    Args:
+        found: progress at the messages of the end of a bag.
+        end: log time of the last of them [ns].
+        ended: whether the journal has the end of the drill.
+    """
+    counted = found["log_time"] <= max(0, end - _TOPIC_DELAY)
+    positions: list[Position] = []
+    if ended and found["stopped"].any():
+        stops = np.flatnonzero(found["stopped"])
+        stop = found[stops[np.argmax(found["log_time"][stops])]]
+        positions = 2 * [(int(stop["stretch"]), int(stop["stamp"]))]
+        counted &= found["log_time"] > stop["log_time"]
+    stretches, stamps = found["stretch"][counted], found["stamp"][counted]
+    # Some messages with this very stamp follow, but none of them follows a status.
+    stamps = stamps - ~found["status"][counted]
+    last = np.lexsort((stamps, stretches))[-2:]
+    positions += zip(stretches[last].tolist(), stamps[last].tolist(), strict=True)
+    # Two messages have to agree, so that one altered stamp changes nothing.
+    return sorted(positions)[-2] if len(positions) > 1 else _NOWHERE
+
+
+class _StampReader:
+    """Reader of the stamps of one topic.
+
+    Args:
+        codec: of its type.
+    """
+
+    def __init__(self, codec: Codec) -> None:
+        columns = {column.attribute: column for column in columns_of(codec, "")}
+        stamp = columns.get("header.stamp")
+        state = columns.get("state") if codec.type_name == TOPICS["status"].type else None
+        self._stamp = stamp.name if stamp and stamp.kind is Kind.TIME else ""
+        self._state = state.name if state and state.kind is Kind.TEXT else ""
+        wanted = {self._stamp, self._state}
+        chosen = [column for column in columns.values() if column.name in wanted]
+        self._reader = FieldReader(codec, chosen)
+
+    def read(self, block: MessageBlock, stretches: Stretches) -> np.ndarray:
+        """Return the progress of the drill at messages, without those that cannot be read."""
+        if not self._stamp:
+            return np.empty(0, _PROGRESS)
+        values = self._reader.read(block)
+        found = np.zeros(len(values.rows), _PROGRESS)
+        found["log_time"] = block.log_times[values.rows]
+        found["stamp"] = values.columns[self._stamp]
+        found["stretch"], _ = stretches.ranges(block.publish_times[values.rows])
+        if self._state:
+            states = values.columns[self._state]
+            found["status"] = states != ""
+            found["stopped"] = states == _STOPPED
+        return found
 
 
 def _find_begin(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretches) -> Position:
     """Return the position of the drill when its recorder had subscribed to all topics."""
     for message in bag.messages(codecs.keys(), _TOPIC_DELAY):
-        decoded = _decode(message, codecs)
-        if decoded is not None:
-            return stretches.of(message)[1], decoded[0]
+        with contextlib.suppress(AttributeError, BagFormatError):
+            stamp = codecs[message.topic].decode(message.data).header.stamp
+            return stretches.of(message)[1], join_seconds(stamp.sec, stamp.nanosec)
     return sys.maxsize, 0
-
-
-def _decode(message: Message, codecs: Mapping[str, Codec]) -> tuple[int, str] | None:
-    """Return the stamp of a message [ns], and its state if it is a status."""
-    codec = codecs[message.topic]
-    try:
-        decoded = codec.decode(message.data)
-        stamp = decoded.header.stamp
-        state = decoded.state if codec.type_name == TOPICS["status"].type else ""
-    except (AttributeError, BagFormatError):
-        return None
-    return join_seconds(stamp.sec, stamp.nanosec), str(state)

@@ -122,14 +122,18 @@ class Stretches:
 
     def hold(self, stretch: int, publish_times: np.ndarray) -> np.ndarray:
         """Return whether messages may belong to a stretch, by their publishing times [ns]."""
-        if not self._ordered:
-            return np.full(len(publish_times), stretch <= max(0, len(self._begins) - 1))
-        final = max(0, len(self._begins) - 1)
-        first = np.maximum(np.searchsorted(self._begins, publish_times) - 1, 0)
-        last = np.searchsorted(self._earliest, publish_times, side="right") - 1
-        last = np.minimum(np.maximum(first, last), final)
+        first, last = self.ranges(publish_times)
         found: np.ndarray = (first <= stretch) & (stretch <= last)
         return found
+
+    def ranges(self, publish_times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the first and the last stretch that messages may belong to, by these times."""
+        final = max(0, len(self._begins) - 1)
+        if not self._ordered:
+            return np.zeros(len(publish_times), np.int64), np.full(len(publish_times), final)
+        first = np.maximum(np.searchsorted(self._begins, publish_times) - 1, 0)
+        last = np.searchsorted(self._earliest, publish_times, side="right") - 1
+        return first, np.minimum(np.maximum(first, last), final)
 
     def of(self, message: Message) -> tuple[int, int]:
         """Return the first and the last stretch that a message may belong to."""

@@ -1,7 +1,5 @@
 """Blocks of messages are compared with the result of single ones, on damaged recordings too."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -91,10 +89,10 @@ def damaged(messages, damages):
             data = bytearray(message.data)
             place_in_it = 5 if kind == "stamp" else other
             data[place_in_it % len(data)] ^= 1 + other
-            messages[place] = dataclasses.replace(message, data=bytes(data))
+            messages[place] = message._replace(data=bytes(data))
         elif kind == "cut":
             data = message.data[: 1 + other % len(message.data)]
-            messages[place] = dataclasses.replace(message, data=data)
+            messages[place] = message._replace(data=data)
         elif kind == "swap":
             other %= len(messages)
             messages[place], messages[other] = messages[other], message
@@ -102,11 +100,10 @@ def damaged(messages, damages):
             messages.insert(other % len(messages), message)
         elif kind == "late":
             time = message.publish_time + other * SECOND // 20
-            messages[place] = dataclasses.replace(message, publish_time=time)
+            messages[place] = message._replace(publish_time=time)
         elif kind == "padding":
-            messages[place] = dataclasses.replace(
-                message, data=message.data[:3] + b"\1" + message.data[4:]
-            )
+            data = message.data[:3] + b"\1" + message.data[4:]
+            messages[place] = message._replace(data=data)
     return messages
 
 
