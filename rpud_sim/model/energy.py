@@ -61,10 +61,15 @@ class RpudConstants(NamedTuple):
     tip_compliance: float  # of the vibration, unless at rest [m/N]; zero if blows leave it
 
 
+# Exponents below this are integrated as a series.
+_SHORT = 1e-9
+
+
 @compiled
 def exponential_integral(rate, duration):
     """Integral of exp(rate s) over a duration, with a complex rate [1/s]."""
-    if abs(rate) * duration < 1e-9:
+    largest = max(abs(rate.real), abs(rate.imag))  # without a root where it is large enough
+    if largest * duration < _SHORT and abs(rate) * duration < _SHORT:
         return duration * (1.0 + 0.5 * rate * duration)
     growth = math.expm1(rate.real * duration)
     half = math.sin(0.5 * rate.imag * duration)
@@ -81,6 +86,26 @@ def product_integral(first, first_rate, second, second_rate, duration):
     total = first * second * exponential_integral(first_rate + second_rate, duration)
     total += first * other * exponential_integral(first_rate + other_rate, duration)
     return 0.5 * total.real
+
+
+@compiled
+def decaying_square_integral(amplitude, rate, duration):
+    """Integral of the square of Re(amplitude exp(rate s)), as ``product_integral`` gives it.
+
+    Both of its integrals contain the same decay, and one of them is real.
+    """
+    twice = rate.real + rate.real
+    if not abs(twice) * duration >= _SHORT:
+        return product_integral(amplitude, rate, amplitude, rate, duration)
+    growth = math.expm1(twice * duration)
+    half = math.sin(rate.imag * duration)
+    turned = 2.0 * half * half
+    turns = rate.imag + rate.imag
+    real = growth - (growth + 1.0) * turned
+    imaginary = (growth + 1.0) * math.sin(turns * duration)
+    swinging = amplitude * amplitude * (complex(real, imaginary) / complex(twice, turns))
+    size = amplitude.real * amplitude.real + amplitude.imag * amplitude.imag
+    return 0.5 * (swinging.real + size * (growth / twice))
 
 
 @compiled
@@ -135,9 +160,7 @@ def load_damper_loss(segment, start, end):
             start,
         )
         velocity = rate * decaying
-        return segment.load_spring_damping * product_integral(
-            velocity, rate, velocity, rate, end - start
-        )
+        return segment.load_spring_damping * decaying_square_integral(velocity, rate, end - start)
     decaying, rate, steady, _, omega = nodal_plane_parts(segment, start)
     return segment.load_spring_damping * square_integral(
         rate * decaying, rate, omega * steady, omega, end - start
@@ -150,6 +173,9 @@ def drill_tool_damper_loss(segment, start, end):
     if segment.drill_tool_damping == 0.0:
         return 0.0
     duration = end - start
+    at_rest = segment.drill_tool_cosine == 0.0 and segment.drill_tool_sine == 0.0
+    if segment.contact != CONTACT_BOTH and at_rest:
+        return 0.0
     if segment.contact == CONTACT_BOTH:
         decaying, rate, steady, turn, omega = nodal_plane_parts(segment, start)
         tip = steady + complex(0.0, -segment.vibration_amplitude) * turn
@@ -164,7 +190,7 @@ def drill_tool_damper_loss(segment, start, end):
         start,
     )
     velocity = rate * decaying
-    return segment.drill_tool_damping * product_integral(velocity, rate, velocity, rate, duration)
+    return segment.drill_tool_damping * decaying_square_integral(velocity, rate, duration)
 
 
 @compiled
@@ -279,11 +305,13 @@ def add_change(before, after, motion, account):
 
 
 @compiled
-def add_rest(segment, after, ended, account):
+def add_rest(contact, tool_mass, tool_spring_rate, after, ended, account):
     """Add what the rock takes of a tool that comes to rest and is met at the same instant.
 
     Args:
-        segment: that ends.
+        contact: CONTACT_* bits of the segment that ends.
+        tool_mass: of the drill tool in it [kg].
+        tool_spring_rate: of the drill tool in it [N/m].
         after: segment that begins.
         ended: ``motion_at`` the end of the first.
         account: to add to.
@@ -292,12 +320,10 @@ def add_rest(segment, after, ended, account):
         The motion in which the tool rests.
     """
     u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt = ended
-    met = segment.contact == 0 and after.contact & CONTACT_DRILL_TOOL
+    met = contact == 0 and after.contact & CONTACT_DRILL_TOOL
     # Without a contact that could end, a release is that of the tool by the rock.
     if met and after.event & EVENT_RELEASE and abs(u_dt) <= LEAST_DEFORMATION:
-        account[RELEASE] += 0.5 * (
-            segment.drill_tool_mass * v_dt * v_dt + segment.drill_tool_spring_rate * u_dt * u_dt
-        )
+        account[RELEASE] += 0.5 * (tool_mass * v_dt * v_dt + tool_spring_rate * u_dt * u_dt)
         return u_np, v_np, u_ut, v_ut, u_fm, v_fm, 0.0, 0.0
     return ended
 
@@ -349,7 +375,7 @@ def add_event(rpud, before, after, segment, account):
 
 
 @compiled
-def add_ended_segment(rpud, segment, after, start, whole, account):
+def add_ended_segment(rpud, segment, after, start, account):
     """Add a segment from a time on, and the event that ends it.
 
     Args:
@@ -357,7 +383,6 @@ def add_ended_segment(rpud, segment, after, start, whole, account):
         segment: that has ended.
         after: segment that followed.
         start: time in the segment from which on it counts [s].
-        whole: whether all terms are wanted, or only those that drill tool and rock take.
         account: to add to.
 
     Returns:
@@ -365,10 +390,12 @@ def add_ended_segment(rpud, segment, after, start, whole, account):
     """
     ended = motion_at(segment, segment.duration)
     if segment.duration > start:
-        add_motion(rpud, segment, start, segment.duration, whole, account)
+        add_motion(rpud, segment, start, segment.duration, True, account)
     motion = motion_at(after, 0.0)
     add_change(segment, after, ended, account)
-    add_event(rpud, add_rest(segment, after, ended, account), motion, after, account)
+    mass, spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
+    rested = add_rest(segment.contact, mass, spring_rate, after, ended, account)
+    add_event(rpud, rested, motion, after, account)
     return ended, motion
 
 
@@ -398,7 +425,7 @@ def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fractio
     account[STORED] -= stored_energy(covering[0], motion, rpud.mass)
     last = len(covering) - 1
     for i in range(last):
-        add_ended_segment(rpud, covering[i], covering[i + 1], start, True, account)
+        add_ended_segment(rpud, covering[i], covering[i + 1], start, account)
         start = 0.0
     end = time_in(covering[last], seconds, fraction)
     if end > start:

@@ -66,11 +66,12 @@ from rpud_sim.model.tolerances import (
 from rpud_sim.model.vibration import NO_TURN, TWO_PI, advance_phase, turn_at
 
 # How an advance ends: at the requested time, with no room for more results, in a standstill, or
-# with more events than their budget.
+# with more events than their budget. And that it has not ended yet.
 DONE = 0
 FULL = 1
 STALLED = 2
 OVERLOADED = 3
+GOES_ON = 4
 
 
 @compiled
@@ -215,7 +216,7 @@ def turns_at_end(segment, strike):
 
 
 @compiled
-def pass_event(drill, state, segment, impact, impacts, count, strike):
+def pass_event(drill, state, segment, impact, impacts, count, turns):
     """Go through the event that ends the open segment.
 
     Args:
@@ -225,20 +226,22 @@ def pass_event(drill, state, segment, impact, impacts, count, strike):
         impact: the record in progress.
         impacts: room for finished impacts.
         count: how many it holds.
-        strike: ``Strike`` at the segment's end, if it is known.
+        turns: ``turns_at_end`` of the segment.
 
     Returns:
-        The number of finished impacts, and the ``Strike`` that ends the next segment.
+        The number of finished impacts, the ``Strike`` that ends the next segment, and the ``Turn``
+        of the vibration at its start.
     """
     end = state.next_event
-    end_segment(state, segment, impact, segment.duration, turns_at_end(segment, strike))
+    end_segment(state, segment, impact, segment.duration, turns)
     if end == END_LIMIT:
         state.event = EVENT_LIMIT
         if state.impact_open and impact.contact_duration >= LONGEST_SEGMENT:
             impacts[count] = impact
             count += 1
             state.impact_open = 0
-        return count, open_segment(drill, state, segment, turn_at(state.phase))
+        turn = turn_at(state.phase)
+        return count, open_segment(drill, state, segment, turn), turn
     event = 0
     met = 0
     opened = 0
@@ -265,7 +268,22 @@ def pass_event(drill, state, segment, impact, impacts, count, strike):
         state.v_dt = 0.0
         event = EVENT_RELEASE
     count, turn = settle(drill, state, impact, impacts, count, met, opened, event)
-    return count, open_segment(drill, state, segment, turn)
+    return count, open_segment(drill, state, segment, turn), turn
+
+
+@compiled
+def status_before(state, segment, seconds, fraction, is_full):
+    """How an advance to a time ends before the open segment's event; GOES_ON if it does not."""
+    ahead = float(seconds - state.seconds) + (fraction - state.fraction)
+    if segment.duration > ahead:
+        return DONE
+    if is_full:
+        return FULL
+    if state.standstill > LONGEST_STANDSTILL:
+        return STALLED
+    if state.effort > GREATEST_EFFORT:
+        return OVERLOADED
+    return GOES_ON
 
 
 @compiled
@@ -292,18 +310,13 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
     count = 0
     strike = NO_STRIKE
     while True:
-        ahead = float(seconds - state.seconds) + (fraction - state.fraction)
-        if segment.duration > ahead:
-            return DONE, written, count
-        if written == len(segments):
-            return FULL, written, count
-        if state.standstill > LONGEST_STANDSTILL:
-            return STALLED, written, count
-        if state.effort > GREATEST_EFFORT:
-            return OVERLOADED, written, count
+        status = status_before(state, segment, seconds, fraction, written == len(segments))
+        if status != GOES_ON:
+            return status, written, count
         segments[written] = segment
         written += 1
-        count, strike = pass_event(drill, state, segment, impact, impacts, count, strike)
+        turns = turns_at_end(segment, strike)
+        count, strike, _ = pass_event(drill, state, segment, impact, impacts, count, turns)
 
 
 @compiled

@@ -5,7 +5,6 @@ end. It also holds the constants of the drill, which may differ in the next segm
 these two dtypes leave the engine, are sampled, published and recorded.
 """
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -15,9 +14,9 @@ from rpud_sim.model.compile import compiled
 from rpud_sim.model.suspension import (
     Oscillation,
     Swing,
-    decaying_integral,
     swing_at,
     swinging_part,
+    swung_integral,
 )
 from rpud_sim.model.vibration import TWO_PI, Turn, turn_at
 
@@ -263,11 +262,26 @@ def motion_of(segment, time, turns):
 @compiled
 def nodal_plane_integral(segment, time):
     """Integral of u_np over the first part of a segment [m s]."""
+    return nodal_plane_integral_of(
+        segment, time, turn_at(segment.vibration_phase), turns_at(segment, time)
+    )
+
+
+@compiled
+def nodal_plane_integral_of(segment, time, start, turns):
+    """Return the same as ``nodal_plane_integral``, given what it needs at both of its ends.
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        time: since its start [s].
+        start: ``Turn`` of the vibration at its start.
+        turns: ``Turns`` at the time.
+    """
     motion = nodal_plane_motion(segment)
     omega = TWO_PI * segment.vibration_frequency
-    start = TWO_PI * segment.vibration_phase
-    end = TWO_PI * (segment.vibration_phase + segment.vibration_frequency * time)
-    steady = motion.vibration_sine * (math.cos(start) - math.cos(end)) + (
-        motion.vibration_cosine * (math.sin(end) - math.sin(start))
+    end = turns.vibration
+    steady = motion.vibration_sine * (start.cosine - end.cosine) + (
+        motion.vibration_cosine * (end.sine - start.sine)
     )
-    return motion.offset * time + decaying_integral(motion, time) + steady / omega
+    swung = swung_integral(motion, turns.nodal_plane)
+    return motion.offset * time + swung + steady / omega

@@ -159,11 +159,11 @@ def swinging_part(motion, swing):
 
 
 @compiled
-def decaying_integral(motion, time):
-    """Integral over time of the decaying part [m s]."""
+def swung_integral(motion, swing):
+    """Integral of the decaying part from its start to a time [m s], given the ``Swing`` there."""
     a = motion.decay_rate
     w = motion.angular_frequency
-    displacement, velocity = decaying_part(motion, time)
+    displacement, velocity = swinging_part(motion, swing)
     start_rate = w * motion.sine - a * motion.cosine
     # From x'' + 2 a x' + (a^2 + w^2) x = 0, integrated once.
     change = velocity - start_rate + 2.0 * a * (displacement - motion.cosine)

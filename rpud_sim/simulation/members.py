@@ -30,7 +30,6 @@ from rpud_sim.simulation.statistics import Statistics, account_of, figures_of
 from rpud_sim.simulation.tally import (
     CLASSES,
     PART_ROOM,
-    SEGMENT_ROOM,
     advance_members,
     empty_tallies,
 )
@@ -70,7 +69,6 @@ class _Room(threading.local):
     """Arrays that all calls of the kernel in a thread share."""
 
     def __init__(self) -> None:
-        self.segments = np.empty(SEGMENT_ROOM + 1, SEGMENT)
         self.impacts = np.empty(_FIRST_IMPACTS, IMPACT)
         self.classes = np.zeros(CLASSES, np.int64)  # empty between two calls
         self.part = np.zeros(PART_ROOM)
@@ -193,7 +191,7 @@ class QuietRuns:
             *begin,
             *end,
             options,
-            (_room.segments, _room.impacts, classes, _room.part),
+            (_room.impacts, classes, _room.part),
             progress,
         ):
             _room.grow()

@@ -14,18 +14,34 @@ from rpud_sim.model.energy import (
     STORED,
     TERMS,
     add_ended_segment,
+    add_event,
     add_motion,
+    add_rest,
     stored_energy,
     time_in,
 )
-from rpud_sim.model.events import DONE, FULL, advance, start
+from rpud_sim.model.events import (
+    DONE,
+    FULL,
+    GOES_ON,
+    pass_event,
+    start,
+    status_before,
+    turns_at_end,
+)
 from rpud_sim.model.segment import (
     EVENT_ACTUATOR_IMPACT,
     EVENT_DRILL_TOOL_IMPACT,
     EVENT_RELEASE,
+    Turns,
     motion_at,
-    nodal_plane_integral,
+    motion_of,
+    nodal_plane_integral_of,
+    turns_at,
 )
+from rpud_sim.model.strike import NO_STRIKE
+from rpud_sim.model.suspension import NO_SWING
+from rpud_sim.model.vibration import turn_at
 
 # What happened in the parts of a run that were added, and the account of the part in progress.
 TALLY = np.dtype(
@@ -55,11 +71,8 @@ CLASSES = round(math.log10(GREATEST_FORCE / LEAST_FORCE) * CLASSES_PER_DECADE) +
 
 QUANTILE = 0.99  # of the contact forces, that is one of the figures
 
-# Segments that the engine writes before they are added, and one for the open segment: they stay in
-# the processor's first cache.
-SEGMENT_ROOM = 32
-# Impacts that these can end.
-IMPACT_ROOM = 2 * SEGMENT_ROOM + 2
+# Impacts that one event can end.
+_IMPACTS_OF_EVENT = 2
 
 # Sums of the part of a run in progress: its account, its impulse, and of its first segment that is
 # not yet added the time from which on it counts [s], and u_np there [m].
@@ -76,10 +89,8 @@ PART_ROOM = _KNOWN + _DEPTH
 
 _HAPPENED = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
 
-# How an advance of members ends beside those of the engine: with a motion that is not finite, or
-# with no room for further impacts.
+# How an advance of members ends beside those of the engine: with a motion that is not finite.
 NOT_FINITE = 10
-CROWDED = 11
 
 
 def empty_tallies(count: int) -> np.ndarray:
@@ -92,11 +103,21 @@ def empty_tallies(count: int) -> np.ndarray:
 
 
 @compiled
-def _reacting_impulse(segment, start, end, u_start, u_end):
-    """Integral of R = W - k_1 u_np - c_1 v_np over a part of a segment [N s]."""
-    position = nodal_plane_integral(segment, end)
+def _reacting_impulse(segment, start, end, u_start, u_end, turn, turns):
+    """Integral of R = W - k_1 u_np - c_1 v_np over a part of a segment [N s].
+
+    Args:
+        segment: a ``SEGMENT`` record.
+        start: of the part, since the segment's start [s].
+        end: of the part [s].
+        u_start: u_np at its start [m].
+        u_end: u_np at its end [m].
+        turn: ``Turn`` of the vibration at the segment's start.
+        turns: ``Turns`` at the part's end.
+    """
+    position = nodal_plane_integral_of(segment, end, turn, turns)
     if start > 0.0:
-        position -= nodal_plane_integral(segment, start)
+        position -= nodal_plane_integral_of(segment, start, turn, turns_at(segment, start))
     return (
         segment.weight_on_bit * (end - start)
         - segment.load_spring_rate * position
@@ -137,22 +158,95 @@ def _begin(rpud, segment, seconds, fraction, counts, tally, part):
 
 
 @compiled
-def _add_ended(rpud, covering, last, whole, tally, part):
+def _add_ended(rpud, covering, last, tally, part):
     """Add the segments before the last one of those that cover a part of a run."""
     offset = part[_OFFSET]
     position = part[_POSITION]
     for i in range(last):
         segment = covering[i]
         after = covering[i + 1]
-        ended, motion = add_ended_segment(rpud, segment, after, offset, whole, part)
+        ended, motion = add_ended_segment(rpud, segment, after, offset, part)
         end = segment.duration
         if end > offset:
-            part[_IMPULSE] += _reacting_impulse(segment, offset, end, position, ended[0])
+            turn, turns = turn_at(segment.vibration_phase), turns_at(segment, end)
+            part[_IMPULSE] += _reacting_impulse(
+                segment, offset, end, position, ended[0], turn, turns
+            )
         _count(after, tally)
         offset = 0.0
         position = motion[0]
     part[_OFFSET] = offset
     part[_POSITION] = position
+
+
+@compiled
+def _advance_member(
+    drill,
+    rpud,
+    state,
+    segment,
+    impact,
+    seconds,
+    fraction,
+    added,
+    whole,
+    impacts,
+    count,
+    tally,
+    part,
+):
+    """Advance a member until its open segment reaches beyond a time, or impacts lack room.
+
+    It does what ``events.advance`` and ``_add_ended`` do, with the same bits, but keeps no
+    segments. So the functions that the engine computes at an event serve the sums as well.
+
+    Args:
+        drill: the constants.
+        rpud: the ``RpudConstants``.
+        state: the moving state.
+        segment: the open segment.
+        impact: the record in progress.
+        seconds: whole seconds of the time.
+        fraction: the rest of it [s].
+        added: whether anything is added.
+        whole: whether the account is whole.
+        impacts: room for finished impacts.
+        count: how many it holds.
+        tally: to add to.
+        part: sums of the part of the run in progress.
+
+    Returns:
+        DONE, FULL, STALLED or OVERLOADED, and the number of finished impacts.
+    """
+    strike = NO_STRIKE
+    turn = turn_at(segment.vibration_phase)
+    while True:
+        is_full = len(impacts) - count < _IMPACTS_OF_EVENT
+        status = status_before(state, segment, seconds, fraction, is_full)
+        if status != GOES_ON:
+            return status, count
+        turns = turns_at_end(segment, strike)
+        contact = segment.contact
+        end = segment.duration
+        ended = motion_of(segment, end, turns)
+        offset = part[_OFFSET]
+        if added and end > offset:
+            add_motion(rpud, segment, offset, end, whole, part)
+            part[_IMPULSE] += _reacting_impulse(
+                segment, offset, end, part[_POSITION], ended[0], turn, turns
+            )
+        # Called in one place alone, so that it is compiled into the loop.
+        count, strike, turn = pass_event(drill, state, segment, impact, impacts, count, turns)
+        if not added:
+            continue
+        motion = motion_of(segment, 0.0, Turns(turn, NO_SWING, NO_SWING))
+        # Nothing changes the constants of a member.
+        mass, spring_rate = segment.drill_tool_mass, segment.drill_tool_spring_rate
+        rested = add_rest(contact, mass, spring_rate, segment, ended, part)
+        add_event(rpud, rested, motion, segment, part)
+        _count(segment, tally)
+        part[_OFFSET] = 0.0
+        part[_POSITION] = motion[0]
 
 
 @compiled
@@ -163,7 +257,10 @@ def _finish(rpud, segment, seconds, fraction, whole, tally, part):
     motion = motion_at(segment, end)
     if end > offset:
         add_motion(rpud, segment, offset, end, whole, part)
-        part[_IMPULSE] += _reacting_impulse(segment, offset, end, part[_POSITION], motion[0])
+        turn, turns = turn_at(segment.vibration_phase), turns_at(segment, end)
+        part[_IMPULSE] += _reacting_impulse(
+            segment, offset, end, part[_POSITION], motion[0], turn, turns
+        )
     part[STORED] += stored_energy(segment, motion, rpud.mass)
     tally.reacting_impulse += part[_IMPULSE]
     account = tally.account
@@ -302,7 +399,7 @@ def add_block(
     tally = tallies[0]
     last = len(covering) - 1
     _begin(rpud, covering[0], start_seconds, start_fraction, counts, tally, part)
-    _add_ended(rpud, covering, last, True, tally, part)
+    _add_ended(rpud, covering, last, tally, part)
     _finish(rpud, covering[last], seconds, fraction, True, tally, part)
     _add_impacts(impacts, tally, classes, part)
 
@@ -360,8 +457,8 @@ def advance_members(
         options: whether the members begin now, whether they end then, whether anything is added,
             whether the event of the first segment counts, and whether the account is whole. Several
             members must begin and end in one call, as they share the classes.
-        room: for segments, for impacts, for the classes of contact forces, and for the sums of the
-            part in progress.
+        room: for impacts, for the classes of contact forces, and for the sums of the part in
+            progress.
         progress: member to go on with, how many impacts it has, -1 before it is its turn, and how
             many the last one had.
 
@@ -371,7 +468,7 @@ def advance_members(
     """
     states, open_segments, open_impacts, tallies, statuses, quantiles = members
     starts, ends, added, counts, whole = options
-    segments, impacts, classes, part = room
+    impacts, classes, part = room
     while progress[0] < len(states):
         i = progress[0]
         one = states[i : i + 1]
@@ -384,24 +481,23 @@ def advance_members(
                 progress[1] = start(drill, one, segment, impact, impacts)
             if added:
                 _begin(rpud, segment[0], start_seconds, start_fraction, counts, tally, part)
-        status = FULL
-        while status == FULL:
-            if len(impacts) - progress[1] < IMPACT_ROOM:
-                return False
-            status, written, count = advance(
-                drill,
-                one,
-                segment,
-                impact,
-                seconds,
-                fraction,
-                segments[:SEGMENT_ROOM],
-                impacts[progress[1] :],
-            )
-            progress[1] += count
-            if added:
-                segments[written] = segment[0]
-                _add_ended(rpud, segments, written, whole, tally, part)
+        status, progress[1] = _advance_member(
+            drill,
+            rpud,
+            one[0],
+            segment[0],
+            impact[0],
+            seconds,
+            fraction,
+            added,
+            whole,
+            impacts,
+            progress[1],
+            tally,
+            part,
+        )
+        if status == FULL:
+            return False
         if status == DONE and not _is_finite(one[0]):
             status = NOT_FINITE
         statuses[i] = status

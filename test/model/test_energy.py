@@ -185,11 +185,10 @@ def test_in_the_rock_all_that_is_transferred_is_absorbed():
 )
 def test_the_rock_takes_a_tool_that_is_met_as_it_comes_to_rest(contact, event, deflection, taken):
     first = 1 if event == 6 else 0
-    before = SimpleNamespace(contact=first, drill_tool_mass=2.0, drill_tool_spring_rate=1e7)
     after = SimpleNamespace(contact=contact, event=event)
     ended = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, deflection, -1.0)
     joules = np.zeros(len(energy.TERMS))
-    motion = energy.add_rest.py_func(before, after, ended, joules)
+    motion = energy.add_rest.py_func(first, 2.0, 1e7, after, ended, joules)
     assert motion == ((*ended[:6], 0.0, 0.0) if taken else ended)
     assert joules[energy.RELEASE] == pytest.approx(taken, abs=1e-12)
 
@@ -237,3 +236,19 @@ def test_the_terms_of_an_empty_stretch_are_zero():
     segments = np.zeros(1, SEGMENT)
     segments["duration"] = 1.0
     assert not account(segments, 0.0).any()
+
+
+@settings(max_examples=100)
+@given(
+    st.complex_numbers(max_magnitude=1e3),
+    st.one_of(st.just(0.0), st.floats(-1e5, -1e-9)),
+    st.floats(1.0, 1e7),
+    st.floats(0.0, 1.0),
+)
+def test_the_integral_of_a_square_has_the_bits_of_the_product_with_itself(
+    amplitude, decay, angular_frequency, duration
+):
+    rate = complex(decay, angular_frequency)
+    found = energy.decaying_square_integral.py_func(amplitude, rate, duration)
+    expected = energy.product_integral.py_func(amplitude, rate, amplitude, rate, duration)
+    assert found == expected

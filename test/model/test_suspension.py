@@ -10,11 +10,12 @@ from scipy.integrate import quad, solve_ivp
 from rpud_sim.model.suspension import (
     damping_coefficient,
     decaying_derivatives,
-    decaying_integral,
     decaying_part,
     driven_vibration,
     free_vibration,
     reacting_force,
+    swing_at,
+    swung_integral,
 )
 from rpud_sim.model.vibration import turn_at
 
@@ -93,7 +94,8 @@ def test_velocity_derivatives_and_integral_agree_with_the_displacement():
     assert acceleration == pytest.approx((after - 2 * x + before) / step**2, rel=1e-5)
     far = displacement(time + 2 * step) - displacement(time - 2 * step)
     assert jerk == pytest.approx((far - 2 * (after - before)) / (2 * step**3), rel=1e-3)
-    assert decaying_integral(motion, time) == pytest.approx(quad(displacement, 0, time)[0])
+    swing = swing_at(motion.decay_rate, motion.angular_frequency, time)
+    assert swung_integral(motion, swing) == pytest.approx(quad(displacement, 0, time)[0])
 
 
 def test_reacting_force_at_rest_is_the_weight_on_bit():
