@@ -41,7 +41,7 @@ def drills() -> Iterator[Row]:
     not, then the number in between is sought.
     """
     with _ros():
-        kept, failed, in_time = 0, MOST + 1, {0: 100.0}
+        kept, failed, in_time = 0, MOST + 1, dict[int, float]()
         while failed - kept > 1:
             number = max(1, 2 * kept) if failed > MOST else (kept + failed) // 2
             number = min(number, MOST)
@@ -55,7 +55,7 @@ def drills() -> Iterator[Row]:
                 failed = number
         yield row("drills that drill in real time at once", [kept])
         what = "drills at once: blocks within their period, of the worst drill"
-        yield row(what, [in_time[kept]], "%")
+        yield row(what, [in_time[max(kept, 1)]], "%")
 
 
 def _in_time(number: int) -> float:
