@@ -81,15 +81,18 @@ class Talk:
         last = self.hearing.last("/diagnostics")
         return {pair.key: pair.value for status in last.status for pair in status.values}
 
-    def settle(self) -> None:
+    def settle(self, seconds: float = _SETTLING) -> None:
         """Wait until the process is heard, and some time more.
+
+        Args:
+            seconds: of that time.
 
         Raises:
             RuntimeError: if it is not heard in time.
         """
         if not self.hearing.take_until(lambda: self.hearing.messages["waveform"] > 0, _STARTING):
             raise RuntimeError(f"nothing was heard within {_STARTING:g} s")
-        self.listen(_SETTLING)
+        self.listen(seconds)
 
     def listen(self, seconds: float) -> None:
         """Hear what comes for some time."""

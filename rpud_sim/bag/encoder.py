@@ -9,7 +9,9 @@ from __future__ import annotations
 import struct
 import sys
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,11 +65,16 @@ class Members(NamedTuple):
     members: tuple[Member, ...]
 
 
+# Appends values of a message to those of the struct, and lengths to those of its layout.
+Flattener = Callable[[Mapping[str, Any], "list[Any]", "list[int]"], None]
+
+
 class Encoder:
     """Encoder of the messages of one type with these ``members``."""
 
     def __init__(self, members: Members) -> None:
         self._members = members
+        self._flatten = _flattener(members)
         # By the lengths of texts and sequences.
         self._structs: dict[tuple[int, ...], struct.Struct] = {}
         self._records: dict[tuple[int, ...], np.dtype] = {}
@@ -85,7 +92,7 @@ class Encoder:
         """
         flat: list[Any] = []
         lengths: list[int] = []
-        _flatten(self._members, values, flat, lengths)
+        self._flatten(values, flat, lengths)
         key = tuple(lengths)
         packer = self._structs.get(key)
         if packer is None:
@@ -110,7 +117,7 @@ class Encoder:
         """
         flat: list[Any] = []
         lengths: list[int] = []
-        _flatten(self._members, columns, flat, lengths)
+        self._flatten(columns, flat, lengths)
         if any(isinstance(value, Ragged) for value in flat):
             return _encode_ragged(_parts(self._members, iter(lengths)), flat, count)
         key = tuple(lengths)
@@ -180,53 +187,97 @@ def _check_fits(value: Any, written: np.ndarray) -> None:
         raise ValueError(f"a value does not fit {written.dtype}")
 
 
-def _flatten(kind: Members, values: Mapping[str, Any], flat: list[Any], lengths: list[int]) -> None:
-    """Append the values for the struct, and the lengths of texts and sequences."""
+def _flattener(kind: Members) -> Flattener:
+    """Return what appends the values for the struct, and the lengths of texts and sequences.
+
+    It is made once for a type: to look at the kinds of members again in each message takes longer
+    than to pack them.
+    """
+    steps: list[Flattener] = []
+    numbers: list[str] = []
     for name, inner in kind.members:
-        value = values[name]
-        if inner == TEXT:
-            text = value.encode() + b"\0"
-            lengths.append(len(text))
-            flat += len(text), text
-        elif isinstance(inner, str):
-            flat.append(value)
-        elif isinstance(inner, Members):
-            _flatten(inner, value, flat, lengths)
-        else:
-            _flatten_sequence(inner.element, value, flat, lengths)
+        if isinstance(inner, str) and inner != TEXT:
+            numbers.append(name)
+            continue
+        if numbers:
+            steps.append(_numbers(numbers))
+            numbers = []
+        steps.append(_member(name, inner))
+    if numbers:
+        steps.append(_numbers(numbers))
+    if len(steps) == 1:
+        return steps[0]
+
+    def flatten(values: Mapping[str, Any], flat: list[Any], lengths: list[int]) -> None:
+        for step in steps:
+            step(values, flat, lengths)
+
+    return flatten
 
 
-def _flatten_sequence(
-    element: str | Members, values: Any, flat: list[Any], lengths: list[int]
-) -> None:
-    number = isinstance(element, str) and element != TEXT
-    if number and isinstance(values, Ragged):
-        assert isinstance(element, str)
-        if values.values.dtype != _DTYPES[element]:
-            raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
+def _numbers(names: Iterable[str]) -> Flattener:
+    """Return what appends the values of numbers that follow each other."""
+    first, *others = names
+    if not others:
+        return lambda values, flat, lengths: flat.append(values[first])
+    several = itemgetter(first, *others)
+    return lambda values, flat, lengths: flat.extend(several(values))
+
+
+def _member(name: str, inner: str | Members | Sequence) -> Flattener:
+    """Return what appends a member that is no number."""
+    if isinstance(inner, Members):
+        flatten = _flattener(inner)
+        return lambda values, flat, lengths: flatten(values[name], flat, lengths)
+    if isinstance(inner, Sequence):
+        flatten_sequence = _sequence_flattener(inner.element)
+        return lambda values, flat, lengths: flatten_sequence(values[name], flat, lengths)
+
+    def flatten_text(values: Mapping[str, Any], flat: list[Any], lengths: list[int]) -> None:
+        text = values[name].encode() + b"\0"
+        length = len(text)
+        lengths.append(length)
+        flat += length, text
+
+    return flatten_text
+
+
+def _sequence_flattener(element: str | Members) -> Callable[[Any, list[Any], list[int]], None]:
+    if isinstance(element, str) and element != TEXT:
+        return partial(_flatten_numbers, element)
+    flatten = _member("", element)
+
+    def flatten_all(values: Any, flat: list[Any], lengths: list[int]) -> None:
+        lengths.append(len(values))
+        flat.append(len(values))
+        for value in values:
+            flatten({"": value}, flat, lengths)
+
+    return flatten_all
+
+
+def _flatten_numbers(element: str, values: Any, flat: list[Any], lengths: list[int]) -> None:
+    if isinstance(values, array) and values.typecode == element:
+        length = len(values)
+        lengths.append(length)
+        flat += length, values.tobytes()
+        return
+    if isinstance(values, Ragged) and values.values.dtype == _DTYPES[element]:
         lengths.append(_RAGGED)
         flat += values.counts, values
         return
-    if number and isinstance(values, np.ndarray):
-        assert isinstance(element, str)
-        if values.dtype != _DTYPES[element] or values.ndim not in (1, 2):
-            raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
-        lengths.append(values.shape[-1])
-        flat.append(values.shape[-1])
-        if values.ndim == 1 or not values.size:
-            flat.append(values.tobytes())
-        else:  # columns: the bytes of each row
-            flat.append(np.ascontiguousarray(values).view(f"S{values[0].nbytes}")[:, 0])
-        return
-    lengths.append(len(values))
-    flat.append(len(values))
-    if number:
-        if not isinstance(values, array) or values.typecode != element:
-            raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
+    if (
+        not isinstance(values, np.ndarray)
+        or values.dtype != _DTYPES[element]
+        or values.ndim not in (1, 2)
+    ):
+        raise TypeError(f"a sequence must be an array of {element!r}, not {values!r:.80}")
+    lengths.append(values.shape[-1])
+    flat.append(values.shape[-1])
+    if values.ndim == 1 or not values.size:
         flat.append(values.tobytes())
-    else:
-        for value in values:
-            _flatten(Members((("", element),)), {"": value}, flat, lengths)
+    else:  # columns: the bytes of each row
+        flat.append(np.ascontiguousarray(values).view(f"S{values[0].nbytes}")[:, 0])
 
 
 def _keep(known: dict[tuple[int, ...], Any], key: tuple[int, ...], value: Any) -> None:

@@ -85,6 +85,8 @@ class TerminalView(App[None]):
         self._searching = namespace is None
         self._asked: Prompt | None = None
         self._lines = Lines()
+        # Kept, as the page is: the last drawing may come when the screen has none of them any more.
+        self._keys = Static("", id="keys", markup=False)
 
     @property
     def shown(self) -> str:
@@ -108,7 +110,7 @@ class TerminalView(App[None]):
         with Horizontal(id="prompt"):
             yield Static("", id="label", markup=False)
             yield Input(compact=True, id="answer")
-        yield Static("", id="keys", markup=False)
+        yield self._keys
 
     def on_mount(self) -> None:
         """Begin to look and to draw."""
@@ -197,7 +199,7 @@ class TerminalView(App[None]):
         field.cursor_position = len(field.value)
         self.query_one("#label", Static).update(f" {prompt.question} ")
         self._hint(prompt.hint(picture))
-        self.query_one("#keys").display = False
+        self._keys.display = False
         self.query_one("#prompt").display = True
         field.can_focus = True
         field.focus()
@@ -208,7 +210,7 @@ class TerminalView(App[None]):
         field.can_focus = False
         self.set_focus(None)
         self.query_one("#prompt").display = False
-        self.query_one("#keys").display = True
+        self._keys.display = True
         self._hint("")
 
     def _hint(self, text: str) -> None:
@@ -242,9 +244,8 @@ class TerminalView(App[None]):
         if len(keys) > face.width:
             keys = keys.replace("  ", " ")
         keys = f"{keys:{face.width}}"
-        bar = self.query_one("#keys", Static)
-        if keys != bar.content:
-            bar.update(keys)
+        if keys != self._keys.content:
+            self._keys.update(keys)
 
 
 def speaks_ascii(environment: Mapping[str, str]) -> bool:
