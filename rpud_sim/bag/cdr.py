@@ -12,6 +12,7 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.base import normalize_fieldname
 from rosbags.typesys.store import Typestore
 
 from rpud_sim.bag.budget import Budget
@@ -58,7 +59,7 @@ class Codec:
             if sum(map(_written_out, types.values())) > _WRITTEN_OUT_LIMIT:
                 raise ValueError(f"arrays have more than {_WRITTEN_OUT_LIMIT} elements together")
             self._store.register(types)
-            self._store.get_msgdef(type_name)
+            # Code that decodes takes longer to make than all else; tables need none of it.
             self._budget = Budget(self._store, type_name)
 
     @property
@@ -76,11 +77,9 @@ class Codec:
 
         Each has its name, its attribute in decoded messages, and its type in ``rosbags``.
         """
-        names = [name for name, _ in self._store.fielddefs[type_name][1]]
-        decoded = self._store.get_msgdef(type_name).fields
         return [
-            (name, attribute, kind)
-            for name, (attribute, kind) in zip(names, decoded, strict=True)
+            (name, normalize_fieldname(name), kind)
+            for name, kind in self._store.fielddefs[type_name][1]
             if name != _NO_FIELDS
         ]
 
@@ -160,8 +159,10 @@ def _written_out(kind: Any) -> int:
 
 
 def _members(store: Typestore, type_name: str) -> Members:
-    fields = store.get_msgdef(type_name).fields
-    return Members(tuple((name, _member(store, *described)) for name, described in fields))
+    fields = store.fielddefs[type_name][1]
+    return Members(
+        tuple((normalize_fieldname(name), _member(store, *described)) for name, described in fields)
+    )
 
 
 def _member(store: Typestore, node: Nodetype, described: Any) -> Any:
