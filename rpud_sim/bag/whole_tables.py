@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +19,6 @@ PART_SIZE = 2**20
 """Size of messages that are copied into the arrays together [bytes]: a processor's cache holds it.
 """
 
-_MOST_WAITING = 2  # batches
 _GREATEST_GROWTH = 256  # a damaged count of messages must not take all memory
 
 
@@ -36,15 +33,8 @@ def filled(
         pieces: all batches.
     """
     growing = {name: _Growing(table.columns, counts[name]) for name, table in tables.items()}
-    with ThreadPoolExecutor(1, "rpud-fill") as pool:
-        # While a thread copies batches, the next ones are read.
-        waiting: deque[Future[None]] = deque()
-        for piece in pieces:
-            waiting.append(pool.submit(growing[piece.topic].add, piece))
-            if len(waiting) > _MOST_WAITING:
-                waiting.popleft().result()
-        for added in waiting:
-            added.result()
+    for piece in pieces:
+        growing[piece.topic].add(piece)
     for name, table in tables.items():
         if not growing[name].begun:
             growing[name].add(table.empty())
