@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +14,10 @@ from rpud_sim.bag.message_block import MessageBlock, joined
 from rpud_sim.bag.messages import OVERLAP_LIMIT, Message, Source, overlap_error
 
 READ_AHEAD = 16 * 2**20
-"""Greatest size of chunks that a thread reads before they are due [bytes]."""
+"""Greatest size of chunks that threads read before they are due [bytes]."""
 
-_MOST_AHEAD = 1  # chunks
+_THREADS = 2
+_MOST_AHEAD = 3  # chunks
 _GATHERED_SIZE = 1 << 20  # bytes of messages that become blocks together
 _GATHERED_COUNT = 8192
 _LARGEST = 2**63 - 1
@@ -42,7 +43,7 @@ class _Part:
 def ordered_blocks(sources: Iterable[Source], end: int | None = None) -> Iterator[MessageBlock]:
     """Yield the messages of sources in blocks; within each topic they have the order of ``merged``.
 
-    While the caller works with a block, a thread reads the next chunks.
+    While the caller works with a block, threads read the next chunks.
 
     Args:
         sources: each can read its messages as blocks.
@@ -150,19 +151,26 @@ Read = Callable[[], list[MessageBlock]]
 
 
 def _read_ahead(sources: Sequence[Source]) -> Iterator[tuple[Source, Read]]:
-    """Yield sources with what returns their blocks; a thread reads the next ones meanwhile."""
+    """Yield sources with what returns their blocks; threads read the next ones meanwhile."""
     left = deque(sources)
-    ahead: deque[tuple[Source, Read, Future[list[MessageBlock]] | None]] = deque()
-    with ThreadPoolExecutor(1, "rpud-read-ahead") as pool:
+    ahead: deque[tuple[Source, Read]] = deque()
+    size = 0  # of the sources in ``ahead``
+    with ThreadPoolExecutor(_THREADS, "rpud-read-ahead") as pool:
         try:
             while left or ahead:
                 while left and len(ahead) <= _MOST_AHEAD:
-                    source = left.popleft()
+                    source = left[0]
                     assert source.blocks is not None
-                    small = source.size * (_MOST_AHEAD + 1) <= READ_AHEAD
-                    future = pool.submit(source.blocks) if small else None
-                    ahead.append((source, source.blocks, future))
-                source, read, future = ahead.popleft()
-                yield source, read if future is None else future.result
+                    if size + source.size <= READ_AHEAD:
+                        read: Read = pool.submit(source.blocks).result
+                    elif ahead:
+                        break
+                    else:
+                        read = source.blocks
+                    ahead.append((left.popleft(), read))
+                    size += source.size
+                source, read = ahead.popleft()
+                yield source, read
+                size -= source.size
         finally:
             pool.shutdown(cancel_futures=True)

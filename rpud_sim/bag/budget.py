@@ -106,7 +106,7 @@ class Budget:
 
     def _member(self, type_name: str) -> _Shape:
         if type_name not in self._shapes:
-            parts = [self.shape(*field) for _, field in self._store.get_msgdef(type_name).fields]
+            parts = [self.shape(*field) for _, field in self._store.fielddefs[type_name][1]]
             fields, memory, size, shares = zip(*parts, strict=True)
             if sum(fields) > FIELDS_LIMIT:
                 raise BagFormatError(
@@ -122,8 +122,7 @@ class Budget:
     def members(self) -> dict[str, list[Any]]:
         """Fields of each type."""
         return {
-            name: [field for _, field in self._store.get_msgdef(name).fields]
-            for name in self._shapes
+            name: [field for _, field in self._store.fielddefs[name][1]] for name in self._shapes
         }
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.base import normalize_fieldname
+from rosbags.typesys.store import Typestore
 
 from rpud_sim.bag.budget import Budget
 from rpud_sim.bag.encoder import CODES, Encoder, Members, Sequence
@@ -57,7 +59,7 @@ class Codec:
             if sum(map(_written_out, types.values())) > _WRITTEN_OUT_LIMIT:
                 raise ValueError(f"arrays have more than {_WRITTEN_OUT_LIMIT} elements together")
             self._store.register(types)
-            self._store.get_msgdef(type_name)
+            # Code that decodes takes longer to make than all else; tables need none of it.
             self._budget = Budget(self._store, type_name)
 
     @property
@@ -75,11 +77,9 @@ class Codec:
 
         Each has its name, its attribute in decoded messages, and its type in ``rosbags``.
         """
-        names = [name for name, _ in self._store.fielddefs[type_name][1]]
-        decoded = self._store.get_msgdef(type_name).fields
         return [
-            (name, attribute, kind)
-            for name, (attribute, kind) in zip(names, decoded, strict=True)
+            (name, normalize_fieldname(name), kind)
+            for name, kind in self._store.fielddefs[type_name][1]
             if name != _NO_FIELDS
         ]
 
@@ -126,7 +126,7 @@ class Codec:
         Raises:
             BagFormatError: if the type has members that an ``Encoder`` cannot encode.
         """
-        return Encoder(_members(self._store.fielddefs, self._type))
+        return Encoder(_members(self._store, self._type))
 
     @contextmanager
     def _understanding(self, what: str) -> Iterator[None]:
@@ -155,29 +155,18 @@ def _written_out(kind: Any) -> int:
     return count
 
 
-def encoder_of(type_name: str, definition: str) -> Encoder:
-    """Return the encoder of a type that this package knows; to compile a ``Codec`` takes longer.
-
-    Args:
-        type_name: such as ``std_msgs/msg/Header``.
-        definition: complete ``ros2msg`` text.
-
-    Raises:
-        BagFormatError: if the type has members that an ``Encoder`` cannot encode.
-    """
-    return Encoder(_members(get_types_from_msg(definition, type_name), type_name))
+def _members(store: Typestore, type_name: str) -> Members:
+    fields = store.fielddefs[type_name][1]
+    return Members(
+        tuple((normalize_fieldname(name), _member(store, *described)) for name, described in fields)
+    )
 
 
-def _members(types: Mapping[str, Any], type_name: str) -> Members:
-    fields = types[type_name][1]
-    return Members(tuple((name, _member(types, *described)) for name, described in fields))
-
-
-def _member(types: Mapping[str, Any], node: Nodetype, described: Any) -> Any:
+def _member(store: Typestore, node: Nodetype, described: Any) -> Any:
     if node == Nodetype.NAME:
-        return _members(types, described)
+        return _members(store, described)
     if node == Nodetype.SEQUENCE:
-        return Sequence(_member(types, *described[0]))
+        return Sequence(_member(store, *described[0]))
     if node == Nodetype.BASE and described[0] in CODES:
         return CODES[described[0]]
     raise BagFormatError(f"no message with a member {described!r:.80} can be written")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
+from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.budget import DECODED_LIMIT
 from rpud_sim.bag.cdr import Codec
@@ -16,6 +18,7 @@ from rpud_sim.bag.message_block import MessageBlock, gathered
 from rpud_sim.foundation.time import SECOND
 
 _KNOWN_TEXTS = 1000
+_TEXT_ALIGNMENT = 4  # bytes
 _ORDERS = {0: ">", 256: "<"}  # by the first two bytes of a message
 
 
@@ -44,9 +47,9 @@ class FieldValues:
 class FieldReader:
     """Reader of some columns of one type.
 
-    One walk finds the places of all messages' fields. What it cannot read is decoded message by
-    message: lists of messages, a byte order other than that of the first message, and messages that
-    are not of the type, for the reason.
+    One walk finds the places of all messages' fields. Of a list of texts, equal ones are decoded
+    once. What the walk cannot read is decoded message by message: lists of messages, a byte order
+    other than that of the first message, and messages that are not of the type, for the reason.
 
     Args:
         codec: of the type.
@@ -56,7 +59,10 @@ class FieldReader:
     def __init__(self, codec: Codec, columns: Sequence[Column]) -> None:
         self._codec = codec
         self._columns = tuple(columns)
-        self._nested = any(column.kind is Kind.NESTED for column in columns)
+        self._nested = any(
+            column.kind is Kind.NESTED and not _holds_texts(codec, column.attribute)
+            for column in columns
+        )
         self._wanted = {
             attribute
             for column in columns
@@ -101,7 +107,7 @@ class FieldReader:
             if walk.bad.any():
                 rows = rows[~walk.bad]
                 continue
-            values = _Values(block.data, starts, walk.fields)
+            values = _Values(block.data, starts, sizes, walk.fields, self._codec)
             try:
                 return rows, {column.name: values.of(column) for column in self._columns}
             except _UnreadableError as error:
@@ -131,8 +137,16 @@ class _UnreadableError(Exception):
 class _Values:
     """Values of fields whose places are known."""
 
-    def __init__(self, data: np.ndarray, starts: np.ndarray, fields: dict[str, Field]) -> None:
-        self._data, self._starts, self._fields = data, starts, fields
+    def __init__(
+        self,
+        data: np.ndarray,
+        starts: np.ndarray,
+        sizes: np.ndarray,
+        fields: dict[str, Field],
+        codec: Codec,
+    ) -> None:
+        self._data, self._starts, self._sizes = data, starts, sizes
+        self._fields, self._codec = fields, codec
 
     def of(self, column: Column) -> np.ndarray | Sequences:
         read: dict[Kind, Callable[[Column], np.ndarray | Sequences]] = {
@@ -142,6 +156,7 @@ class _Values:
             Kind.TEXT: self._text,
             Kind.ARRAY: self._array,
             Kind.SEQUENCE: self._sequence,
+            Kind.NESTED: self._texts,
         }
         return read[column.kind](column)
 
@@ -192,6 +207,40 @@ class _Values:
             raise _UnreadableError(bad if len(ends) == len(counts) else range(len(counts)))
         return texts
 
+    def _texts(self, column: Column) -> np.ndarray:
+        """Return lists of texts; padding between texts depends on the place of the first."""
+        field = self._fields[column.attribute]
+        counts = self._counts(field)
+        content = gathered(self._data, self._starts + field.place, counts).tobytes()
+        shifts = np.broadcast_to(np.asarray(field.place) % _TEXT_ALIGNMENT, counts.shape).tolist()
+        found = np.empty(len(counts), object)
+        known: dict[tuple[bytes, int], list[str] | None] = {}
+        bad: list[int] = []
+        start = 0
+        for row, end in enumerate(np.cumsum(counts).tolist()):
+            key = content[start:end], shifts[row]
+            start = end
+            if key not in known:
+                if len(known) >= _KNOWN_TEXTS:
+                    known.clear()
+                known[key] = self._decoded_texts(column, row)
+            texts = known[key]
+            if texts is None:
+                bad.append(row)
+            else:
+                found[row] = texts.copy()
+        if bad:
+            raise _UnreadableError(bad)
+        return found
+
+    def _decoded_texts(self, column: Column, row: int) -> list[str] | None:
+        start = int(self._starts[row])
+        try:
+            message = self._codec.decode(self._data[start : start + self._sizes[row]].tobytes())
+        except BagFormatError:
+            return None
+        return list(attrgetter(column.attribute)(message))
+
     def _taken(self, field: Field) -> np.ndarray:
         assert field.dtype is not None
         return taken(self._data, self._starts + field.place, field.dtype)
@@ -199,6 +248,15 @@ class _Values:
     def _counts(self, field: Field) -> np.ndarray:
         count: Whole | None = field.count
         return np.broadcast_to(np.asarray(count, np.int64), self._starts.shape)
+
+
+def _holds_texts(codec: Codec, attribute: str) -> bool:
+    """Return whether a list holds texts, not messages."""
+    type_name = codec.type_name
+    for part in attribute.split("."):
+        node, described = {name: kind for _, name, kind in codec.fields(type_name)}[part]
+        type_name = described if node == Nodetype.NAME else type_name
+    return node in (Nodetype.ARRAY, Nodetype.SEQUENCE) and described[0][0] == Nodetype.BASE
 
 
 def _decoded(data: bytes) -> str | None:

@@ -31,9 +31,9 @@ class Field:
 
     Attributes:
         place: of its first byte, from the beginning of each message [bytes].
-        dtype: of its numbers, as they are in the messages; None for a text.
-        count: of the numbers of an array or a sequence, or of the bytes of a text; None for a
-            single number.
+        dtype: of its numbers, as they are in the messages; None for a text or a list.
+        count: of the numbers of an array or a sequence, or of the bytes of a text or a list of
+            texts; None for a single number.
     """
 
     place: Whole
@@ -97,12 +97,15 @@ class FieldWalk:
             self._note(name, Field(place, dtype))
             return place + dtype.itemsize
         (element, item), count = described
+        start = place
         if node == Nodetype.SEQUENCE:
             place = _aligned(place, 4)
             count = self._length(place)
             place = place + 4
         if element != Nodetype.BASE or item[0] in _TEXTS:
-            return self._elements(element, item, count, place)
+            end = self._elements(element, item, count, place)
+            self._note(name, Field(start, None, end - start))
+            return end
         dtype = self._dtype(item[0])
         if not _is_one(count):
             place = _same(np.where(count, _aligned(place, dtype.itemsize), place))

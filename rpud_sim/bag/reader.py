@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, overload
 
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.bag.messages import Message, Piece, merged
@@ -221,22 +221,39 @@ class BagReader:
         tables, _ = self._tables([topics] if isinstance(topics, str) else topics)
         return batches(self.path, self.blocks(tables, start, duration), tables, leave_out)
 
+    @overload
+    def arrays(  # type: ignore[overload-overlap]  # a text is a collection of texts, too
+        self, topics: str, start: int = 0, duration: int | None = None
+    ) -> dict[str, np.ndarray]: ...
+
+    @overload
     def arrays(
-        self, topic: str, start: int = 0, duration: int | None = None
-    ) -> dict[str, np.ndarray]:
-        """Return a topic as one NumPy array for each column; times are integer nanoseconds.
+        self, topics: Collection[str], start: int = 0, duration: int | None = None
+    ) -> dict[str, dict[str, np.ndarray]]: ...
+
+    def arrays(
+        self, topics: str | Collection[str], start: int = 0, duration: int | None = None
+    ) -> dict[str, np.ndarray] | dict[str, dict[str, np.ndarray]]:
+        """Return one NumPy array for each column of a topic; times are integer nanoseconds.
+
+        Several topics are read in one pass. The result then has such columns for each topic.
 
         Args:
-            topic: name of the topic.
+            topics: name of one topic, or names of several.
             start: as for ``batches``.
             duration: as for ``batches``.
 
         Raises:
             BagError: as ``batches`` does.
         """
-        from rpud_sim.bag.tables import joined
+        from rpud_sim.bag.tables import batches
+        from rpud_sim.bag.whole_tables import PART_SIZE, filled
 
-        return joined(self._table(topic), self.batches(topic, start, duration))
+        tables, _ = self._tables([topics] if isinstance(topics, str) else topics)
+        counts = {topic.topic.name: topic.message_count for topic in self.readable_topics}
+        blocks = self.blocks(tables, start, duration)
+        found = filled(tables, counts, batches(self.path, blocks, tables, batch_size=PART_SIZE))
+        return found[topics] if isinstance(topics, str) else found
 
     def frame(self, topic: str, start: int = 0, duration: int | None = None) -> pandas.DataFrame:
         """Return a topic as a pandas frame with its datetimes; the first of them is the index.
@@ -249,7 +266,7 @@ class BagReader:
         Raises:
             BagError: as ``batches`` does, or if pandas is not installed.
         """
-        from rpud_sim.bag.tables import to_frame
+        from rpud_sim.bag.whole_tables import to_frame
 
         return to_frame(self._table(topic), self.arrays(topic, start, duration))
 

@@ -6,22 +6,18 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rpud_sim.bag.blocks import holds_rows, row_columns, to_rows
 from rpud_sim.bag.cdr import Codec, definition_size
-from rpud_sim.bag.columns import RECEIVED, Column, Kind, Sequences, columns_of, objects
+from rpud_sim.bag.columns import RECEIVED, Column, Kind, Sequences, columns_of
 from rpud_sim.bag.errors import BagError, BagFormatError
 from rpud_sim.bag.field_values import FieldReader
 from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.message_block import joined as joined_blocks
 from rpud_sim.bag.topic_summary import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
-
-if TYPE_CHECKING:
-    import pandas
 
 BATCH_SIZE = 8 * 2**20
 """Size of a topic's messages that become one batch [bytes]."""
@@ -222,6 +218,7 @@ def batches(
     blocks: Iterable[MessageBlock],
     tables: Mapping[str, Table],
     leave_out: Callable[[str, str], object] | None = None,
+    batch_size: int | None = None,
 ) -> Iterator[Batch]:
     """Yield the rows of messages, in their order within each topic.
 
@@ -231,15 +228,17 @@ def batches(
         tables: by the names of topics.
         leave_out: called with the topic and the reason for each message that is not of its topic's
             type, which is then skipped; None for an error.
+        batch_size: of a topic's messages that become one batch [bytes]; None for ``BATCH_SIZE``.
 
     Raises:
         BagFormatError: if a message is not of its topic's type.
     """
-    waiting = {name: _Waiting() for name in tables}
+    limit = batch_size or BATCH_SIZE
+    waiting = {name: _Waiting(limit) for name in tables}
 
     def batch(name: str) -> Batch:
         block = joined_blocks(waiting[name].blocks)
-        waiting[name] = _Waiting()
+        waiting[name] = _Waiting(limit)
         try:
             return tables[name].batch(block, leave_out and partial(leave_out, name))
         except BagFormatError as error:
@@ -268,13 +267,17 @@ def batches(
 class _Waiting:
     """Messages of one topic that wait to become a batch.
 
+    Args:
+        limit: their size as a batch [bytes].
+
     Attributes:
         blocks: of these messages alone.
         size: memory that they take [bytes].
         full: whether they must become a batch now.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, limit: int) -> None:
+        self._limit = limit
         self.blocks: list[MessageBlock] = []
         self.size = self._decoded = 0
         self.full = False
@@ -283,46 +286,12 @@ class _Waiting:
         """Add the first messages of a block until they are full, and return their number."""
         sizes = self.size + np.cumsum(block.sizes + _OVERHEAD)
         memory = self._decoded + np.cumsum(decoded)
-        over = (sizes >= BATCH_SIZE) | (memory >= DECODED_SIZE)
+        over = (sizes >= self._limit) | (memory >= DECODED_SIZE)
         self.full = bool(over[-1])
         count = int(np.argmax(over)) + 1 if self.full else len(block)
         self.blocks.append(block.part(slice(0, count)).packed())
         self.size, self._decoded = int(sizes[count - 1]), int(memory[count - 1])
         return count
-
-
-def joined(table: Table, pieces: Iterable[Batch]) -> dict[str, np.ndarray]:
-    """Return the columns of all batches of one table together."""
-    parts = [table.empty(), *pieces]
-    return {
-        column.name: np.concatenate([part.columns[column.name] for part in parts])
-        for column in table.columns
-    }
-
-
-def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFrame:
-    """Return a pandas frame with the first column as index.
-
-    Raises:
-        BagError: if pandas is not installed.
-    """
-    try:
-        import pandas
-    except ModuleNotFoundError as error:
-        if error.name != "pandas":
-            raise
-        raise BagError("a frame needs the Python module pandas: pip install pandas") from error
-    index = table.columns[0].name
-    dtypes = {Kind.TIME: "datetime64[ns]", Kind.DURATION: "timedelta64[ns]"}
-    series = {
-        column.name: objects([*columns[column.name]])
-        if column.kind is Kind.ARRAY
-        else columns[column.name].astype(dtypes.get(column.kind), copy=False)
-        if column.kind in dtypes
-        else columns[column.name]
-        for column in table.columns
-    }
-    return pandas.DataFrame(series).set_index(index)
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
-from rpud_sim.bag.cdr import encoder_of
+from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
@@ -48,7 +48,8 @@ def write_offline_bag(
     """
     run = Run(beginning, Journal())
     encoders = {
-        name: encoder_of(topic.type, find_definition(topic.type)) for name, topic in TOPICS.items()
+        name: Codec(topic.type, find_definition(topic.type)).encoder
+        for name, topic in TOPICS.items()
     }
     manifest = Manifest(
         parameters={**beginning.settings.values(), "seed": beginning.seed},

@@ -30,6 +30,7 @@ RANGES = {
     "float32": st.floats(width=32),
     "float64": st.floats(),
 }
+FORMS = ["one", "text", "texts", "two texts", "array", "many", "time", "part"]
 DTYPES = {"bool": np.bool_, "byte": np.int8, "char": np.uint8}
 
 
@@ -42,7 +43,7 @@ def numbers(kind, count):
 def types(draw):
     """The text of a type, and its values."""
     lines, values = [], {}
-    parts = draw(st.lists(st.sampled_from(["one", "text", "array", "many", "time", "part"])))
+    parts = draw(st.lists(st.sampled_from(FORMS)))
     part_lines, part_values = [], {}
     for number, form in enumerate([*parts, "one"]):
         kind, name = draw(st.sampled_from([*RANGES])), f"f{number}"
@@ -51,6 +52,8 @@ def types(draw):
         text, value = {
             "one": (kind, RANGES[kind]),
             "text": ("string", st.text("ab ß", max_size=4)),
+            "texts": ("string[]", st.lists(st.text("ab ß", max_size=4), max_size=3)),
+            "two texts": ("string[2]", st.lists(st.text("aß"), min_size=2, max_size=2)),
             "array": (f"{kind}[{count}]", numbers(kind, count)),
             "many": (f"{kind}[]", numbers(kind, 0)),
             "time": (
