@@ -23,7 +23,6 @@ from __future__ import annotations
 import contextlib
 import gc
 import sys
-import threading
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -47,8 +46,6 @@ from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.managed_node import ManagedNode, log_exceptions
 from rpud_sim.ros.drill.namesakes import Namesakes
-from rpud_sim.ros.drill.pacer import schedule_thread
-from rpud_sim.ros.drill.pacing_thread import PACING
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
@@ -115,11 +112,6 @@ class DrillNode(ManagedNode):
     def drilling(self) -> Drilling | None:
         """The drilling, to be read; None before the first activation."""
         return self._drill.drilling if self._drill and self._drill.pacing.started else None
-
-    @property
-    def priority(self) -> int:
-        """Real-time priority that its pacing thread asks for now; 0 for none."""
-        return self.drilling.priority if self.drilling else 0
 
     @property
     def report(self) -> Report | None:
@@ -314,18 +306,6 @@ def drill(ros_arguments: Sequence[str]) -> None:
             rclpy.try_shutdown()
 
 
-def _schedule_below(priority: int) -> None:
-    """Let all other threads come next after the pacing thread of this priority; 0 for none.
-
-    Whoever holds Python's lock must not wait for the processor: blocks would be late with it,
-    whatever the priority of the thread that publishes them. Threads of the executor inherit it.
-    """
-    below = max(1, priority - 1) if priority else 0
-    for thread in threading.enumerate():
-        if thread.name != PACING and thread.native_id is not None:
-            schedule_thread(below, thread.native_id, inherited=True)
-
-
 def spin(
     node: DrillNode,
     stop: StopRequest,
@@ -343,17 +323,13 @@ def spin(
     """
     executor = MultiThreadedExecutor(_THREADS)
     executor.add_node(node)
-    priority = 0
     try:
         node.start()
         with quick_switches():
             while not (stop.requested or node.finished):
-                if node.priority != priority:
-                    _schedule_below(priority := node.priority)
                 serve(executor, node.refuse_request)
                 show(node.report)
     finally:
-        _schedule_below(0)
         node.stop()
         executor.shutdown(timeout_sec=1.0)
     if node.failure is not None:

@@ -95,11 +95,6 @@ class Drilling:
         return self._paced.time_control
 
     @property
-    def priority(self) -> int:
-        """Real-time priority that its thread asks for now; 0 for none."""
-        return self._paced.priority
-
-    @property
     def follows_clock(self) -> bool:
         """Whether its time is that of another source of ``/clock``."""
         return self._source.follows

@@ -32,10 +32,6 @@ class PacedRun:
 
     Commands act at the end of the block in which they come. For use by one thread.
 
-    Attributes:
-        time_control: of the run.
-        priority: real-time priority that the thread asked for last; 0 for none.
-
     Args:
         run: to move.
         publishers: to publish with.
@@ -57,7 +53,6 @@ class PacedRun:
         planned: Sequence[Planned] = (),
     ) -> None:
         self.time_control = TimeControl()
-        self.priority = 0
         self._publishers = publishers
         self._account = account
         self._inbox = inbox
@@ -100,8 +95,7 @@ class PacedRun:
             self._pacer.stop()
         # A drill in a hurry takes all that it can get, and others must have their share.
         punctual = playing and 0.0 < factor <= 1.0
-        self.priority = priority if punctual else 0
-        self._account.scheduling = schedule_thread(self.priority)
+        self._account.scheduling = schedule_thread(priority if punctual else 0)
         self.report()
 
     def advance(self) -> float:

@@ -190,20 +190,17 @@ class Pacer:
         return self._start + round((time - self._start_time) / self._factor)
 
 
-def schedule_thread(priority: int, thread: int = 0, inherited: bool = False) -> str:
-    """Schedule a thread with a priority; return how it is scheduled now.
+def schedule_thread(priority: int) -> str:
+    """Schedule the calling thread with a priority; return how it is scheduled now.
 
-    If the system denies it, the thread stays as it is.
+    What it starts does not inherit that. If the system denies it, the thread stays as it is.
 
     Args:
         priority: of real-time scheduling (SCHED_FIFO), from 1 to 99; 0 for time-sharing.
-        thread: the system's number of it; 0 for the calling one.
-        inherited: whether what the thread starts has that priority too.
     """
-    reset = 0 if inherited else os.SCHED_RESET_ON_FORK
-    policy = os.SCHED_FIFO | reset if priority else os.SCHED_OTHER
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if priority else os.SCHED_OTHER
     try:
-        os.sched_setscheduler(thread, policy, os.sched_param(priority))
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
     except OSError as error:
         return f"time-sharing: real-time priority {priority}: {error.strerror}"
     return f"real-time priority {priority}" if priority else "time-sharing"

@@ -10,9 +10,6 @@ from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.requests import Requests, StoppedError
 from rpud_sim.simulation.configuration import Settings
 
-PACING = "pacing"
-"""Name of the thread."""
-
 _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [s]
 
 
@@ -30,7 +27,7 @@ class PacingThread:
         self._finished = threading.Event()
         self._failure: BaseException | None = None
         self._requests = Requests(self._wake.set)
-        self._thread = threading.Thread(target=self._run, name=PACING)
+        self._thread = threading.Thread(target=self._run, name="pacing")
         drilling.notify(self._wake.set)
         drilling.announce()
 

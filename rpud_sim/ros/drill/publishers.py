@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
@@ -60,14 +59,8 @@ class DrillPublishers:
         self._encoders = {
             name: Encoder(members_of(message_class(topic.type))) for name, topic in topics.items()
         }
-        # rclpy's own events only log that a subscription does not fit, as the subscriber does too.
-        # Its executor would look at two for each publisher whenever it wakes up, which takes longer
-        # than all the rest of it, and makes services answer late.
-        no_events = PublisherEventCallbacks(use_default_callbacks=False)
         self._publishers = {
-            name: node.create_publisher(
-                message_class(topic.type), name, qos_of(topic), event_callbacks=no_events
-            )
+            name: node.create_publisher(message_class(topic.type), name, qos_of(topic))
             for name, topic in {**topics, "/diagnostics": DIAGNOSTICS}.items()
         }
         # Without the checks of rclpy: they take a fifth of the time of each message.

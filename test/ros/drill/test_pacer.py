@@ -352,7 +352,7 @@ def test_a_thread_has_the_priority_that_it_is_said_to_have(thread):
     assert scheduled() == before
 
 
-def test_what_a_thread_starts_is_scheduled_so_only_on_demand(thread):
+def test_what_a_thread_starts_is_not_scheduled_so(thread):
     thread(schedule_thread, 3)
 
     def start():
@@ -360,8 +360,6 @@ def test_what_a_thread_starts_is_scheduled_so_only_on_demand(thread):
             return pool.submit(scheduled).result()
 
     assert thread(start) == (os.SCHED_OTHER, 0)
-    thread(schedule_thread, 3, 0, True)
-    assert thread(start) == ((os.SCHED_FIFO, 3) if real_time_permitted() else (os.SCHED_OTHER, 0))
 
 
 def test_where_it_is_not_permitted_the_reason_is_told(thread, monkeypatch):
