@@ -159,8 +159,7 @@ install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* ms
 	@touch $@
 
 # What is up to date already is found and left. A kernel comes from the sources of the model, and from those that call it.
-install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/model/*.py) \
-  rpud_sim/simulation/sampling.py rpud_sim/simulation/statistics.py
+install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/model/*.py) rpud_sim/simulation/sampling.py
 	@mkdir -p install
 	@PYTHONPATH="$$PWD" .venv/bin/python -m rpud_sim.cli.main precompile
 	@touch $@

@@ -18,8 +18,10 @@ from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.engine import EngineError, failure, initial_state
 from rpud_sim.model.events import DONE
+from rpud_sim.model.members import advance_members
 from rpud_sim.model.resonator import account
 from rpud_sim.model.segment import IMPACT, SEGMENT
+from rpud_sim.model.tally import CLASSES, PART_ROOM, empty_tallies
 from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.energy_account import EnergyAccount
@@ -27,12 +29,6 @@ from rpud_sim.simulation.plant import nominal_drive, rpud_constants
 from rpud_sim.simulation.rock import Progress
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.statistics import Statistics, account_of, figures_of
-from rpud_sim.simulation.tally import (
-    CLASSES,
-    PART_ROOM,
-    advance_members,
-    empty_tallies,
-)
 
 _FIRST_IMPACTS = 1024  # room for impacts; it doubles when it is too small
 

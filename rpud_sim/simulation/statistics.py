@@ -9,9 +9,7 @@ import numpy as np
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.energy import DRILL_TOOL_DAMPER, IMPACTS, RELEASE, TERMS
 from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT, EVENT_DRILL_TOOL_IMPACT, EVENT_RELEASE
-from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.energy_account import EnergyAccount, absorbed
-from rpud_sim.simulation.tally import (
+from rpud_sim.model.tally import (
     CLASSES,
     CLASSES_PER_DECADE,
     LEAST_FORCE,
@@ -22,6 +20,8 @@ from rpud_sim.simulation.tally import (
     class_at,
     empty_tallies,
 )
+from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.energy_account import EnergyAccount, absorbed
 
 # Names and units of the figures.
 FIGURES = MappingProxyType(
