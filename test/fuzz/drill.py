@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -78,7 +79,8 @@ class Drill:
 
     def command(self, topic: str, message: Any) -> None:
         """Give a command, as if it had come over DDS."""
-        self.topics[topic].callback(serialize_message(message))
+        information = {"received_timestamp": time.time_ns()}
+        self.topics[topic].callback(serialize_message(message), information)
 
     def call(self, name: str, request: Any) -> Any:
         """Call a service, as if the request had come over DDS."""
