@@ -159,14 +159,14 @@ def sample_stretches(segments: np.ndarray, parts: Stretches, times: Times) -> Sa
     channels = np.empty((len(CHANNELS), count))
     in_contact = np.empty(count, np.bool_)
     if count:
-        # Always read-only: a kernel is compiled again for another type of array.
+        # Always read-only and in one piece: a kernel is compiled again for another type of array.
         segments = segments.view()
         segments.flags.writeable = False
         _fill(
             segments,
-            parts.firsts,
-            parts.lasts,
-            parts.cuts,
+            np.ascontiguousarray(parts.firsts),
+            np.ascontiguousarray(parts.lasts),
+            np.ascontiguousarray(parts.cuts),
             times.seconds,
             times.fraction,
             channels,
