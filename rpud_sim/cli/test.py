@@ -65,7 +65,7 @@ def _test_bag(arguments: argparse.Namespace) -> int:
             record = Record.from_bag(arguments.subject, topics, arguments.namespace, bar.update)
     verdicts = [evaluate(each, record) for each in expectations]
     for topic in topics:
-        if lost := record.lost(topic) + record.messages(topic).missing:
+        if lost := record.missing(topic).total:
             complain("rpud test", f"{lost} messages of {topic} are lost")
     if arguments.junit:
         Path(arguments.junit).write_text(junit_xml(verdicts, arguments.subject), encoding="utf-8")

@@ -11,6 +11,7 @@ import numpy as np
 from rpud_sim.bag import Kind
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.verdicts.messages import Samples, get, time_of
+from rpud_sim.verdicts.missing import Missing
 from rpud_sim.verdicts.names import PERIODIC, PERIODIC_HOLD, TYPES, Field, check_use, threshold
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.steps import (
@@ -46,14 +47,14 @@ class Instants:
     Args:
         stamps: of the instants, increasing; several may be equal [ns].
         values: bounds of the truth at each, one column an instant.
-        possible: greatest number of further events, at instants that are not known.
+        missing: further events that may have been.
         first: of each stretch of time in which any number of events may be [ns].
         last: of each such stretch [ns].
     """
 
     stamps: np.ndarray
     values: np.ndarray
-    possible: float
+    missing: Missing = dataclasses.field(default_factory=Missing.none)
     first: np.ndarray = dataclasses.field(default_factory=_none)
     last: np.ndarray = dataclasses.field(default_factory=_none)
 
@@ -165,7 +166,7 @@ class Atoms:
             onset = isinstance(event, Onset)
             times = sorted(first if onset else last for first, last in faults)
             stamps = np.array([time for time in times if self.begin <= time <= self.end], np.int64)
-            return Instants(stamps, np.repeat(TRUE[:, None], len(stamps), axis=1), 0.0)
+            return Instants(stamps, np.repeat(TRUE[:, None], len(stamps), axis=1))
         messages = self.record.messages(event.topic)
         stamps = messages.stamps
         values = np.repeat(TRUE[:, None], len(stamps), axis=1)
@@ -175,7 +176,7 @@ class Atoms:
         inside = (stamps >= self.begin) & (stamps <= self.end)
         if not inside.any():
             return None
-        missing = float(messages.missing + self.record.lost(event.topic))
+        missing = self.record.missing(event.topic)
         return Instants(stamps[inside], values[:, inside], missing)
 
     def event(self, event: Onset | Cleared | Message) -> Steps:
@@ -183,21 +184,18 @@ class Atoms:
         instants = self.instants(event)
         if instants is None:
             return constant(self.begin, self.end, UNKNOWN, absent=True)
-        between = UNKNOWN if instants.possible else FALSE
         stamps, first = np.unique(instants.stamps, return_index=True)
         if not len(stamps):
-            return constant(self.begin, self.end, between)
+            return constant(self.begin, self.end, FALSE)
         values = np.maximum.reduceat(instants.values, first, axis=1)
-        rest = stamps + 1
-        rest = rest[~np.isin(rest, stamps)]
-        rest = np.unique(np.append(rest, self.end + 1))
+        rest = np.setdiff1d(np.concatenate([[self.begin], stamps + 1, [self.end + 1]]), stamps)
         starts = np.concatenate([stamps, rest])
-        values = np.hstack([values, np.repeat(between[:, None], len(rest), axis=1)])
-        if stamps[0] > self.begin:
-            starts = np.append(starts, self.begin)
-            values = np.hstack([values, between[:, None]])
+        values = np.hstack([values, np.repeat(FALSE[:, None], len(rest), axis=1)])
         order = np.argsort(starts)
-        return Steps(starts[order], values[:, order], np.zeros(len(starts), bool))
+        starts, values = starts[order], values[:, order]
+        unseen = instants.missing.among(starts, np.append(starts[1:] - 1, self.end + 1)) > 0
+        values[:, unseen] = np.maximum(values[:, unseen], UNKNOWN[:, None])
+        return Steps(starts, values, np.zeros(len(starts), bool))
 
     def active(self, part: Active) -> Steps:
         """Return a fault as a step function."""

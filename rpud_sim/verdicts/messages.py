@@ -12,6 +12,7 @@ import numpy as np
 from rpud_sim.bag import Kind
 from rpud_sim.bag.columns import objects, to_plain
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.verdicts.missing import Missing
 from rpud_sim.verdicts.names import DIAGNOSTICS, Field
 from rpud_sim.verdicts.units import ExpectationError
 
@@ -156,9 +157,11 @@ class TopicMessages:
         return len(self.stamps)
 
     @property
-    def missing(self) -> int:
-        """Number of messages that the numbers in the messages show as missing."""
-        return int(self._gap_sizes().sum()) + self._before_first() if self._numbered else 0
+    def missing(self) -> Missing:
+        """What the numbers in the messages show as missing."""
+        if not self._numbered or not len(self):
+            return Missing.none()
+        return Missing.from_numbers(self.stamps, self._key)
 
     def samples(self, field: Field | str) -> Samples:
         """Return the values of a field.
@@ -175,8 +178,8 @@ class TopicMessages:
             values = objects(self.column(field))
         gaps = np.zeros(len(self), bool)
         if self._numbered and len(self) > 1:
-            gaps[:-1] = self._gap_sizes() > 0
-        first = bool(self._numbered and len(self) and self._before_first())
+            gaps[:-1] = np.diff(self._key) > 1
+        first = bool(self._numbered and len(self) and self._key[0] > 0)
         ordered = np.ones(len(self), bool)
         same = self.stamps[1:] == self.stamps[:-1]
         ordered[1:] = ~(same & (self._key[1:] == self._key[:-1])) | self._in_order
@@ -190,12 +193,6 @@ class TopicMessages:
     def _numbered(self) -> bool:
         """Whether each message has the number after that of the message before it."""
         return self._topic == "contact_force" and len(self._sources) > 0
-
-    def _gap_sizes(self) -> np.ndarray:
-        return np.maximum(np.diff(self._key) - 1, 0)
-
-    def _before_first(self) -> int:
-        return int(self._key[0]) if len(self) else 0
 
     def _keys(self) -> np.ndarray:
         """Return what puts messages of one stamp in order."""

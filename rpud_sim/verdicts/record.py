@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Callable, Collection, Iterable
 from typing import Any
@@ -14,6 +15,7 @@ from rpud_sim.bag.blocks import to_rows
 from rpud_sim.bag.columns import RECEIVED, Sequences, objects
 from rpud_sim.foundation.quantities import suggestion
 from rpud_sim.verdicts.messages import Live, Piece, Table, TopicMessages, get, time_of
+from rpud_sim.verdicts.missing import Missing
 from rpud_sim.verdicts.names import (
     DIAGNOSTICS,
     PERIODIC,
@@ -155,7 +157,11 @@ class Record:
         numbers show.
         """
         counted = self._losses.get(topic, 0)
-        return max(0, counted - self.messages(topic).missing)
+        return max(0, counted - self.messages(topic).missing.total)
+
+    def missing(self, topic: str) -> Missing:
+        """Return how many messages of a topic are missing, and where they may have been."""
+        return dataclasses.replace(self.messages(topic).missing, anywhere=self.lost(topic))
 
     def span(self, topics: Collection[str]) -> tuple[int, int] | None:
         """Return the first and last nanosecond that a record of some topics covers.

@@ -10,6 +10,7 @@ from fractions import Fraction
 import numpy as np
 
 from rpud_sim.verdicts.atoms import Atoms, Instants, bounds, compared, constant
+from rpud_sim.verdicts.missing import Missing
 from rpud_sim.verdicts.names import Field, threshold
 from rpud_sim.verdicts.steps import (
     FALSE,
@@ -156,7 +157,7 @@ class Evaluation:
         chosen = happens & ~long
         open_ = np.flatnonzero(happens & long)
         first, last = steps.starts[open_], steps.starts[open_ + 1] - 1
-        return Instants(steps.starts[chosen], steps.values[:, chosen], 0.0, first, last)
+        return Instants(steps.starts[chosen], steps.values[:, chosen], first=first, last=last)
 
     def _count(self, formula: Count) -> Steps:
         begin, end = self.begin, self.end
@@ -169,7 +170,8 @@ class Evaluation:
         edges = (instants.stamps, instants.first - 1, instants.first, instants.last)
         times = self._times(np.concatenate(edges), window)
         least = _inside(sure, times, window, end)
-        most = _inside(maybe, times, window, end) + instants.possible
+        most = _inside(maybe, times, window, end)
+        most += instants.missing.among(*_span(times, window, end))
         beyond = _beyond(times, window, end)
         most[beyond | _touched(instants, times, window, end)] = math.inf
         values = compared(least, most, formula.operator, formula.number)
@@ -187,12 +189,12 @@ class Evaluation:
 
     def _quantile(self, formula: Quantile, once: bool) -> Steps:
         samples = self._atoms.samples(formula)
-        record, topic = self._atoms.record, formula.signal.topic
+        record = self._atoms.record
         inside = samples.stamps >= self.begin
         stamps, values = samples.stamps[inside], samples.values[inside]
-        missing = record.messages(topic).missing + record.lost(topic)
+        missing = record.missing(formula.signal.topic)
         if not len(stamps):
-            return constant(self.begin, self.end, UNKNOWN, absent=not missing)
+            return constant(self.begin, self.end, UNKNOWN, absent=not missing.total)
         times = self._times(stamps, formula.window)
         if once:
             times = np.array([self.begin, self.end + 1])
@@ -231,18 +233,24 @@ def _beginnings(steps: Steps) -> Steps:
     return found.merged()
 
 
+def _span(times: np.ndarray, window: Window, end: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first and the last instant of the window of each time."""
+    last = np.full(len(times), end) if window.end is None else times + window.end
+    return times + window.start, last
+
+
 def _inside(stamps: np.ndarray, times: np.ndarray, window: Window, end: int) -> np.ndarray:
     """Return the number of stamps in the window of each time."""
-    last = np.full(len(times), end) if window.end is None else times + window.end
-    first = np.searchsorted(stamps, times + window.start, side="left")
+    begin, last = _span(times, window, end)
+    first = np.searchsorted(stamps, begin, side="left")
     return np.maximum(np.searchsorted(stamps, last, side="right") - first, 0).astype(float)
 
 
 def _touched(instants: Instants, times: np.ndarray, window: Window, end: int) -> np.ndarray:
     """Return at which times the window holds a part of a stretch with any number of events."""
-    last = np.full(len(times), end) if window.end is None else times + window.end
+    begin, last = _span(times, window, end)
     begun = np.searchsorted(instants.first, last, side="right")
-    return begun > np.searchsorted(instants.last, times + window.start, side="left")
+    return begun > np.searchsorted(instants.last, begin, side="left")
 
 
 def _beyond(times: np.ndarray, window: Window, end: int) -> np.ndarray:
@@ -255,24 +263,25 @@ def _window_quantiles(
     stamps: np.ndarray,
     values: np.ndarray,
     times: np.ndarray,
-    missing: int,
+    missing: Missing,
     end: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the least and greatest possible quantile in the window of each time."""
     window, share = formula.window, Fraction(repr(formula.share))
-    first = np.searchsorted(stamps, times + window.start, side="left")
-    last_time = np.full(len(times), end) if window.end is None else times + window.end
-    last = np.searchsorted(stamps, last_time, side="right")
+    span = _span(times, window, end)
+    first = np.searchsorted(stamps, span[0], side="left")
+    last = np.searchsorted(stamps, span[1], side="right")
+    unseen = missing.among(*span)
     low, high = np.full(len(times), -np.inf), np.full(len(times), np.inf)
     beyond = _beyond(times, window, end)
     least, most = bounds(values)
     ordered = _Sorted(least), _Sorted(most)
     for number in np.flatnonzero(~beyond & (last > first)).tolist():
-        begin, stop = int(first[number]), int(last[number])
-        count = stop - begin + missing
+        begin, stop, lost = int(first[number]), int(last[number]), int(unseen[number])
+        count = stop - begin + lost
         place = -(-share.numerator * count // share.denominator) - 1  # rounded up, exactly
-        if place - missing >= 0:
-            low[number] = ordered[0].among(begin, stop)[place - missing]
+        if place - lost >= 0:
+            low[number] = ordered[0].among(begin, stop)[place - lost]
         if place < stop - begin:
             high[number] = ordered[1].among(begin, stop)[place]
     return low, high

@@ -136,7 +136,7 @@ def _verdict(
 
 def _why_undecided(expectation: Expectation, record: Record, end: int, zero: int) -> str:
     for topic in expectation.used_topics:
-        lost = record.lost(topic) + record.messages(topic).missing
+        lost = record.missing(topic).total
         if lost:
             return f"{lost} messages of {topic} are lost"
     triggers = [part for part in expectation.formula.walk() if isinstance(part, After)]

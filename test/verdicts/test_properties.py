@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from random_expectations import TOPICS, formulas
 
 from rpud_sim.foundation.time import SECOND
@@ -14,17 +14,23 @@ from rpud_sim.verdicts.vocabulary import (
     WHOLE,
     After,
     Always,
+    Count,
     Eventually,
     Formula,
     Implies,
+    Message,
     Not,
+    Number,
     Or,
+    Quantile,
     Says,
     Signal,
     Until,
+    Window,
 )
 
 OPPOSITE = {PASSED: FAILED, FAILED: PASSED, UNDECIDED: UNDECIDED}
+PEAK = Signal("contact_force", "peak_force")
 RUNNING = Says(Signal("status", "state"), "running")
 
 
@@ -87,6 +93,9 @@ def test_a_file_gives_the_same_expectations_back(tmp_path_factory, formula):
 
 @settings(max_examples=30)
 @given(formulas())
+@example(Quantile(0.01, PEAK, "<", Number(1.0, "kN"), Window(0, 0)))  # impacts are missing later
+@example(Count(Message("contact_force"), "<=", 1, Window(0, SECOND // 1000)))
+@example(Not(Count(Message("contact_force", PEAK > "1 kN"), ">=", 1000, Window(0, SECOND // 2))))
 def test_a_verdict_that_is_decided_early_stays(record, faulty_messages, formula):
     """What is decided in a bounded window stays so, however long the recording goes on."""
     if any(isinstance(part, (After, Until)) for part in formula.walk()):

@@ -108,6 +108,14 @@ def test_a_jump_in_the_numbers_of_impacts_matters_where_it_is():
         count(Message("contact_force"), "<", 5): "failed",
         quantile(0.5, PEAK, "<", "6 kN"): "passed",
         quantile(1.0, PEAK, "<", "6 kN"): "undecided",
+        quantile(1.0, PEAK, "<", "6 kN", within="1.9 s"): "passed",
+        quantile(1.0, PEAK, "<", "6 kN", within="2 s"): "undecided",
+        quantile(1.0, PEAK, "<", "6 kN", between=("3.5 s", "4 s")): "passed",
+        count(Message("contact_force"), "==", 2, within="1.9 s"): "passed",
+        count(Message("contact_force"), "==", 3, within="2 s"): "undecided",
+        eventually(Message("contact_force"), within="1.9 s"): "passed",
+        ~eventually(Message("contact_force", PEAK > "6 kN"), within="1.9 s"): "passed",
+        ~eventually(Message("contact_force", PEAK > "6 kN"), within="2 s"): "undecided",
     }
     assert {formula: outcome(formula, record) for formula in expected} == expected
     verdict = evaluate(Expectation("it", always(PEAK < "6 kN")), record)

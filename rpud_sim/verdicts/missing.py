@@ -1,0 +1,62 @@
+"""Missing: how many messages of a topic are missing, and where they may have been."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from rpud_sim.foundation.time import NEVER
+
+
+@dataclasses.dataclass(frozen=True)
+class Missing:
+    """Numbers of messages that are missing, each in a stretch of time.
+
+    Args:
+        first: of each stretch, in order [ns].
+        last: of each stretch, in order [ns].
+        counts: of the messages that are missing in each.
+        anywhere: number of further messages, at times that are not known.
+    """
+
+    first: np.ndarray
+    last: np.ndarray
+    counts: np.ndarray
+    anywhere: int = 0
+
+    @classmethod
+    def from_numbers(cls, stamps: np.ndarray, numbers: np.ndarray) -> Missing:
+        """Return what the numbers in the messages of a topic show as missing.
+
+        Args:
+            stamps: of the messages, in order [ns].
+            numbers: of the messages; each is one more than that of the message before.
+        """
+        counts = np.concatenate([numbers[:1], np.maximum(np.diff(numbers) - 1, 0)])
+        before = np.concatenate([[-NEVER], stamps[:-1]])[: len(stamps)]
+        some = counts > 0
+        return cls(before[some], stamps[some], counts[some])
+
+    @classmethod
+    def none(cls) -> Missing:
+        """Return that no message is missing."""
+        empty = np.empty(0, np.int64)
+        return cls(empty, empty, empty)
+
+    @property
+    def total(self) -> int:
+        """Number of messages that are missing."""
+        return int(self.counts.sum()) + self.anywhere
+
+    def among(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """Return the greatest number of messages that are missing in each of some spans of time.
+
+        Args:
+            first: of each span [ns].
+            last: of each span [ns].
+        """
+        sums = np.concatenate([[0], np.cumsum(self.counts)])
+        begun = sums[np.searchsorted(self.first, last, side="right")]
+        ended = sums[np.searchsorted(self.last, first, side="left")]
+        return np.maximum(begun - ended, 0) + self.anywhere
