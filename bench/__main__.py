@@ -20,7 +20,7 @@ from bench import results
 from bench.checkout import CheckoutError, state
 from bench.compare import PAIRS, THRESHOLD, WORKS, compare
 from bench.compare import rows as rows_of_ratios
-from bench.machine import describe_machine, load
+from bench.machine import describe_machine, load, processor_time
 from bench.ratios import FEWEST
 from bench.results import Part
 from bench.row import Row
@@ -57,6 +57,7 @@ class Keeper:
     def measure(self, name: str, rows: Callable[[], Iterable[Row]]) -> Part:
         """Take the rows of a measurement and keep them; an error ends this measurement alone."""
         began, before, started = datetime.now(timezone.utc), load(), time.monotonic()
+        all_before, stolen_before = processor_time()
         found: list[Row] = []
         failure = ""
         try:
@@ -68,6 +69,7 @@ class Keeper:
         except Exception as error:
             traceback.print_exc()
             failure = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        all_after, stolen_after = processor_time()
         part = Part(
             name,
             began.isoformat(timespec="seconds"),
@@ -78,6 +80,7 @@ class Keeper:
             time.monotonic() - started,
             tuple(found),
             failure,
+            round(100.0 * (stolen_after - stolen_before) / (all_after - all_before), 2),
         )
         self.parts.append(part)
         results.write_parts(self.file, self.parts)

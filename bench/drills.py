@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Iterator
+from functools import partial
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
+from bench.quiet import undisturbed
 from bench.row import Row, row
 from bench.talk import Talk
 
@@ -45,7 +47,7 @@ def drills() -> Iterator[Row]:
         while failed - kept > 1:
             number = max(1, 2 * kept) if failed > MOST else (kept + failed) // 2
             number = min(number, MOST)
-            in_time[number] = _in_time(number)
+            in_time[number] = undisturbed(partial(_in_time, number))
             print(
                 f"  {number} drills: {in_time[number]:.2f} % in time", file=sys.stderr, flush=True
             )

@@ -14,9 +14,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from bench.quiet import undisturbed
 from bench.row import Goal, Row, row
 from rpud_sim.bag import BagReader, BagWriter, Message, Topic
 from rpud_sim.ros.record.intake import Intake
@@ -56,8 +58,7 @@ def recorder() -> Iterator[Row]:
             greatest: dict[str, float] = {}
             for rate in rates:
                 for name in _recorders("", Path()):
-                    bag = Path(folder, f"bag_{len(os.listdir(folder))}")
-                    found = _talk(name, bag, size, rate)
+                    found = undisturbed(partial(_talk, name, Path(folder), size, rate))
                     what = f"{name}, {size:,} bytes at {rate:,} per second"
                     yield row(f"{what}: published", [found.published / found.elapsed], "1/s")
                     yield row(f"{what}: lost", [found.published - found.recorded])
@@ -169,7 +170,8 @@ def _drill(bag: Path) -> Iterator[Row]:
     yield row("rpud record, the drill's mix: lost", [lost])
 
 
-def _talk(name: str, bag: Path, size: int, rate: int) -> _Recorded:
+def _talk(name: str, folder: Path, size: int, rate: int) -> _Recorded:
+    bag = folder / f"bag_{len(os.listdir(folder))}"
     topic = f"/bench_{os.getpid()}/{bag.name}"
     talk = (sys.executable, "-m", "bench.byte_talker", topic, "--size", str(size))
     rates = ("--rate", str(rate), "--seconds", str(SECONDS))

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import rclpy
 
+from bench.quiet import undisturbed
 from bench.row import Goal, Row, row
 from rpud_sim.bag import BagReader, BagWriter, Topic
 from rpud_sim.ros.replay.playback import Plan, Playback
@@ -109,6 +110,10 @@ def growth() -> Iterator[tuple[str, float, float]]:
 
 
 def _replayed(name: str, bag: Path, rate: float, folder: Path) -> _Replayed:
+    return undisturbed(lambda: _turn(name, bag, rate, folder))
+
+
+def _turn(name: str, bag: Path, rate: float, folder: Path) -> _Replayed:
     """Have a bag's beginning of ``SECONDS`` sent and heard."""
     file, duration = folder / "heard.json", str(SECONDS * rate)
     senders: dict[str, Sequence[str]] = {

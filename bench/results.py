@@ -29,6 +29,7 @@ class Part:
         seconds: how long it took.
         rows: its figures.
         failure: why it ended early; empty if it did not.
+        stolen: share of the processor time that other virtual machines took [%].
     """
 
     measurement: str
@@ -40,6 +41,7 @@ class Part:
     seconds: float
     rows: tuple[Row, ...]
     failure: str = ""
+    stolen: float = 0.0
 
 
 def write_parts(file: Path, parts: Sequence[Part]) -> None:
@@ -100,6 +102,11 @@ def heading(parts: Sequence[Part]) -> Iterator[str]:
     yield f"Commit: {', '.join(commits)}."
     loads = [each for part in parts for each in part.load]
     yield f"Load of the machine: {min(loads):.1f} to {max(loads):.1f}."
+    stolen = [part.stolen for part in parts]
+    yield (
+        "Other virtual machines took "
+        f"{min(stolen):.1f} to {max(stolen):.1f} % of the processor time of a measurement."
+    )
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:

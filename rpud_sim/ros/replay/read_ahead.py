@@ -16,18 +16,22 @@ _BATCHES = 16
 class ReadAhead:
     """Iterator over messages that a thread reads in advance.
 
-    At most about 4,000 messages wait, or 16 MiB and one message for each of 16 batches. An error of
-    reading is raised after the last message. While it is open no one else may read the same files.
+    At most about 4,000 messages wait, or 16 MiB and one message for each of 16 batches. So many are
+    read when it is made: later on the thread has little to do at a time, and the messages before it
+    are not late. An error of reading is raised after the last message. While it is open no one else
+    may read the same files.
     """
 
     def __init__(self, messages: Iterable[Message]) -> None:
         self._batches: deque[list[Message] | Exception] = deque()
         self._room = threading.Semaphore(_BATCHES)
         self._filled = threading.Semaphore(0)
+        self._full = threading.Event()
         self._closed = False
         self._iterator = self._iterate()
         self._thread = threading.Thread(target=self._read, args=(messages,), daemon=True)
         self._thread.start()
+        self._full.wait()
 
     def __iter__(self) -> ReadAhead:
         """Return the iterator itself."""
@@ -71,9 +75,12 @@ class ReadAhead:
             end = error
         if not batch or self._hand_over(batch):
             self._hand_over(end)
+        self._full.set()
 
     def _hand_over(self, batch: list[Message] | Exception) -> bool:
-        self._room.acquire()
+        if not self._room.acquire(blocking=False):
+            self._full.set()
+            self._room.acquire()
         if self._closed:
             return False
         self._batches.append(batch)

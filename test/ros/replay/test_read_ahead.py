@@ -59,3 +59,18 @@ def test_the_error_comes_where_the_messages_end():
     with pytest.raises(BagFormatError, match="it is damaged"):
         next(ahead)
     ahead.close()
+
+
+@pytest.mark.parametrize("count", [0, 300, 100_000])
+def test_it_is_full_or_at_the_end_when_it_is_made(count):
+    taken = 0
+
+    def counted():
+        nonlocal taken
+        for number in range(count):
+            taken = number + 1
+            yield message(number)
+
+    ahead = ReadAhead(counted())
+    assert taken >= min(count, 4096)
+    ahead.close()
