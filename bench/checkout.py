@@ -27,6 +27,14 @@ PLACE = ROOT / "build/bench/checkouts"
 _READY = ".ready"
 # Search paths that lead to this checkout unless they are changed.
 _SEARCH_PATHS = ("PATH", "PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "LD_LIBRARY_PATH")
+# What a folder on such a path holds, or one to which such a path leads, if it is of this project.
+_OURS = (
+    "rpud_sim",
+    "rpud_msgs",
+    "share/rpud_sim",
+    "share/rpud_msgs",
+    "librpud_msgs__rosidl_generator_py.so",
+)
 
 
 class CheckoutError(Exception):
@@ -227,9 +235,11 @@ def clean_environment(tree: Path) -> dict[str, str]:
 
 
 def _is_ours(entry: str) -> bool:
-    """Return whether an entry of a search path leads to what was built in this checkout."""
+    """Return whether an entry of a search path leads to a version of this project."""
     path = Path(entry)
-    return path.is_relative_to(ROOT) and not path.is_relative_to(ROOT / ".venv")
+    if path.is_relative_to(ROOT):
+        return not path.is_relative_to(ROOT / ".venv")
+    return any((path / name).exists() for name in _OURS)
 
 
 def _prepare(version: Checkout) -> None:
