@@ -311,3 +311,66 @@ def test_a_bag_that_is_damaged_ends_it_with_the_error():
 
 def test_an_empty_part_ends_at_once():
     assert not Stage([]).run()
+
+
+def slow(stage, microseconds=300):
+    """Let each publishing take its time."""
+    publish = stage.publish
+
+    def take_time(message, *, hurried):
+        publish(message, hurried=hurried)
+        stage.now += microseconds * 1000
+
+    stage.publish = take_time
+
+
+def test_requests_have_their_turn_within_a_millisecond_of_publishing():
+    stage = Stage([0] * 100)
+    slow(stage)
+    while (delay := stage.playback.advance()) is not None:
+        assert delay == 0.0 or stage.playback.published == 100
+        assert stage.now - NOW <= 1.3e6 * (stage.playback.published // 4 + 1)
+    assert len(stage.sent) == stage.playback.published == stage.playback.lateness.count == 100
+    # Four messages of 0.3 ms, and the turn is over.
+    first = Stage([0] * 100)
+    slow(first)
+    first.playback.advance()
+    assert first.playback.published == 4
+
+
+def test_a_stop_within_a_bundle_ends_it_at_that_message():
+    stage = Stage([0] * 10)
+    publish = stage.publish
+
+    def stop_after(message, *, hurried):
+        publish(message, hurried=hurried)
+        if len(stage.sent) == 3:
+            stage.playback.stop()
+
+    stage.publish = stop_after
+    assert not stage.run()
+    assert len(stage.sent) == 3
+
+
+def test_a_tick_is_not_passed_by_messages_that_are_due_after_it():
+    offsets = [k * SECOND // 1000 for k in range(40)]
+    stage = Stage(offsets, tick=SECOND / 100)
+    log = []
+    publish, tick = stage.publish, stage.publish_clock
+
+    def note(message, *, hurried):
+        log.append(("message", message.log_time - START))
+        publish(message, hurried=hurried)
+
+    def note_tick(bag_time):
+        log.append(("tick", bag_time - START))
+        tick(bag_time)
+
+    stage.publish, stage.publish_clock = note, note_tick
+    stage.now += SECOND  # all of it is due
+    stage.run()
+    ticks = [place for place, (kind, _) in enumerate(log) if kind == "tick"]
+    assert len(ticks) == 4
+    for place in ticks:
+        before = [time for kind, time in log[:place] if kind == "message"]
+        assert all(time < SECOND // 100 * ticks.index(place) + 1 for time in before)
