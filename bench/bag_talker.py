@@ -1,8 +1,8 @@
 """Publishes a bag's messages, read beforehand, by rclpy alone: the limit of any replay in Python.
 
 ``python -m bench.bag_talker BAG RATE SECONDS``: so much of the bag, with the QoS of a replay, each
-at its time or as soon as the one before is sent. No thread reads, nothing can be controlled, nobody
-is waited for.
+at its time or as soon as the one before is sent. No thread reads, nothing can be controlled, and
+no listener is waited for.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ SECTIONS: Mapping[str, Callable[[Sequence[Part]], Iterator[str]]] = {
 
 
 def filled(text: str, parts: Sequence[Part]) -> str:
-    """Return the text of a page with every marked section made anew.
+    """Return the text of a page with every marked section replaced.
 
     Raises:
         KeyError: for a marker of no section.

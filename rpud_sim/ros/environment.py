@@ -1,4 +1,4 @@
-"""Environment of ROS where its wheels are installed and nobody has sourced ``env.bash``."""
+"""Environment of ROS where its wheels are installed and ``env.bash`` has not been sourced."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ _LONG = 1.0  # time of compiling after which it is reported [s]
 
 
 class _StoppedError(Exception):
-    """Nobody waits for the other members any more."""
+    """The other members are not wanted any more."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -52,7 +52,7 @@ class Member:
 
     Args:
         figures: of the whole run; empty if it failed.
-        account: its energy account; None if it failed, or if nobody asked for accounts.
+        account: its energy account; None if it failed, or without accounts.
         failure: why it failed; None if it did not.
     """
 
@@ -134,7 +134,7 @@ class QuietRuns:
 
         Args:
             time: not before the present one.
-            statistics: to add to what happens; None if nobody asks.
+            statistics: to add to what happens; None for none.
 
         Returns:
             ``IMPACT`` records, which the next call of any run in this thread overwrites.

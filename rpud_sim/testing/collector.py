@@ -27,7 +27,7 @@ COMMANDS: Mapping[str, str] = {
     "command/drive": "rpud_msgs/msg/Drive",
 }
 _DEPTH = 5_000  # messages that may wait to be taken; Fast DDS keeps no more
-_LONGEST_WAIT = 0.05  # between looks at processes, whose end wakes nobody [s]
+_LONGEST_WAIT = 0.05  # between looks at processes, whose end sends no signal [s]
 __tracebackhide__ = is_verdict
 _DIAGNOSTICS = QoSProfile(depth=100)
 

@@ -1,4 +1,4 @@
-"""ROS domains that nobody else on this machine uses, and the environment of their processes."""
+"""ROS domains that no one else on this machine uses, and the environment of their processes."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _environment_domain() -> tuple[int, ...]:
 
 
 def _is_quiet(domain: int) -> bool:
-    """Return whether nobody has the sockets that participants of a domain open."""
+    """Return whether no process has the sockets that participants of a domain open."""
     first = 7400 + 250 * domain
     unicast = range(first + 10, first + 10 + 2 * _PARTICIPANTS)
     return all(_is_free(port) for port in (first, *unicast))

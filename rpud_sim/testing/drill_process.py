@@ -24,7 +24,7 @@ _PROGRAM = "from rpud_sim.cli.executables import drill_node; drill_node()"
 class DrillProcess:
     """Drill node that has just been started, in a domain that it has claimed.
 
-    It reads its scenario anew at each reset: a file that the owner may write before.
+    It reads its scenario again at each reset: a file that the owner may write before.
 
     Args:
         parameters: of the drill, checked.

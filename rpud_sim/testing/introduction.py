@@ -21,7 +21,7 @@ class Introduction:
 
     Args:
         node: of the test.
-        name: full name of the node under test; empty if it has none, so that nobody can be asked.
+        name: full name of the node under test; empty if it has none.
     """
 
     def __init__(self, node: Node, name: str) -> None:

@@ -19,7 +19,7 @@ from rpud_sim.testing.processes import ChildProcess, stop_all
 _START = 30.0  # that nodes may take to start which the test does not start itself [s]
 _CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
 _ACCEPTANCE = 10.0  # that a command may take to reach the drill [s]
-_POLL_PERIOD = 0.01  # between looks at the graph, whose changes wake nobody [s]
+_POLL_PERIOD = 0.01  # between looks at the graph, whose changes send no signal [s]
 _CALM = 0.25  # without a change of the graph, after which a node counts as complete [s]
 
 __tracebackhide__ = is_verdict

@@ -1,8 +1,8 @@
 """Page of a running drill, as a document of Bokeh: section, plots, state, and controls.
 
 The server sends frames, JSON texts with what has changed, and the browser acknowledges each. It
-sends none while one is under way: a page that cannot keep up gets fewer frames, and nobody waits
-for it. What is heard of the drill is kept by ``LiveDrill``, so that no message is lost.
+sends none while one is under way: a page that cannot keep up gets fewer frames, and delays no
+other. What is heard of the drill is kept by ``LiveDrill``, so that no message is lost.
 """
 
 from __future__ import annotations

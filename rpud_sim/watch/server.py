@@ -10,7 +10,7 @@ fills a document, and one line::
 ``document.on_session_destroyed`` tells when the tab is gone. All of it runs in the one thread of
 the server's loop: what takes long belongs into a thread of its own. Plain pages are handlers of
 Tornado that derive from ``bokeh.server.views.auth_request_handler.AuthRequestHandler``, so that
-the token is asked for.
+they need the token.
 """
 
 from __future__ import annotations

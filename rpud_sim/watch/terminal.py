@@ -104,7 +104,7 @@ class TerminalView(App[None]):
         return self._drill.picture() if self._drill else None
 
     def compose(self) -> ComposeResult:
-        """Make the widgets: the page, a line for what is asked, and the keys."""
+        """Make the widgets: the page, a line for questions, and the keys."""
         yield self._lines
         yield Static("", id="hint", markup=False)
         with Horizontal(id="prompt"):

@@ -22,7 +22,7 @@ def compile_kernels(folder: Path, pythons: Sequence[Python], root: Path) -> list
     """Compile the kernels for each Python, and return a line for each that has none.
 
     Args:
-        folder: of the kernels, written anew.
+        folder: of the kernels, replaced.
         pythons: to compile for; others than this one get an environment with Numba beside the folder.
         root: of the sources.
     """

@@ -30,7 +30,7 @@ def stage_messages(folder: Path, pythons: Sequence[Python]) -> str:
     """Write the source of the wheel into a folder and return the wheel's tag.
 
     Args:
-        folder: written anew; `messages_setup.py` says what is where.
+        folder: replaced; `messages_setup.py` says what is where.
         pythons: to compile the module for.
 
     Raises:

@@ -11,7 +11,7 @@ from rpud_sim.bag import BagReader, Message
 from rpud_sim.bag.message_block import MessageBlock, items
 
 TimesFit = Callable[[np.ndarray], np.ndarray]
-"""Tells of publishing times [ns] whether messages fit."""
+"""Returns whether each of some publishing times [ns] fits."""
 
 _MOST_WAITING = 64 * 2**20
 """Greatest size of the messages that wait for their turn [bytes]."""

@@ -227,7 +227,7 @@ class DrillConnection:
     def _introduce(self, patience: float) -> None:
         """Wait until the drill has discovered all subscriptions and clients of this node.
 
-        Discovery tells of them in the order in which they were made: an answer to the last one
+        Discovery reports them in the order in which they were made: an answer to the last one
         shows that the drill knows all. Otherwise it could drop a response or the first messages.
         """
         last = self.node.create_client(GetSimulationState, "simulation/get_state")

@@ -171,7 +171,7 @@ def _parts(
 
 
 def _is_quiet(configuration: Configuration, sampled: bool) -> bool:
-    """Return whether a run needs no records: nobody samples its motion."""
+    """Return whether a run needs no records, because its motion is not sampled."""
     return not sampled and runs_by_itself(configuration)
 
 

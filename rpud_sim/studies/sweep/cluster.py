@@ -30,7 +30,7 @@ _RETRY_PERIOD = 0.2  # between two attempts to reach the scheduler [s]
 
 
 class _SchedulerLostError(Exception):
-    """Nobody knows the chunks in flight any more."""
+    """The chunks in flight are lost."""
 
 
 class _Queue:

@@ -35,7 +35,7 @@ _SPEEDS = (1e-6, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 0.25, 1.0, 4.0, 10.0, 100.0)
 _PERIOD = 1000  # ms between looks at the state of the bag
 _WIDTH = 1000  # pixels of a plot until the browser tells
 _MOST_WIDTH = 4000  # pixels
-_MARGIN = 0.02  # of the range that is asked for on either side
+_MARGIN = 0.02  # of the requested range, on either side
 _NONE = np.empty(0)
 
 
