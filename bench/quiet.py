@@ -12,11 +12,11 @@ Result = TypeVar("Result")
 
 MOST_STOLEN = 0.03
 """Share of the processor time up to which a turn counts as undisturbed."""
-ATTEMPTS = 4
+ATTEMPTS = 2
 
 
 def undisturbed(measure: Callable[[], Result]) -> Result:
-    """Measure until others took at most 3 % meanwhile, four times at most; return the best turn.
+    """Measure until others took at most 3 % meanwhile, twice at most; return the best turn.
 
     The best turn is that in which others took least, whatever it measured.
     """

@@ -11,7 +11,8 @@ from bench.quiet import ATTEMPTS, undisturbed
     [
         ([0.0], 1, 0),
         ([0.5, 0.03], 2, 1),
-        ([0.2, 0.1, 0.4, 0.3], ATTEMPTS, 1),
+        ([0.1, 0.5], 2, 0),
+        ([0.2, 0.1], ATTEMPTS, 1),
     ],
 )
 def test_the_turn_in_which_others_took_least_counts(monkeypatch, stolen, attempts, chosen):

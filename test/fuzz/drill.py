@@ -27,6 +27,7 @@ OPTIONS = {
     "rock_model": "specific_energy",  # so that every fault can be honoured
     "actuator_model": "resonance",
     "command_timeout": 3600.0,  # so that stamps are looked at
+    "telemetry_rate": 500,  # each input waits for the end of a block
 }
 
 
