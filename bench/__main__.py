@@ -33,6 +33,7 @@ MEASUREMENTS: Mapping[str, str] = {
     "dask": "bench.dask_sweep:dask",
     "offline": "bench.offline:offline",
     "reading": "bench.reading:reading",
+    "profiles": "bench.profiles:profiles",
     "replay": "bench.replay:replay",
     "recorder": "bench.recorder:recorder",
     "telemetry": "bench.telemetry:telemetry",
@@ -80,7 +81,7 @@ class Keeper:
             time.monotonic() - started,
             tuple(found),
             failure,
-            round(100.0 * (stolen_after - stolen_before) / (all_after - all_before), 2),
+            round(100.0 * (stolen_after - stolen_before) / max(all_after - all_before, 1e-9), 2),
         )
         self.parts.append(part)
         results.write_parts(self.file, self.parts)

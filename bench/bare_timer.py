@@ -13,8 +13,8 @@ import threading
 import time
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.ros.drill.pacer import schedule_thread
 from rpud_sim.ros.lateness import Lateness
+from rpud_sim.ros.scheduling import schedule_thread
 
 PERIOD = 0.01  # of blocks at the default rate [s]
 SHARES = {"p50": 0.5, "p99": 0.99, "p99.9": 0.999}

@@ -19,6 +19,7 @@ _SPEED = re.compile(
     r"engine, (?P<regime>\w+): "
     r"(speed over that of (?P<other>.+)|simulated seconds per second, rpud_sim)"
 )
+_PROFILE = re.compile(r"profile, (?P<command>[^:]+): (?P<place>.+)")
 _MARKED = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
 
 
@@ -59,11 +60,28 @@ def speed(parts: Sequence[Part]) -> Iterator[str]:
         yield f"| {what} | {' | '.join(cells)} |"
 
 
+def profiles(parts: Sequence[Part]) -> Iterator[str]:
+    """Yield a table of where commands spend their time, a line for each command."""
+    found: dict[str, list[str]] = {}
+    for row in results.rows_of(parts):
+        if matched := _PROFILE.fullmatch(row.name):
+            shares = found.setdefault(matched["command"], [])
+            shares.append(f"{matched['place']} {number(row.median)} %")
+    if not found:
+        yield "Not measured yet."
+        return
+    yield "| command | share of its processor time |"
+    yield "|---|---|"
+    for command, shares in found.items():
+        yield f"| {command} | {', '.join(shares)} |"
+
+
 SECTIONS: Mapping[str, Callable[[Sequence[Part]], Iterator[str]]] = {
     "goals": goals,
     "missed": missed,
     "machine": machine,
     "speed": speed,
+    "profiles": profiles,
 }
 """Contents between markers such as ``<!-- figures: goals -->``."""
 

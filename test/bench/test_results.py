@@ -143,6 +143,10 @@ def test_a_page_is_filled_between_its_markers_alone():
         "<!-- end of figures -->\nrest\n"
     )
     assert filled(page, [PART]) == page
+    measured = replace(PART, rows=(row("profile, verify of 9 s: bag/reader.py", [41.25], "%"),))
+    assert "| verify of 9 s | bag/reader.py 41.2 % |" in filled(
+        "<!-- figures: profiles -->\n<!-- end of figures -->", [measured]
+    )
     with pytest.raises(KeyError):
         filled("<!-- figures: other -->\n<!-- end of figures -->", [PART])
 
