@@ -16,9 +16,10 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.pacer import Pacer, schedule_thread
+from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.time_control import TimeControl
+from rpud_sim.ros.scheduling import schedule_thread
 from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.telemetry import Stream

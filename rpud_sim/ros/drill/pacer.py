@@ -1,10 +1,9 @@
-"""Pacer: absolute deadlines of blocks, how late each one was, and the priority to meet them."""
+"""Pacer: absolute deadlines of blocks, and how late each one was."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-import os
 import time
 from collections.abc import Callable
 
@@ -188,19 +187,3 @@ class Pacer:
 
     def _due(self, time: int) -> int:
         return self._start + round((time - self._start_time) / self._factor)
-
-
-def schedule_thread(priority: int) -> str:
-    """Schedule the calling thread with a priority; return how it is scheduled now.
-
-    What it starts does not inherit that. If the system denies it, the thread stays as it is.
-
-    Args:
-        priority: of real-time scheduling (SCHED_FIFO), from 1 to 99; 0 for time-sharing.
-    """
-    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if priority else os.SCHED_OTHER
-    try:
-        os.sched_setscheduler(0, policy, os.sched_param(priority))
-    except OSError as error:
-        return f"time-sharing: real-time priority {priority}: {error.strerror}"
-    return f"real-time priority {priority}" if priority else "time-sharing"

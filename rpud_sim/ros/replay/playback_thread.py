@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from rpud_sim.ros.replay.playback import Playback
 from rpud_sim.ros.requests import Requests
+from rpud_sim.ros.scheduling import schedule_thread
 
 Result = TypeVar("Result")
 
@@ -16,10 +17,16 @@ _SHORTEST_SLEEP = 2e-4  # s; messages of less than this come together, and wake 
 
 
 class PlaybackThread:
-    """Thread that plays; other threads reach the playback by ``do``."""
+    """Thread that plays; other threads reach the playback by ``do``.
 
-    def __init__(self, playback: Playback) -> None:
+    Args:
+        playback: to play.
+        priority: of real-time scheduling, where permitted; 0 for none.
+    """
+
+    def __init__(self, playback: Playback, priority: int = 0) -> None:
         self._playback = playback
+        self._priority = priority
         self._wake = threading.Event()
         self._requests = Requests(self._wake.set)
         self._error: Exception | None = None
@@ -54,6 +61,7 @@ class PlaybackThread:
             raise self._error
 
     def _run(self) -> None:
+        schedule_thread(self._priority)
         try:
             self._playback.begin()
             while True:

@@ -27,6 +27,7 @@ from rpud_sim.ros.serving import quick_switches, serve, settled_memory
 from rpud_sim.ros.starting import StartError, start_ros
 from rpud_sim.ros.stopping import StopRequest
 
+_PRIORITY = 10  # as of a drill: in real time or slower; faster, it could keep a core for itself
 _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
 _POLL_PERIOD = 0.01  # s
 _ACKNOWLEDGEMENT_TIME = 5.0  # s that reliable subscribers have after the last message
@@ -132,7 +133,7 @@ def _replay(
         return ReadAhead(bag.messages(node.topic_names, position - bag.start_time))
 
     playback = Playback(read, plan, node)
-    thread = PlaybackThread(playback)
+    thread = PlaybackThread(playback, _PRIORITY if options.rate <= 1.0 else 0)
     ReplayServices(node, thread, node.count_failure)
     bar = make_bar(title=printable(bag.path.name), total=(plan.last - plan.first) / SECOND)
     keys = not options.disable_keyboard_controls
