@@ -18,7 +18,7 @@ from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.together import Entry, Together
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import offered_topics
 
 NAMESPACE = "/rpud"
 
@@ -47,9 +47,10 @@ def write_offline_bag(
         FaultError: if a fault of the scenario is not possible.
     """
     run = Run(beginning, Journal())
+    topics = offered_topics(beginning.settings.values())
     encoders = {
         name: Codec(topic.type, find_definition(topic.type)).encoder
-        for name, topic in TOPICS.items()
+        for name, topic in topics.items()
     }
     manifest = Manifest(
         parameters={**beginning.settings.values(), "seed": beginning.seed},
@@ -60,7 +61,7 @@ def write_offline_bag(
     )
     with BagWriter(path, ahead=1) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
-        for name, topic in TOPICS.items():
+        for name, topic in topics.items():
             # The offers of the node's publishers, as a recorder discovers them.
             offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
             bag.add_topic(
@@ -73,7 +74,7 @@ def write_offline_bag(
             else:
                 time, name, values = found
                 bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(values), time, time)
-        losses = {f"{NAMESPACE}/{name}": Losses() for name in TOPICS}
+        losses = {f"{NAMESPACE}/{name}": Losses() for name in topics}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
 
 

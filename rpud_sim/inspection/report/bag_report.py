@@ -174,7 +174,7 @@ def _impacts(seen: Survey, name: str, plots: TimePlots) -> dict[str, Any]:
 
 
 def _beside(seen: Survey, name: str, plots: TimePlots) -> Iterator[Plot]:
-    """Yield the plots of the reacting force and of the weight on bit beside those of impacts."""
+    """Yield the plots of forces, weight on bit, feed and rotation beside those of impacts."""
     for kind, column in FORCES:
         topic = seen.sibling(name, kind)
         series = topic.series if topic is not None else ()
@@ -185,6 +185,12 @@ def _beside(seen: Survey, name: str, plots: TimePlots) -> Iterator[Plot]:
     for journal_name, journal in seen.journals.items():
         if namespace(journal_name) == namespace(name):
             yield from plots.weight_on_bit(journal.changes)
+    for kind, column, title in _SLOW:
+        topic = seen.sibling(name, kind)
+        series = topic.series if topic is not None else ()
+        for item in series:
+            if item.column.name == column and item.values.count:
+                yield plots.series(item, title)
 
 
 def _segments(seen: Survey) -> Iterator[dict[str, Any]]:
