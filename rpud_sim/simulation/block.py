@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rpud_sim.drilling.process import ProcessState
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
@@ -40,6 +41,7 @@ class Block:
         rpud: constants of the RPUD that the segments lack.
         electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
         actuator: its state at the end of the block.
+        process: state of rotation, feed and borehole at their last step in it.
     """
 
     start: int
@@ -49,6 +51,7 @@ class Block:
     rpud: RpudConstants
     electrical_energy: float
     actuator: ActuatorReading | None = None
+    process: ProcessState = dataclasses.field(default_factory=ProcessState)
 
     def __deepcopy__(self, memo: dict[int, object]) -> Block:
         """Return itself: copies of a run share what cannot change."""
@@ -90,4 +93,5 @@ def join_blocks(blocks: Sequence[Block]) -> Block:
         last.rpud,
         math.fsum(block.electrical_energy for block in blocks),
         last.actuator,
+        last.process,
     )

@@ -159,7 +159,7 @@ class Simulation:
         self._plant.advance_to(time)
         reading = self._plant.reading
         drawn, self._drawn = reading.electrical_energy - self._drawn, reading.electrical_energy
-        return Block(start, time, *self._plant.drain(), self._rpud, drawn, reading)
+        return Block(start, time, *self._plant.drain(), self._rpud, drawn, reading, self.process)
 
     def advance_through(self, ends: np.ndarray) -> Span:
         """Advance to times one after the other and return what happened up to each.
@@ -180,8 +180,10 @@ class Simulation:
                 # The actuator has no power here, and nothing changes what it reads.
                 covering, impacts = self._plant.drain()
                 readings = (self._plant.reading,) * len(ends)
+                processes = (self.process,) * len(ends)  # there was no step
                 return Span(
-                    start, ends, covering, impacts, *reached, self._rpud, math.nan, readings
+                    *(start, ends, covering, impacts, *reached),
+                    *(self._rpud, math.nan, readings, processes),
                 )
         return span_of([self.advance_to(end) for end in ends.tolist()])
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rpud_sim.drilling.process import ProcessState
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, join_blocks
@@ -28,6 +29,7 @@ class Span:
         rpud: constants of the RPUD that the segments lack.
         electrical_energy: that the actuator drew in them [J]; NaN where its model has no power.
         readings: of the actuator at each end.
+        processes: states of rotation, feed and borehole at each end.
     """
 
     start: int
@@ -39,6 +41,7 @@ class Span:
     rpud: RpudConstants
     electrical_energy: float
     readings: Sequence[ActuatorReading]
+    processes: Sequence[ProcessState]
 
     def __deepcopy__(self, memo: dict[int, object]) -> Span:
         """Return itself: copies of a run share what cannot change."""
@@ -69,7 +72,8 @@ class Span:
         electrical = self.electrical_energy
         reading = self.readings[-1] if self.readings else None
         return Block(
-            self.start, self.end, self.covering, self.impacts, self.rpud, electrical, reading
+            *(self.start, self.end, self.covering, self.impacts),
+            *(self.rpud, electrical, reading, self.processes[-1]),
         )
 
     def sample_ends(self) -> Samples:
@@ -103,4 +107,5 @@ def span_of(blocks: Sequence[Block]) -> Span:
         joined.rpud,
         joined.electrical_energy,
         readings,
+        [block.process for block in blocks],
     )

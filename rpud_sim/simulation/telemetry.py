@@ -11,6 +11,7 @@ from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
+from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.fields import (
     Fields,
     actuator_state_fields,
@@ -37,7 +38,6 @@ from rpud_sim.simulation.process_fields import (
     process_fields,
     process_joints,
 )
-from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.span import Span
@@ -179,9 +179,7 @@ class Telemetry:
         self._streams_together(span, blocks, add)
         return Together(ends, tuple(columns))
 
-    def _processes_together(
-        self, span: Span, blocks: np.ndarray, add: Callable[..., None]
-    ) -> None:
+    def _processes_together(self, span: Span, blocks: np.ndarray, add: Callable[..., None]) -> None:
         """Add the messages of rotation, mount and borehole of a span."""
         states = span.processes
         for topic in PROCESS_TOPICS:
@@ -277,7 +275,7 @@ class Telemetry:
     def _samples(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
         stamp = self.origin + block.end
         samples = block.sample(Times.from_nanoseconds(block.end))
-        states = () if block.process is None else (block.process,)
+        states = (block.process,)
         for channel, make in _sensors(states):
             yield from self._signal(channel, block.end, make(samples, 0, stamp), faults)
         for topic in PROCESS_TOPICS:

@@ -56,9 +56,7 @@ TOPICS: Mapping[str, Topic] = {
     "mount": Topic("rpud_msgs/msg/Mount", 1000, model="feed_model"),
     "nodal_plane": Topic("rpud_msgs/msg/NodalPlane", 1000, frame=NODAL_PLANE_FRAME),
     "reacting_force": Topic("rpud_msgs/msg/ReactingForce", 1000),
-    "rotation": Topic(
-        "rpud_msgs/msg/Rotation", 1000, frame=TOOL_TIP_FRAME, model="rotation_model"
-    ),
+    "rotation": Topic("rpud_msgs/msg/Rotation", 1000, frame=TOOL_TIP_FRAME, model="rotation_model"),
     "status": Topic("rpud_msgs/msg/Status", 1, latched=True, complete=False, proved=False),
     "trajectory": Topic("rpud_msgs/msg/Trajectory", 40),
     "waveform": Topic("rpud_msgs/msg/Waveform", 40),

@@ -187,9 +187,7 @@ class Drill:
 
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
         """Command the feed of a drill on an arm; see ``DrillClient.feed``."""
-        self._act(
-            f"feed rate={rate} position={position}", lambda: self.client.feed(rate, position)
-        )
+        self._act(f"feed rate={rate} position={position}", lambda: self.client.feed(rate, position))
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""

@@ -39,9 +39,9 @@ class LiveDrill:
     again; its series stay until another run begins, whose number is ``picture.run``.
 
     Actions are executed in order: ``press(force)``, ``drive(enabled, voltage, frequency)``,
-    ``feed(rate, position)``, ``engage(on)``, ``inject(kind, channel, magnitude, duration)``, ``clear(which)``, ``pause()``,
-    ``play()``, ``step(seconds)``, ``reset(scope, seed)``, as ``DrillClient`` has them. A pause or
-    reset ends the wait for a step that is under way.
+    ``feed(rate, position)``, ``engage(on)``, ``inject(kind, channel, magnitude, duration)``,
+    ``clear(which)``, ``pause()``, ``play()``, ``step(seconds)``, ``reset(scope, seed)``, as
+    ``DrillClient`` has them. A pause or reset ends the wait for a step that is under way.
 
     Args:
         namespace: of the drill.

@@ -38,6 +38,17 @@ class ReportError(Exception):
     """Report that cannot be written; the text gives the reason in one line."""
 
 
+# Types, columns and titles of the slow quantities of a drill on an arm.
+_SLOW = (
+    ("rpud_msgs/msg/Mount", "force", "force of the arm on the mount"),
+    ("rpud_msgs/msg/Mount", "weight_on_bit", "weight on bit"),
+    ("rpud_msgs/msg/Mount", "feed", "position of the feed"),
+    ("rpud_msgs/msg/Borehole", "depth", "depth of the hole"),
+    ("rpud_msgs/msg/Rotation", "rate", "rate of rotation"),
+    ("rpud_msgs/msg/Rotation", "torque", "torque of rock and cuttings"),
+)
+
+
 def write_report(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],

@@ -13,7 +13,9 @@ from rpud_sim.ros.lateness import Lateness
 if TYPE_CHECKING:
     from rclpy.impl.rcutils_logger import RcutilsLogger
 
-    from rpud_sim.simulation.commands import Command
+    from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+
+    Command = WeightOnBit | Drive | Feed
 
 _LOGGED_PER_SECOND = 10
 _MALFORMED_PERIOD = 10.0  # between two log lines about malformed commands [s]
