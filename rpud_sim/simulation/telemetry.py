@@ -163,13 +163,13 @@ class Telemetry:
             self._signals.note(
                 "contact_force", partial(contact_force_fields, span.impacts[-1], self.origin)
             )
-        for topic, make in _sensors(span.processes):
+        for topic, make in _sensors(span.states):
             add(topic, blocks, ends, make(samples, None, stamps))
             last = partial(make, samples, len(span) - 1, self.origin + span.end)
             self._signals.note(topic, last)
         self._processes_together(span, blocks, add)
         if self._wanted("joint_states"):
-            joints = tuple(process_joints(span.processes))
+            joints = tuple(process_joints(span.states))
             fields = joint_state_fields(samples, None, stamps, joints)
             add("joint_states", blocks, ends, fields)
         if span.readings:
@@ -181,7 +181,7 @@ class Telemetry:
 
     def _processes_together(self, span: Span, blocks: np.ndarray, add: Callable[..., None]) -> None:
         """Add the messages of rotation, mount and borehole of a span."""
-        states = span.processes
+        states = span.states
         for topic in PROCESS_TOPICS:
             if not has_part(states, topic):
                 continue
