@@ -64,9 +64,17 @@ class Control:
         self._lost = False
 
     def apply(self, command: WeightOnBit | Drive | Feed) -> None:
-        """Put a command into force now, if commands act."""
+        """Put a command into force now, if commands act.
+
+        Raises:
+            ParameterError: if the drill cannot take it; nothing changes then.
+        """
         if not self._active:
             return
+        if isinstance(command, Feed):
+            self._simulation.configuration.check_feed(command)
+        elif isinstance(command, WeightOnBit):
+            self._simulation.configuration.check_weight_on_bit()
         self._watchdog.reset(self._simulation.time)
         if isinstance(command, WeightOnBit):
             self._weight_on_bit = command

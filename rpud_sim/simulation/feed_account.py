@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import operator
+from collections.abc import Sequence
 
 from rpud_sim.drilling.mount import MountState
 
@@ -52,6 +53,10 @@ class FeedAccount:
         """Return the account of the time after another one that begins with this one."""
         return FeedAccount(*map(operator.sub, _values_of(self), _values_of(other)))
 
+    def to_dict(self, weight_on_bit_work: float) -> dict[str, float]:
+        """Return the terms and the residual by name, ready for JSON; see ``residual``."""
+        return {**dataclasses.asdict(self), "residual": self.residual(weight_on_bit_work)}
+
     def residual(self, weight_on_bit_work: float) -> float:
         """Return what flowed in less where it went [J]; in a sound run rounding alone.
 
@@ -64,6 +69,14 @@ class FeedAccount:
 
 
 _values_of = operator.attrgetter(*(field.name for field in dataclasses.fields(FeedAccount)))
+
+
+def mean_feed_account(accounts: Sequence[FeedAccount]) -> FeedAccount | None:
+    """Return the mean of accounts, term by term; None if there are none."""
+    if not accounts:
+        return None
+    columns = zip(*map(_values_of, accounts), strict=True)
+    return FeedAccount(*(math.fsum(column) / len(accounts) for column in columns))
 
 
 class LoadSpring:
