@@ -19,9 +19,9 @@ class Cuttings:
 
         dV/dt = q - V v / depth
 
-    with the closed form of an exponential during a step. So the flutes fill up with depth, and empty
-    with the rate of rotation. A tool that is drawn back takes with it what its flutes hold outside
-    the hole.
+    with the closed form of an exponential during a step. So the flutes fill up with depth, and
+    empty with the rate of rotation. A tool that is drawn back takes with it what its flutes hold
+    outside the hole.
 
     Attributes:
         volume: in the hole [m^3].

@@ -146,8 +146,8 @@ class Rotor:
         J dw/dt = T_d - T                T: all torques that resist, constant during a step
 
     So voltage, detuning and load of the actuator act through a. The motion is an exponential where
-    the rotor follows the drive, and a parabola where it slips. Each piece ends at its exact time, so
-    the result does not depend on how steps with the same torques divide the time. The tool stops
+    the rotor follows the drive, and a parabola where it slips. Each piece ends at its exact time,
+    so the result does not depend on how steps with the same torques divide the time. The tool stops
     where the rate reaches zero, and starts when the torque of the drive at rest exceeds the
     resistance times the breakaway ratio. It never turns backward: all that resists is passive.
 
