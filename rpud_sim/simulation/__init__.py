@@ -17,6 +17,7 @@ change without notice.
 """
 
 # The public face only: modules of this package import from each other, never from here.
+from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters, preset
@@ -37,7 +38,6 @@ from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.parameter_files import read_parameter_file
-from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault, read_scenario

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 
+from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import Configuration
@@ -21,21 +22,25 @@ class Conditions:
 
     Args:
         parameters: in force, always inside their ranges.
+        load_spring_rate: k_1 without a binding, with which the load spring pushes [N/m].
         jammed: whether the free mass is wedged to the drill tool.
         specific_energy_factor: on the specific energy of the rock.
         progress_factor: on the progress into the rock, 0 to 1.
         resonance_offset: of the actuator [Hz].
         preload_factor: on the commanded weight on bit, 0 to 1.
         lock_lost: whether a tracking generator does not track.
+        disturbances: of the slow processes around the percussion.
     """
 
     parameters: Parameters
+    load_spring_rate: float
     jammed: bool = False
     specific_energy_factor: float = 1.0
     progress_factor: float = 1.0
     resonance_offset: float = 0.0
     preload_factor: float = 1.0
     lock_lost: bool = False
+    disturbances: Disturbances = UNDISTURBED
 
 
 def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
@@ -85,12 +90,16 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
     limited = {name: min(value, _greatest(parameters, name)) for name, value in wanted.items()}
     return Conditions(
         parameters=parameters.replace(**limited),
+        load_spring_rate=parameters.load_spring_rate,
         jammed=jammed,
         specific_energy_factor=specific_energy,
         progress_factor=progress,
         resonance_offset=offset,
         preload_factor=preload,
         lock_lost=lock_lost,
+        disturbances=Disturbances(
+            hardness=specific_energy, clearing=progress, preload_factor=preload
+        ),
     )
 
 

@@ -108,7 +108,8 @@ def compile_kernels(
         statistics.figures()
         EnergyAccount.of(block)
         block.sample(Times.from_nanoseconds(0))
-        simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
+        if not simulation.configuration.has_feed:  # whose steps change the weight on bit
+            simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
         simulation.advance_to(2000)  # the engine gets changes when time goes on
         if messages:
             energy = RecentEnergy()

@@ -1,0 +1,183 @@
+"""Process of drilling: rotation, feed and borehole, one step each millisecond."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from rpud_sim.drilling.borehole import BitParameters, Borehole, BoreholeState
+from rpud_sim.drilling.feed import Motion
+from rpud_sim.drilling.inputs import Disturbances, Percussion
+from rpud_sim.drilling.mount import Mount, MountParameters, MountState
+from rpud_sim.drilling.rock import RockParameters
+from rpud_sim.drilling.rotor import Resistance, RotationParameters, Rotor, RotorState
+from rpud_sim.drilling.strata import StrataParameters
+from rpud_sim.foundation.time import NEVER, SECOND
+
+# A step is at each whole multiple of this [ns], so that steps do not depend on how the simulation
+# is advanced. It is short against the periods of load spring and arm.
+PROCESS_INTERVAL = 1_000_000
+
+
+@dataclasses.dataclass(frozen=True)
+class DrillingParameters:
+    """Parameters of the slow processes, by part.
+
+    Args:
+        rotation: of the drill tool.
+        mount: feed and arm.
+        strata: layers of the rock.
+        bit: at the end of the drill tool.
+        rock: where there are no strata; area of the hole.
+    """
+
+    rotation: RotationParameters = dataclasses.field(default_factory=RotationParameters)
+    mount: MountParameters = dataclasses.field(default_factory=MountParameters)
+    strata: StrataParameters = dataclasses.field(default_factory=StrataParameters)
+    bit: BitParameters = dataclasses.field(default_factory=BitParameters)
+    rock: RockParameters = dataclasses.field(default_factory=RockParameters)
+
+    @property
+    def active(self) -> bool:
+        """Whether there is anything to step."""
+        rotates = self.rotation.rotation_model != "none"
+        return rotates or self.mount.feed_model != "none" or bool(self.strata.strata)
+
+
+@dataclasses.dataclass(frozen=True)
+class Surroundings:
+    """What a step needs of the drill besides its percussion, immutable.
+
+    Args:
+        weight_on_bit: commanded force, which acts where there is no feed [N].
+        load_spring_rate: k_1 [N/m].
+        has_rock: whether there is rock; otherwise the tool never touches any.
+        depth: of the hole by percussion alone [m], where there are no strata.
+    """
+
+    weight_on_bit: float
+    load_spring_rate: float
+    has_rock: bool
+    depth: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class ProcessState:
+    """State of the slow processes at their last step, immutable.
+
+    Args:
+        time: of that step [ns].
+        rotation: state of the rotor; None without rotation.
+        mount: state of feed and mount; None without a feed.
+        borehole: state of the hole; None without strata.
+    """
+
+    time: int = 0
+    rotation: RotorState | None = None
+    mount: MountState | None = None
+    borehole: BoreholeState | None = None
+
+    def __deepcopy__(self, memo: dict[int, object]) -> ProcessState:
+        """Return itself: copies of a run share what cannot change."""
+        return self
+
+
+class Process:
+    """Slow processes around the percussion, from time zero on.
+
+    Times are integer nanoseconds of simulation time.
+
+    Attributes:
+        state: at the last step.
+
+    Args:
+        parameters: of the processes.
+        surroundings: at time zero.
+    """
+
+    def __init__(self, parameters: DrillingParameters, surroundings: Surroundings) -> None:
+        self._next_step = PROCESS_INTERVAL if parameters.active else NEVER
+        self._rotor: Rotor | None = None
+        self._mount: Mount | None = None
+        self._borehole: Borehole | None = None
+        if parameters.rotation.rotation_model != "none":
+            self._rotor = Rotor(parameters.rotation)
+        if parameters.mount.feed_model != "none":
+            rate = surroundings.load_spring_rate
+            self._mount = Mount(parameters.mount, rate, surroundings.has_rock)
+        if parameters.strata.strata:
+            self._borehole = Borehole(parameters.bit, parameters.strata, parameters.rock)
+        self.state = self._state_at(0)
+
+    @property
+    def next_step(self) -> int:
+        """Time of the next step [ns]; ``NEVER`` if there is nothing to step."""
+        return self._next_step
+
+    @property
+    def weight_on_bit(self) -> float | None:
+        """Weight on bit until the next step [N]; None if the commanded one acts."""
+        return self._mount.state.weight_on_bit if self._mount else None
+
+    @property
+    def in_contact(self) -> bool | None:
+        """Whether the tool is in the rock until the next step; None if ``regime`` says it."""
+        return self._mount.state.in_contact if self._mount else None
+
+    @property
+    def depth(self) -> float | None:
+        """Depth of the hole [m]; None without strata."""
+        return self._borehole.state.depth if self._borehole else None
+
+    def feed(self, motion: Motion) -> None:
+        """Let the drive of the feed make a motion, from the next step on.
+
+        Without a feed nothing happens.
+        """
+        if self._mount:
+            self._mount.motion = motion
+
+    def step(
+        self, percussion: Percussion, surroundings: Surroundings, disturbances: Disturbances
+    ) -> None:
+        """Take the step that is due at ``next_step``.
+
+        Args:
+            percussion: since the last step.
+            surroundings: at the step.
+            disturbances: faults in force at the step.
+        """
+        interval = PROCESS_INTERVAL / SECOND
+        mount, borehole = self._mount, self._borehole
+        weight = mount.state.weight_on_bit if mount else surroundings.weight_on_bit
+        rotor_state = None
+        if self._rotor:
+            resistance = Resistance()
+            if borehole:
+                resistance = borehole.resistance(weight, percussion.in_rock, disturbances)
+            ratio = percussion.amplitude_ratio
+            rotor_state = self._rotor.step(interval, ratio, resistance, disturbances)
+        bottom = surroundings.depth
+        if borehole:
+            position = mount.state.position if mount else None
+            bottom = borehole.step(
+                interval, percussion, rotor_state, weight, position, disturbances
+            ).depth
+        if mount:
+            mount.step(
+                interval,
+                bottom,
+                percussion.reacting_force,
+                surroundings.load_spring_rate,
+                surroundings.has_rock,
+                disturbances,
+            )
+        self.state = self._state_at(self._next_step)
+        self._next_step += PROCESS_INTERVAL
+
+    def _state_at(self, time: int) -> ProcessState:
+        return ProcessState(
+            time,
+            self._rotor.state if self._rotor else None,
+            self._mount.state if self._mount else None,
+            self._borehole.state if self._borehole else None,
+        )
