@@ -218,7 +218,7 @@ class Borehole:
         # A worn bit spreads the same blow over a larger area.
         flat = self._wear_flat * disturbances.worn_factor
         blunt = max(flat / self._bit.bit_wear_flat, 1.0) if self._bit.bit_wear_flat > 0.0 else 1.0
-        held_up = self._cuttings.clearance(self._tip) * self._spread()
+        held_up = disturbances.progress * self._cuttings.clearance(self._tip) * self._spread()
         turns = turned / (2.0 * math.pi)
         left = 1.0  # of the step
         while left > 0.0:

@@ -21,6 +21,7 @@ from rpud_sim.foundation.quantities import (
 )
 from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml_text, yaml_lines
 
+LONGEST_NAME = 60
 BOTTOM = Quantity("m", "depth at which the rock ends", 0.0, 1e4, exclusive=True)
 
 
@@ -37,7 +38,7 @@ class Layer(ParameterGroup):
     specific_energy: float = number(
         75e6, "J/m^3", "least energy that cuts or breaks one unit of volume", 1e3, 1e12
     )
-    strength: float = number(75e6, "Pa", "compressive strength", 1e2, 1e10)
+    strength: float = number(75e6, "Pa", "compressive strength", 1e2, 1e12)
     threshold_energy: float = number(
         0.0, "J", "energy of an impact below which it breaks nothing", 0.0, 1e3
     )
@@ -45,9 +46,17 @@ class Layer(ParameterGroup):
     density: float = number(2360.0, "kg/m^3", "mass of one unit of volume", 10.0, 1e5)
     friction: float = number(0.5, "", "coefficient of friction of the wear flat", 0.0, 2.0)
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (self.name.isprintable() and len(self.name) <= LONGEST_NAME):
+            raise ParameterError(
+                f"name = {shown(self.name)} is not printable text of at most {LONGEST_NAME} letters"
+            )
+
 
 # What a layer of a file may state, in the order of the documentation.
 LAYER_QUANTITIES: Mapping[str, Quantity] = quantities(Layer)
+STRENGTH = LAYER_QUANTITIES["strength"]
 _LAYER_KEYS = (*LAYER_QUANTITIES, "name", "rock")
 _STRATA_KEYS = ("layers", "bottom")
 
@@ -88,6 +97,10 @@ class Strata:
                     "where the last layer begins"
                 )
 
+    def __deepcopy__(self, memo: dict[int, object]) -> Strata:
+        """Return itself: copies of a run share what cannot change."""
+        return self
+
     def number_at(self, depth: float) -> int:
         """Return the number of the layer at a depth [m], from 0; a boundary belongs to the lower.
 
@@ -106,7 +119,7 @@ class Strata:
         content: dict[str, Any] = {"layers": [dataclasses.asdict(layer) for layer in self.layers]}
         if not math.isinf(self.bottom):
             content["bottom"] = self.bottom
-        return json.dumps(content)
+        return json.dumps(content, ensure_ascii=False)
 
 
 def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
@@ -122,6 +135,15 @@ def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
     if not (isinstance(rock, str) and rock in ROCKS):
         raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
     return Layer(name=rock, depth_from=depth_from, **ROCKS[rock].properties)
+
+
+def uniform_strata(specific_energy: float) -> Strata:
+    """Return one layer without end, with the specific energy [J/m^3] as its strength.
+
+    It has no threshold energy and does not wear the bit, as the rock of ``RockParameters``.
+    """
+    strength = min(max(specific_energy, STRENGTH.minimum), STRENGTH.maximum)
+    return Strata((Layer("rock", 0.0, specific_energy, strength),))
 
 
 def find_strata(choice: str) -> Strata:

@@ -102,7 +102,7 @@ def test_the_preload_limits_the_torque_of_the_drive():
     assert not rotor.state.slipping
     assert rotor.state.rate == pytest.approx(15.0 * 0.9)
     # It stalls at the grip, not at the stall torque, and uniformly.
-    rotor = turn(1e-4, 0.04, rotor=rotor)
+    rotor = turn(5e-4, 0.04, rotor=rotor)
     assert rotor.state.slipping
     turn(1.0, 0.04, rotor=rotor)
     assert rotor.state.stalled
