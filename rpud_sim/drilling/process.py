@@ -98,6 +98,10 @@ class ProcessState:
         return self
 
 
+# State where there is nothing to step.
+AT_REST = ProcessState()
+
+
 class Process:
     """Slow processes around the percussion, from time zero on.
 

@@ -26,6 +26,7 @@ from rpud_sim.model.tally import CLASSES, PART_ROOM, empty_tallies
 from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.energy_account import EnergyAccount
+from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.plant import nominal_drive, rpud_constants
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.statistics import Statistics, account_of, figures_of
@@ -54,11 +55,13 @@ class Member:
         figures: of the whole run; empty if it failed.
         account: its energy account; None if it failed, or if nobody asked for accounts.
         failure: why it failed; None if it did not.
+        feed: its account of feed and mount; None without a feed.
     """
 
     figures: Figures
     account: EnergyAccount | None = None
     failure: EngineError | None = None
+    feed: FeedAccount | None = None
 
 
 class _Room(threading.local):

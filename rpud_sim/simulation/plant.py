@@ -19,6 +19,7 @@ from rpud_sim.simulation.actuator import Actuator, ActuatorReading
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.conditions import Conditions
 from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.feed_account import FeedAccount, LoadSpring
 from rpud_sim.simulation.percussion import PercussionMeter, nodal_plane_position
 
 
@@ -81,6 +82,9 @@ class Plant:
         if self.process.next_step != NEVER:
             position = nodal_plane_position(self._set_aside(), 0)
             self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
+        self._load_spring: LoadSpring | None = None
+        if (mount := self.process.state.mount) is not None:
+            self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
         self._in_force = (self._drill, *self._commands())
 
     @property
@@ -174,6 +178,13 @@ class Plant:
         self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
         if self.process.in_contact is not in_contact:
             self._drill = self._derived()
+        if self._load_spring and (mount := self.process.state.mount) is not None:
+            self._load_spring.step(mount, self._pushing_rate(), position)
+
+    def _pushing_rate(self) -> float:
+        """Rate with which the load spring pushes [N/m]."""
+        acting = self._conditions
+        return acting.load_spring_rate * acting.disturbances.preload_factor
 
     def _surroundings(self) -> Surroundings:
         parameters = self._conditions.parameters
@@ -195,6 +206,16 @@ class Plant:
 
     def _derived(self) -> Drill:
         return derive(self._acting_parameters(), self._conditions.jammed)
+
+    def feed_account(self, segment: np.void) -> FeedAccount | None:
+        """Return the account of feed and mount since time zero; None without a feed.
+
+        Args:
+            segment: the open one.
+        """
+        if self._load_spring is None:
+            return None
+        return self._load_spring.account(nodal_plane_position(segment, self.time))
 
     def _make_progress(self, impacts: np.ndarray) -> None:
         if self._percussion is not None:

@@ -18,6 +18,7 @@ from rpud_sim.simulation.conditions import check_honoured, conditions, honoured_
 from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
 from rpud_sim.simulation.fault_schedule import FaultSchedule
 from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.plant import Plant, nominal_drive, rpud_constants
@@ -63,6 +64,7 @@ class Simulation:
         self._plant = Plant(configuration, initial_phase, drive)
         self._rpud = rpud_constants(parameters, self._plant.actuator.resonance)
         self._drawn = 0.0  # electrical energy up to the last block [J]
+        self._fed = FeedAccount() if configuration.has_feed else None  # up to the last block
         self._faults = FaultLedger()
         self._schedule = FaultSchedule()
         self._refusals: deque[str] = deque(maxlen=_MOST_REFUSALS)
@@ -159,7 +161,11 @@ class Simulation:
         self._plant.advance_to(time)
         reading = self._plant.reading
         drawn, self._drawn = reading.electrical_energy - self._drawn, reading.electrical_energy
-        return Block(start, time, *self._plant.drain(), self._rpud, drawn, reading)
+        covering, impacts = self._plant.drain()
+        feed, fed = self._plant.feed_account(covering[-1]), self._fed
+        if feed is not None and fed is not None:
+            self._fed, feed = feed, feed - fed
+        return Block(start, time, covering, impacts, self._rpud, drawn, reading, self.process, feed)
 
     def advance_through(self, ends: np.ndarray) -> Span:
         """Advance to times one after the other and return what happened up to each.
