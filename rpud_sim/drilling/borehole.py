@@ -48,11 +48,6 @@ class BoreholeState:
     side_offset: float = 0.0
     broken_through: bool = False
 
-    @property
-    def bottom(self) -> float:
-        """Depth at which the bit meets rock [m]; infinite below the rock."""
-        return math.inf if self.broken_through else self.depth
-
 
 class Borehole:
     """Borehole in strata.
@@ -60,9 +55,6 @@ class Borehole:
     Percussion deepens it as ``Progress`` does, by the energy of impacts above the threshold of the
     layer; rotation by the depth of its cut in each turn (``bit.cut``). Cuttings in the flutes hold
     both up (``cuttings``).
-
-    Attributes:
-        state: at the last step.
 
     Args:
         bit: its parameters.
@@ -96,7 +88,26 @@ class Borehole:
         self._owed = 0.0  # energy that the free mass took back from the drill tool [J]
         self._work = RotorWork()  # of the rotation up to the last step
         self._energy = 0.0  # spent on drilling so far [J]
-        self.state = self._state()
+        self._cut_for: tuple[Layer, float, float, float] | None = None
+        self._last_cut = NO_CUT
+        self._known_state: BoreholeState | None = None
+
+    @property
+    def state(self) -> BoreholeState:
+        """State at the last step."""
+        if self._known_state is None:  # few steps are looked at
+            self._known_state = self._state()
+        return self._known_state
+
+    @property
+    def depth(self) -> float:
+        """Depth of the hole [m]."""
+        return self._depth
+
+    @property
+    def bottom(self) -> float:
+        """Depth at which the bit meets rock [m]; infinite below the rock."""
+        return math.inf if self._through else self._depth
 
     def resistance(
         self, weight_on_bit: float, in_rock: bool, disturbances: Disturbances
@@ -129,8 +140,8 @@ class Borehole:
         weight_on_bit: float,
         mount_position: float | None,
         disturbances: Disturbances,
-    ) -> BoreholeState:
-        """Drill for one step and return the state at its end.
+    ) -> None:
+        """Drill for one step.
 
         Args:
             interval: length of the step [s].
@@ -162,15 +173,22 @@ class Borehole:
         self._warm(interval, absorbed, density_layer)
         self._energy += weight_on_bit * (self._depth - start) + impact_energy + resisted
         self._recent.add(interval, self._depth, self._energy)
-        self.state = self._state()
-        return self.state
+        self._known_state = None
 
     def _cut(self, layer: Layer, weight_on_bit: float, disturbances: Disturbances) -> Cut:
         """Return the cut in a layer, with the pull of rock that protrudes into the flutes."""
-        pull = self._screw_torque(disturbances) / (self._radius * self._screw_slope(layer))
+        weight, screw = weight_on_bit, self._screw_torque(disturbances)
+        if screw > 0.0:
+            weight += screw / (self._radius * self._screw_slope(layer))
         flat = min(self._wear_flat * disturbances.worn_factor, self._area)
-        weight = weight_on_bit + pull
-        return cut(self._bit, layer, self._radius, weight, flat, disturbances.hardness)
+        given = (layer, weight, flat, disturbances.hardness)
+        # Resistance and progress of a step need the same cut.
+        if given != self._cut_for:
+            self._cut_for = given
+            self._last_cut = cut(
+                self._bit, layer, self._radius, weight, flat, disturbances.hardness
+            )
+        return self._last_cut
 
     def _engagement(self, disturbances: Disturbances) -> float:
         """Return the share of the flutes' depth into which rock protrudes."""

@@ -107,9 +107,6 @@ class Process:
 
     Times are integer nanoseconds of simulation time.
 
-    Attributes:
-        state: at the last step.
-
     Args:
         parameters: of the processes.
         surroundings: at time zero.
@@ -129,7 +126,17 @@ class Process:
             ambient = parameters.ambient_temperature
             self._borehole = Borehole(parameters.bit, layers, parameters.rock, ambient)
         self._follows_rock = parameters.strata.found is None
-        self.state = self._state_at(0)
+        self._time = 0  # of the last step [ns]
+
+    @property
+    def state(self) -> ProcessState:
+        """State at the last step."""
+        return ProcessState(
+            self._time,
+            self._rotor.state if self._rotor else None,
+            self._mount.state if self._mount else None,
+            self._borehole.state if self._borehole else None,
+        )
 
     @property
     def next_step(self) -> int:
@@ -149,7 +156,7 @@ class Process:
     @property
     def depth(self) -> float | None:
         """Depth of the hole [m]; None without a borehole."""
-        return self._borehole.state.depth if self._borehole else None
+        return self._borehole.depth if self._borehole else None
 
     def feed(self, motion: Motion) -> None:
         """Let the drive of the feed make a motion, from the next step on.
@@ -185,9 +192,8 @@ class Process:
         bottom = surroundings.depth
         if borehole:
             position = mount.state.position if mount else None
-            bottom = borehole.step(
-                interval, percussion, rotor_state, weight, position, disturbances
-            ).bottom
+            borehole.step(interval, percussion, rotor_state, weight, position, disturbances)
+            bottom = borehole.bottom
         if mount:
             mount.step(
                 interval,
@@ -197,13 +203,5 @@ class Process:
                 surroundings.has_rock,
                 disturbances,
             )
-        self.state = self._state_at(self._next_step)
+        self._time = self._next_step
         self._next_step += PROCESS_INTERVAL
-
-    def _state_at(self, time: int) -> ProcessState:
-        return ProcessState(
-            time,
-            self._rotor.state if self._rotor else None,
-            self._mount.state if self._mount else None,
-            self._borehole.state if self._borehole else None,
-        )

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-
-import numpy as np
+from array import array
 
 # Steps that the means go over: one second of steps of a millisecond.
 STEPS = 1000
@@ -14,9 +13,9 @@ class RecentDrilling:
     """Depth and energy after each of the last steps, from which means over a second follow."""
 
     def __init__(self) -> None:
-        # A ring of time [s], depth [m] and energy [J]; an array, so that copies are cheap.
-        self._ring = np.zeros((STEPS + 1, 3))
-        self._steps = 0
+        # Rings of time [s], depth [m] and energy [J]; arrays, so that copies are cheap.
+        self._times, self._depths, self._energies = (array("d", bytes(8)) for _ in range(3))
+        self._now = 0
 
     def add(self, interval: float, depth: float, energy: float) -> None:
         """Add a step.
@@ -26,21 +25,26 @@ class RecentDrilling:
             depth: of the hole at its end [m].
             energy: spent on drilling up to then [J].
         """
-        time = self._ring[self._steps % (STEPS + 1), 0] + interval
-        self._steps += 1
-        self._ring[self._steps % (STEPS + 1)] = time, depth, energy
+        time = self._times[self._now] + interval
+        if len(self._times) <= STEPS:
+            self._now += 1
+            self._times.append(time)
+            self._depths.append(depth)
+            self._energies.append(energy)
+            return
+        self._now = (self._now + 1) % (STEPS + 1)
+        self._times[self._now] = time
+        self._depths[self._now] = depth
+        self._energies[self._now] = energy
 
-    def _change(self) -> tuple[float, float, float]:
-        now = self._steps % (STEPS + 1)
-        first = (self._steps + 1) % (STEPS + 1) if self._steps >= STEPS else 0
-        time, deeper, energy = (self._ring[now] - self._ring[first]).tolist()
-        return time, deeper, energy
+    def _change_of(self, ring: array[float]) -> float:
+        return ring[self._now] - ring[(self._now + 1) % len(ring)]
 
     @property
     def penetration_rate(self) -> float:
         """Mean rate of penetration [m/s]."""
-        time, deeper, _ = self._change()
-        return deeper / time if time > 0.0 else 0.0
+        time = self._change_of(self._times)
+        return self._change_of(self._depths) / time if time > 0.0 else 0.0
 
     def specific_energy(self, area: float) -> float:
         """Return energy over volume [J/m^3], after Teale (1965); NaN if there was no progress.
@@ -51,5 +55,5 @@ class RecentDrilling:
         Args:
             area: of the hole [m^2].
         """
-        _, deeper, energy = self._change()
-        return energy / (area * deeper) if deeper > 0.0 else math.nan
+        deeper = self._change_of(self._depths)
+        return self._change_of(self._energies) / (area * deeper) if deeper > 0.0 else math.nan

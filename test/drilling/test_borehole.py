@@ -36,7 +36,7 @@ class Drill:
 
     def run(self, seconds, weight=10.0, energy=0.0, mount=None, faults=UNDISTURBED, ratio=1.0):
         """Drill with one impact in each 4 ms, of an energy [J]."""
-        in_rock = mount is None or mount >= self.borehole.state.bottom
+        in_rock = mount is None or mount >= self.borehole.bottom
         for _ in range(round(seconds / STEP)):
             self.steps += 1
             impacts = int(energy > 0.0 and self.steps % 4 == 0)
@@ -130,7 +130,8 @@ def test_layers_are_crossed_at_their_depths_also_within_one_step():
     ):
         at_once = Borehole(CLEAR, THREE, whole)
         blow = Percussion(1, energy, 1.0, True)
-        state = at_once.step(STEP, blow, None, 0.0, None, UNDISTURBED)
+        at_once.step(STEP, blow, None, 0.0, None, UNDISTURBED)
+        state = at_once.state
         assert (state.depth, state.layer) == (pytest.approx(depth, rel=1e-12), name)
         slowly = Borehole(CLEAR, THREE, whole)
         part = Percussion(1, energy / 7, 1.0, True)
@@ -143,7 +144,7 @@ def test_below_the_rock_nothing_resists():
     drill = Drill(THREE, rock=dataclasses.replace(ROCK, rock_energy_transfer=1.0))
     state = drill.run(1.0, energy=10.0)
     assert state.broken_through
-    assert (state.depth, state.bottom, state.layer) == (2.5e-3, math.inf, "")
+    assert (state.depth, drill.borehole.bottom, state.layer) == (2.5e-3, math.inf, "")
     assert drill.borehole.resistance(10.0, True, UNDISTURBED).cutting == 0.0
     assert drill.run(0.1, energy=10.0).depth == 2.5e-3
 
