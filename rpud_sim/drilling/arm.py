@@ -176,28 +176,32 @@ def shift(arm: Arm, load: Load, position: float, rest: float, new_rest: float) -
 
 def arm_force(arm: Arm, load: Load, position: float, rest: float) -> float:
     """Return the force of the arm on the mount, toward the rock [N]."""
-    deflection = position - rest
     if arm.stiffness > 0.0:
-        return -arm.stiffness * arm.stretch(deflection)
+        return -arm.stiffness * arm.stretch(position - rest)
     held = load.force(position)
-    at_end = abs(deflection) >= arm.half_play and (
-        arm.half_play == 0.0 or (deflection > 0.0) is not (held > 0.0)
-    )
-    return min(max(held, -arm.anchoring), arm.anchoring) if at_end else 0.0
+    if _in_play(arm, position, rest, -held):
+        return 0.0
+    return min(max(held, -arm.anchoring), arm.anchoring)
 
 
 def _net_force(arm: Arm, load: Load, position: float, rest: float) -> float:
     """Return A - L in the direction in which the mount would move [N]; zero if it is held."""
     driving = -load.force(position)
-    deflection = position - rest
     if arm.stiffness > 0.0:
-        elastic = arm.stiffness * arm.stretch(deflection)
+        elastic = arm.stiffness * arm.stretch(position - rest)
         return driving - min(max(elastic, -arm.anchoring), arm.anchoring)
-    away = 1.0 if driving > 0.0 else -1.0
-    if deflection * away < arm.half_play:
+    if _in_play(arm, position, rest, driving):
         return driving
     excess = abs(driving) - arm.anchoring
-    return away * excess if excess > 0.0 else 0.0
+    return math.copysign(excess, driving) if excess > 0.0 else 0.0
+
+
+def _in_play(arm: Arm, position: float, rest: float, driving: float) -> bool:
+    """Return whether the play of a rigid arm lets a force drive the mount further."""
+    # Compared with the knots themselves: the end of the play that is reached must count.
+    if driving > 0.0:
+        return position < rest + arm.half_play
+    return position > rest - arm.half_play
 
 
 def _steepness(arm: Arm, load: Load, deflection: float, position: float) -> float:
