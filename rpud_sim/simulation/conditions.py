@@ -141,6 +141,10 @@ def check_honoured(fault: Fault, configuration: Configuration) -> None:
         reason = "needs a rock_model, which is none"
     elif no_rock and drilling and fault.kind == "drill_tool_binding":
         reason = "acts on the progress while drilling and needs a rock_model, which is none"
+    elif fault.channel == "rotation" and configuration.rotation.rotation_model == "none":
+        reason = "needs a rotation_model, which is none"
+    elif fault.channel == "mount" and not configuration.has_feed:
+        reason = "needs a feed_model, which is none"
     if reason:
         raise FaultError(f"{fault} cannot be honoured: it {reason}")
 
