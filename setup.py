@@ -69,7 +69,8 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.py"))),
-        (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
+        (f"share/{PACKAGE}/config", sorted(glob("config/*.*"))),
+        (f"share/{PACKAGE}/config/ros2_control", sorted(glob("config/ros2_control/*"))),
         (f"share/{PACKAGE}/urdf", sorted(glob("urdf/*"))),
     ],
     entry_points={

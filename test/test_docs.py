@@ -168,8 +168,14 @@ def test_the_tables_of_parameters_are_those_of_the_code():
 @pytest.fixture
 def node():
     rclpy.init()
-    clock = Parameter("publish_clock", value=True)
-    node = DrillNode(namespace="/rpud", parameter_overrides=[clock])
+    values = {
+        "publish_clock": True,
+        "feed_model": "arm",
+        "rotation_model": "friction_drive",
+        "strata": "sandstone",
+    }
+    overrides = [Parameter(name, value=value) for name, value in values.items()]
+    node = DrillNode(namespace="/rpud", parameter_overrides=overrides)
     node.trigger_configure()
     yield node
     node.trigger_cleanup()

@@ -81,7 +81,10 @@ def test_every_interface_package_that_is_imported_is_declared():
     assert imported - optional - declared == set()
 
 
-@pytest.mark.parametrize("pattern", ["launch/*.launch.py", "config/*", "urdf/*", "package.xml"])
+@pytest.mark.parametrize(
+    "pattern",
+    ["launch/*.launch.py", "config/*.*", "config/ros2_control/*", "urdf/*", "package.xml"],
+)
 def test_data_files_are_installed(pattern):
     share = Path(get_package_share_directory("rpud_sim"))
     files = [path.relative_to(ROOT) for path in ROOT.glob(pattern)]

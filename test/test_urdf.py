@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 import yaml
 
+from rpud_sim.drilling.mount import MountParameters
+from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.fields import JOINTS
+from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import MOUNT_FRAME, NODAL_PLANE_FRAME, TOOL_TIP_FRAME
@@ -171,3 +174,43 @@ def test_rviz_is_shown_frames_and_topics_that_exist():
         if name.endswith("Topic")
     }
     assert topics == {"robot_description", "wrench"}
+
+
+FEED = ElementTree.parse(ROOT / "urdf" / "rpud_feed.urdf").getroot()
+FEED_JOINTS = {joint.get("name"): joint for joint in FEED.findall("joint")}
+
+
+def ends(joint):
+    return joint.find("parent").get("link"), joint.find("child").get("link")
+
+
+def test_feed_and_rotation_extend_the_tree_at_its_root_and_at_the_tool():
+    """Nothing of the tree without them changes, so both files together are one tree."""
+    links = [link.get("name") for link in FEED.findall("link")]
+    assert not set(links) & set(LINKS)
+    assert not set(FEED_JOINTS) & set(JOINT)
+    assert ends(FEED_JOINTS[FEED_JOINT]) == ("rpud_rail", "rpud_base")
+    assert ends(FEED_JOINTS[ROTATION_JOINT]) == (TOOL_TIP_FRAME, "rpud_bit")
+    assert sorted(links) == ["rpud_bit", "rpud_rail"]
+    materials = {material.get("name") for material in ROBOT.findall("material")}
+    used = {material.get("name") for material in FEED.iter("material")}
+    assert used <= materials
+
+
+def test_feed_and_rotation_are_joints_along_and_about_the_drill_axis():
+    feed, rotation = FEED_JOINTS[FEED_JOINT], FEED_JOINTS[ROTATION_JOINT]
+    assert (feed.get("type"), rotation.get("type")) == ("prismatic", "continuous")
+    for joint in (feed, rotation):
+        assert numbers(joint.find("axis"), "xyz") == [0.0, 0.0, 1.0]
+        assert height(joint) == 0.0
+
+
+def test_the_limits_of_feed_and_rotation_are_the_defaults_of_the_parameters():
+    mount, rotor = MountParameters(), RotationParameters()
+    feed, rotation = (FEED_JOINTS[name].find("limit") for name in (FEED_JOINT, ROTATION_JOINT))
+    assert float(feed.get("lower")) == mount.feed_minimum
+    assert float(feed.get("upper")) == mount.feed_maximum
+    assert float(feed.get("velocity")) == mount.feed_rate_limit
+    assert float(feed.get("effort")) == mount.anchoring_force
+    assert float(rotation.get("velocity")) == rotor.rotor_no_load_rate
+    assert float(rotation.get("effort")) == rotor.rotor_stall_torque

@@ -17,6 +17,7 @@ COMMANDS = (
     "replay",
     "press",
     "drive",
+    "feed",
     "engage",
     "inject",
     "clear",

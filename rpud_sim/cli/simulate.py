@@ -24,6 +24,7 @@ from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
 from rpud_sim.foundation.terminal import complain
 
 if TYPE_CHECKING:
+    from rpud_sim.simulation.changes import Planned
     from rpud_sim.simulation.configuration import Configuration
     from rpud_sim.simulation.scenario import Scenario
 
@@ -60,6 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         quantity=_SEED,
         metavar="S",
         help="seed of the initial phases, and of the scenario in place of its own",
+    )
+    parser.add_argument(
+        "--commands",
+        metavar="FILE",
+        help="commands and faults at their times, a YAML file as of rpud fork --commands",
     )
     parser.add_argument(
         "--bag", metavar="DIR", help="write the run as a bag with the topics of the node"
@@ -119,7 +125,8 @@ def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
     configuration = to_settings(values).configuration
     file = values.get("scenario", "")
     scenario = _scenario(file, arguments.seed)
-    if arguments.bag or scenario:
+    planned = _commands(arguments.commands)
+    if arguments.bag or scenario or planned:
         compile_kernels(configuration, _show, messages=bool(arguments.bag))
     compile_members(configuration, _show)
     phases = initial_phases(arguments.repeat, arguments.seed)
@@ -130,8 +137,10 @@ def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
         beginning = Beginning(to_settings(values), phases[0], arguments.seed or 0, scenario)
         text = Path(file).read_text(encoding="utf-8") if scenario else ""
         with progress_bar(" s", arguments.duration) as bar:
-            write_offline_bag(arguments.bag, beginning, arguments.duration, text, bar.update)
-    figures = _figures(arguments, configuration, phases, scenario)
+            write_offline_bag(
+                arguments.bag, beginning, arguments.duration, text, bar.update, planned
+            )
+    figures = _figures(arguments, configuration, phases, scenario, planned)
     figures["scenario"] = values.get("scenario") or None
     return figures
 
@@ -144,23 +153,36 @@ def _scenario(path: Any, seed: int | None) -> Scenario | None:
     return read_scenario(path, seed) if path else None
 
 
+def _commands(path: str | None) -> Sequence[Planned]:
+    from rpud_sim.simulation.changes import read_commands
+
+    return read_commands(path).planned if path else ()
+
+
 def _figures(
     arguments: argparse.Namespace,
     configuration: Configuration,
     phases: Sequence[float],
     scenario: Scenario | None,
+    planned: Sequence[Planned],
 ) -> dict[str, Any]:
     from rpud_sim.simulation.energy_account import mean_account
     from rpud_sim.simulation.ensemble import run_ensemble
+    from rpud_sim.simulation.feed_account import mean_feed_account
 
     duration = arguments.duration
     total = duration * arguments.repeat
     with progress_bar(" s", total) as bar:
         threads = len(os.sched_getaffinity(0))
-        ensemble = run_ensemble(configuration, duration, phases, bar.update, scenario, threads)
+        ensemble = run_ensemble(
+            configuration, duration, phases, bar.update, scenario, threads, planned
+        )
     figures: dict[str, Any] = dict(ensemble.mean())
     figures["real_time_factor"] = ensemble.real_time_factor
-    figures["energy_account"] = mean_account(list(ensemble.accounts)).to_dict()
+    account = mean_account(list(ensemble.accounts))
+    figures["energy_account"] = account.to_dict()
+    if (feed := mean_feed_account(ensemble.feed_accounts)) is not None:
+        figures["feed_account"] = feed.to_dict(account.weight_on_bit_work)
     figures["regime"] = configuration.parameters.regime
     figures["repeat"] = arguments.repeat
     figures["seed"] = arguments.seed
@@ -169,6 +191,8 @@ def _figures(
     figures["parameters"] = dataclasses.asdict(configuration.parameters)
     figures["actuator"] = dataclasses.asdict(configuration.actuator)
     figures["rock"] = dataclasses.asdict(configuration.rock)
+    for group in ("rotation", "mount", "strata", "bit"):
+        figures[group] = dataclasses.asdict(getattr(configuration, group))
     return figures
 
 

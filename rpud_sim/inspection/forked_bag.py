@@ -19,7 +19,7 @@ from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.simulation.changes import Changes
 from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.together import Entry
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import offered_topics
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,13 +108,14 @@ def _write(
 ) -> int:
     """Write the bag; return the number of messages after the history."""
     prefix = fork.recorded.prefix
-    codecs = {name: installed_codec(topic.type) for name, topic in TOPICS.items()}
+    topics = offered_topics(fork.resumed.run.beginning.settings.values())
+    codecs = {name: installed_codec(topic.type) for name, topic in topics.items()}
     zero, published = _clock(fork)
     instant = zero + fork.time
     count = 0
     with BagWriter(out) as bag:
         bag.add_record(MANIFEST_RECORD, _manifest(fork).to_record())
-        for name, topic in TOPICS.items():
+        for name, topic in topics.items():
             # The offers of the node's publishers, as a recorder discovers them.
             offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
             bag.add_topic(
@@ -137,7 +138,7 @@ def _write(
                 continue
             write(name, fields, zero + time, zero + time)
             count += 1
-        losses = {f"{prefix}{name}": Losses() for name in TOPICS}
+        losses = {f"{prefix}{name}": Losses() for name in topics}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
     return count
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
@@ -14,11 +15,12 @@ from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST_RECORD
 from rpud_sim.bag.manifest import Manifest, installed_versions, machine_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.encoded import encoded
+from rpud_sim.simulation.changes import Planned, apply_change
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.together import Entry, Together
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import offered_topics
 
 NAMESPACE = "/rpud"
 
@@ -29,6 +31,7 @@ def write_offline_bag(
     duration: float,
     scenario_text: str = "",
     report: Callable[[float], object] = lambda seconds: None,
+    planned: Sequence[Planned] = (),
 ) -> None:
     """Simulate a run and write a bag of it; the bag's clock is simulation time.
 
@@ -40,16 +43,19 @@ def write_offline_bag(
         duration: simulated time [s].
         scenario_text: of the scenario's file, for the bag's manifest.
         report: called with the seconds that were simulated since its last call.
+        planned: commands and faults, in the order of their times.
 
     Raises:
         BagError: if the bag cannot be written.
+        ParameterError: if a planned change is refused.
         EngineError: if the engine cannot continue.
         FaultError: if a fault of the scenario is not possible.
     """
     run = Run(beginning, Journal())
+    topics = offered_topics(beginning.settings.values())
     encoders = {
         name: Codec(topic.type, find_definition(topic.type)).encoder
-        for name, topic in TOPICS.items()
+        for name, topic in topics.items()
     }
     manifest = Manifest(
         parameters={**beginning.settings.values(), "seed": beginning.seed},
@@ -60,31 +66,40 @@ def write_offline_bag(
     )
     with BagWriter(path, ahead=1) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
-        for name, topic in TOPICS.items():
+        for name, topic in topics.items():
             # The offers of the node's publishers, as a recorder discovers them.
             offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
             bag.add_topic(
                 Topic(f"{NAMESPACE}/{name}", topic.type, find_type_hash(topic.type), (offer,)),
                 find_definition(topic.type),
             )
-        for found in _messages(run, round(duration * SECOND), report):
+        for found in _messages(run, round(duration * SECOND), report, planned):
             if isinstance(found, Together):
                 bag.write_blocks(encoded(found, encoders, f"{NAMESPACE}/"))
             else:
                 time, name, values = found
                 bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(values), time, time)
-        losses = {f"{NAMESPACE}/{name}": Losses() for name in TOPICS}
+        losses = {f"{NAMESPACE}/{name}": Losses() for name in topics}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
 
 
-def _messages(run: Run, end: int, report: Callable[[float], object]) -> Iterator[Entry | Together]:
-    """Yield the messages of a run, with a status every second."""
+def _messages(
+    run: Run, end: int, report: Callable[[float], object], planned: Sequence[Planned]
+) -> Iterator[Entry | Together]:
+    """Yield the messages of a run, with a status every second and on each planned change."""
+    pending = deque(each for each in planned if each.delay < end)
     run.begin(0)
     yield from run.changes()
     yield run.status("running", Bookkeeping())
     while run.time < end:
         before = run.time
-        yield from run.advance_together(min((before // SECOND + 1) * SECOND, end))
+        if pending and pending[0].delay == before:
+            while pending and pending[0].delay == before:
+                apply_change(run, pending.popleft().change)
+            yield from run.changes()
+            yield run.status("running", Bookkeeping())
+        until = pending[0].delay if pending else end
+        yield from run.advance_together(min((before // SECOND + 1) * SECOND, until, end))
         report((run.time - before) / SECOND)
         if run.time % SECOND == 0:
             yield run.status("running", Bookkeeping())

@@ -37,7 +37,11 @@ def repeated(
     later = [entry for entry in recorded.later(time) if entry.time <= end]
     dropped = {
         kind
-        for kind, name in (("weight_on_bit", "weight_on_bit"), ("drive", "drive_enabled"))
+        for kind, name in (
+            ("weight_on_bit", "weight_on_bit"),
+            ("drive", "drive_enabled"),
+            ("feed", ""),
+        )
         if changes.replaces_commands or name in changes.parameters
     }
     cleared = {}

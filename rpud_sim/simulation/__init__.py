@@ -17,12 +17,15 @@ change without notice.
 """
 
 # The public face only: modules of this package import from each other, never from here.
+from rpud_sim.drilling.mount import MountParameters, MountState
+from rpud_sim.drilling.process import ProcessState
+from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters, ActuatorReading
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
+from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import (
     PARAMETERS,
     Configuration,
@@ -33,11 +36,11 @@ from rpud_sim.simulation.configuration import (
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.ensemble import Ensemble, compile_kernels, initial_phases, run_ensemble
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
+from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.parameter_files import read_parameter_file
-from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault, read_scenario
@@ -67,10 +70,15 @@ __all__ = [
     "FaultError",
     "FaultLedger",
     "FaultRecord",
+    "Feed",
+    "FeedAccount",
     "Journal",
     "JournalEntry",
+    "MountParameters",
+    "MountState",
     "ParameterError",
     "Parameters",
+    "ProcessState",
     "RockParameters",
     "Run",
     "Samples",

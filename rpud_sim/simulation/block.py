@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from rpud_sim.drilling.process import AT_REST, ProcessState
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
 from rpud_sim.simulation.actuator import ActuatorReading
+from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.sampling import Samples, Times, sample
 
 
@@ -40,6 +42,8 @@ class Block:
         rpud: constants of the RPUD that the segments lack.
         electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
         actuator: its state at the end of the block.
+        process: state of rotation, feed and borehole at the end of the block.
+        feed: energy account of feed and mount in the block; None without a feed.
     """
 
     start: int
@@ -49,6 +53,8 @@ class Block:
     rpud: RpudConstants
     electrical_energy: float
     actuator: ActuatorReading | None = None
+    process: ProcessState = AT_REST
+    feed: FeedAccount | None = None
 
     def __deepcopy__(self, memo: dict[int, object]) -> Block:
         """Return itself: copies of a run share what cannot change."""
@@ -79,6 +85,12 @@ class Block:
         return sample(self.covering, times)
 
 
+def sum_accounts(accounts: Iterable[FeedAccount | None]) -> FeedAccount | None:
+    """Return the sum of accounts; None if there are none."""
+    there = [account for account in accounts if account is not None]
+    return sum(there[1:], there[0]) if there else None
+
+
 def join_blocks(blocks: Sequence[Block]) -> Block:
     """Return consecutive blocks, at least one, as one block."""
     last = blocks[-1]
@@ -90,4 +102,6 @@ def join_blocks(blocks: Sequence[Block]) -> Block:
         last.rpud,
         math.fsum(block.electrical_energy for block in blocks),
         last.actuator,
+        last.process,
+        sum_accounts(block.feed for block in blocks),
     )

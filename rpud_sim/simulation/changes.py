@@ -5,21 +5,24 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, shown_name
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Settings
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.scenario import ONSET, parse_scenario
+from rpud_sim.simulation.simulation import Simulation
+
+if TYPE_CHECKING:  # a run of an ensemble has planned changes too
+    from rpud_sim.simulation.run import Run
 
 COMMANDED = ("weight_on_bit", "drive_enabled")
 """Parameters that a fork changes by a command, for they hold only until the first command."""
 
-_COMMAND_KEYS = ("time", "weight_on_bit", "drive")
+_COMMAND_KEYS = ("time", "weight_on_bit", "drive", "feed")
 _DRIVE_KEYS = ("enabled", "voltage", "frequency")
 _INJECT_KEYS = ("channel", "onset", "duration", "magnitude")
 
@@ -60,6 +63,9 @@ class Injection:
     duration: int = 0
 
 
+Change = WeightOnBit | DriveChange | Feed | Injection
+
+
 @dataclasses.dataclass(frozen=True)
 class Planned:
     """Change at a time.
@@ -70,7 +76,7 @@ class Planned:
     """
 
     delay: int
-    change: WeightOnBit | DriveChange | Injection
+    change: Change
 
 
 @dataclasses.dataclass(frozen=True)
@@ -199,14 +205,23 @@ def _commands(entry: Any) -> list[Planned]:
         if key not in _COMMAND_KEYS:
             raise ParameterError(f"{shown(key)} is not one of {', '.join(_COMMAND_KEYS)}")
     if "time" not in entry or len(entry) == 1:
-        raise ParameterError("it needs a time, and weight_on_bit or drive")
+        raise ParameterError("it needs a time, and weight_on_bit, drive or feed")
     delay = round(ONSET.check("time", entry["time"]) * SECOND)
-    changes: list[WeightOnBit | DriveChange] = []
+    changes: list[Change] = []
     if "weight_on_bit" in entry:
         changes.append(WeightOnBit(entry["weight_on_bit"]))
     if "drive" in entry:
         changes.append(_drive(entry["drive"]))
+    if "feed" in entry:
+        changes.append(_feed(entry["feed"]))
     return [Planned(delay, change) for change in changes]
+
+
+def _feed(values: Any) -> Feed:
+    if not (isinstance(values, Mapping) and len(values) == 1):
+        raise ParameterError(f"feed = {shown(values)} is neither {{rate: m/s}} nor {{position: m}}")
+    [(mode, value)] = values.items()
+    return Feed(mode, value)
 
 
 def _drive(values: Any) -> DriveChange:
@@ -243,7 +258,7 @@ def apply_parameters(run: Run, settings: Settings, values: Mapping[str, Any]) ->
     return lasting
 
 
-def apply_change(run: Run, change: WeightOnBit | DriveChange | Injection) -> None:
+def apply_change(run: Run, change: Change) -> None:
     """Put a change into force on a run that takes commands.
 
     Raises:
@@ -251,9 +266,37 @@ def apply_change(run: Run, change: WeightOnBit | DriveChange | Injection) -> Non
     """
     if isinstance(change, Injection):
         run.simulation.inject(change.fault, change.duration)
-    elif isinstance(change, WeightOnBit):
-        run.control.apply(change)
     else:
-        drive = change.on(run.simulation.applied.drive)
-        run.simulation.configuration.check_drive(drive)
-        run.control.apply(drive)
+        run.control.apply(_command(run.simulation, change))
+
+
+def apply_to_simulation(simulation: Simulation, change: Change) -> None:
+    """Put a change into force on a simulation.
+
+    Raises:
+        ParameterError: if it is refused.
+    """
+    if isinstance(change, Injection):
+        simulation.inject(change.fault, change.duration)
+    else:
+        simulation.apply(_command(simulation, change))
+
+
+def _command(
+    simulation: Simulation, change: WeightOnBit | DriveChange | Feed
+) -> WeightOnBit | Drive | Feed:
+    """Return the command of a change, checked.
+
+    Raises:
+        ParameterError: if the drill cannot take it.
+    """
+    configuration = simulation.configuration
+    if isinstance(change, DriveChange):
+        drive = change.on(simulation.applied.drive)
+        configuration.check_drive(drive)
+        return drive
+    if isinstance(change, Feed):
+        configuration.check_feed(change)
+    else:
+        configuration.check_weight_on_bit()
+    return change

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 Path = tuple[str, ...]
 
 # Tests compare with these, the ground truth: no signal fault may change them.
-GROUND_TRUTH = ("waveform", "trajectory")
+GROUND_TRUTH = ("waveform", "trajectory", "borehole")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,5 +61,17 @@ CHANNELS: Mapping[str, Channel] = {
         ),
         (("squeezed",),),
         (("energy_transferred",), ("squeezed",)),
+    ),
+    "rotation": Channel(
+        "N m",
+        1e-2,
+        (("torque",), ("drive_torque",), ("angle",), ("rate",)),
+        (("stalled",), ("slipping",)),
+    ),
+    "mount": Channel(
+        "N",
+        1.0,
+        (("force",), ("weight_on_bit",), ("position",), ("feed",), ("rate",), ("slip",)),
+        (("in_contact",),),
     ),
 }

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
+from rpud_sim.drilling.feed import FEED_MODES, RATE, Motion
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown, suggestion
 from rpud_sim.model.parameters import QUANTITIES
 
 VOLTAGE = Quantity("V", "amplitude of the voltage on the piezoelectric stack", 0.0, 1e3)
+FEED_RATE = Quantity("m/s", "rate of the feed toward the rock", -1.0, 1.0)
+FEED_POSITION = Quantity("m", "position of the feed along the drill axis", -1.0, 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,13 +68,60 @@ class Drive:
 
 
 @dataclasses.dataclass(frozen=True)
+class Feed:
+    """Motion of the feed, which carries the mount of the drill.
+
+    Args:
+        mode: ``rate`` or ``position``.
+        value: rate toward the rock [m/s], or position along the drill axis [m].
+
+    Raises:
+        ParameterError: if the mode is unknown or the value outside its range.
+    """
+
+    mode: str
+    value: float
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.mode, str) and self.mode in FEED_MODES):
+            raise ParameterError(
+                f"feed mode = {shown(self.mode)} is not one of {', '.join(FEED_MODES)}"
+                f"{suggestion(self.mode, FEED_MODES)}"
+            )
+        quantity = FEED_RATE if self.mode == RATE else FEED_POSITION
+        object.__setattr__(self, "value", quantity.check(f"feed {self.mode}", self.value))
+
+    @property
+    def motion(self) -> Motion:
+        """The motion that the drive of the feed is to make."""
+        return Motion(self.mode, self.value)
+
+    def reduced(self, share: float) -> Feed:
+        """Return what is left of it while commands are lost.
+
+        A rate falls with the share; a position is given up, and the feed stops.
+
+        Args:
+            share: of the commands that acts, 0 to 1.
+        """
+        if share == 1.0:
+            return self
+        return Feed(RATE, self.value * share if self.mode == RATE else 0.0)
+
+
+STOPPED = Feed(RATE, 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
 class Applied:
     """Commands in force, and since when.
 
-    Times are integer nanoseconds of simulation time.
+    Times are integer nanoseconds of simulation time. With a feed the weight on bit is none of them.
     """
 
     weight_on_bit: WeightOnBit
     weight_on_bit_time: int
     drive: Drive
     drive_time: int
+    feed: Feed = STOPPED
+    feed_time: int = 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable
 
+from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import Configuration
@@ -21,21 +22,25 @@ class Conditions:
 
     Args:
         parameters: in force, always inside their ranges.
+        load_spring_rate: k_1 without a binding, with which the load spring pushes [N/m].
         jammed: whether the free mass is wedged to the drill tool.
         specific_energy_factor: on the specific energy of the rock.
         progress_factor: on the progress into the rock, 0 to 1.
         resonance_offset: of the actuator [Hz].
         preload_factor: on the commanded weight on bit, 0 to 1.
         lock_lost: whether a tracking generator does not track.
+        disturbances: of the slow processes around the percussion.
     """
 
     parameters: Parameters
+    load_spring_rate: float
     jammed: bool = False
     specific_energy_factor: float = 1.0
     progress_factor: float = 1.0
     resonance_offset: float = 0.0
     preload_factor: float = 1.0
     lock_lost: bool = False
+    disturbances: Disturbances = UNDISTURBED
 
 
 def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
@@ -48,7 +53,7 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
     """
     jammed = lock_lost = False
     load_spring = restoring_spring = restitution = drill_tool_restitution = 1.0
-    specific_energy = progress = preload = 1.0
+    specific_energy = progress = binding = clearing = preload = 1.0
     offset = 0.0
     for fault in faults:
         magnitude = fault.magnitude
@@ -63,8 +68,10 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
         elif fault.kind == "drill_tool_binding":
             restoring_spring *= magnitude
             progress /= magnitude
+            binding /= magnitude
         elif fault.kind == "choking":
             progress *= 1.0 - magnitude
+            clearing *= 1.0 - magnitude
             drill_tool_restitution *= 1.0 - magnitude
         elif fault.kind == "hard_rock":
             specific_energy *= magnitude
@@ -85,12 +92,19 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
     limited = {name: min(value, _greatest(parameters, name)) for name, value in wanted.items()}
     return Conditions(
         parameters=parameters.replace(**limited),
+        load_spring_rate=parameters.load_spring_rate,
         jammed=jammed,
         specific_energy_factor=specific_energy,
         progress_factor=progress,
         resonance_offset=offset,
         preload_factor=preload,
         lock_lost=lock_lost,
+        disturbances=Disturbances(
+            hardness=specific_energy,
+            progress=binding,
+            clearing=clearing,
+            preload_factor=preload,
+        ),
     )
 
 
@@ -127,6 +141,10 @@ def check_honoured(fault: Fault, configuration: Configuration) -> None:
         reason = "needs a rock_model, which is none"
     elif no_rock and drilling and fault.kind == "drill_tool_binding":
         reason = "acts on the progress while drilling and needs a rock_model, which is none"
+    elif fault.channel == "rotation" and configuration.rotation.rotation_model == "none":
+        reason = "needs a rotation_model, which is none"
+    elif fault.channel == "mount" and not configuration.has_feed:
+        reason = "needs a feed_model, which is none"
     if reason:
         raise FaultError(f"{fault} cannot be honoured: it {reason}")
 

@@ -1,4 +1,4 @@
-"""Configuration of the drill, its actuator and its rock, and settings of a run."""
+"""Configuration of the drill, its actuator, its mount and its rock, and settings of a run."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from rpud_sim.drilling.bit import BitParameters
+from rpud_sim.drilling.mount import MountParameters
+from rpud_sim.drilling.process import DrillingParameters
+from rpud_sim.drilling.rock import RockParameters
+from rpud_sim.drilling.rotor import RotationParameters
+from rpud_sim.drilling.strata import StrataParameters
 from rpud_sim.foundation.parameters import (
     Declaration,
     ParameterGroup,
@@ -17,8 +23,7 @@ from rpud_sim.foundation.parameters import (
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown_name
 from rpud_sim.model.parameters import QUANTITIES, Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.commands import Drive
-from rpud_sim.simulation.rock import RockParameters
+from rpud_sim.simulation.commands import Drive, Feed
 from rpud_sim.simulation.scenario import Scenario, read_scenario
 
 _LEAST_REAL_TIME_FACTOR = 0.01
@@ -29,13 +34,17 @@ LEAST_MASS_RATIO = 2.0
 
 @dataclasses.dataclass(frozen=True)
 class Configuration(ParameterGroup):
-    """Drill with its actuator and its rock.
+    """Drill with its actuator, its rotor, its mount and its rock.
 
     Args:
         parameters: of the impact dynamics.
         actuator: from voltage to amplitude.
         rock: from impacts to depth.
         drive_enabled: whether the actuator is driven from the start.
+        rotation: of the drill tool.
+        mount: feed and arm.
+        strata: layers of the rock.
+        bit: at the end of the drill tool.
 
     Raises:
         ParameterError: if ``drive_enabled`` is neither true nor false, or if a resonant vibration
@@ -46,10 +55,31 @@ class Configuration(ParameterGroup):
     actuator: ActuatorParameters = dataclasses.field(default_factory=ActuatorParameters)
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
     drive_enabled: bool = flag(True, "whether the actuator is driven from the start")
+    rotation: RotationParameters = dataclasses.field(default_factory=RotationParameters)
+    mount: MountParameters = dataclasses.field(default_factory=MountParameters)
+    strata: StrataParameters = dataclasses.field(default_factory=StrataParameters)
+    bit: BitParameters = dataclasses.field(default_factory=BitParameters)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self._check_modal_mass()
+
+    @property
+    def drilling(self) -> DrillingParameters:
+        """Parameters of the slow processes around the percussion."""
+        return DrillingParameters(
+            self.rotation,
+            self.mount,
+            self.strata,
+            self.bit,
+            self.rock,
+            self.actuator.ambient_temperature,
+        )
+
+    @property
+    def has_feed(self) -> bool:
+        """Whether a feed is commanded, and the weight on bit follows."""
+        return self.mount.feed_model != "none"
 
     def _check_modal_mass(self) -> None:
         """Refuse a vibration that blows would turn about: the model has no contact with one."""
@@ -77,6 +107,28 @@ class Configuration(ParameterGroup):
             QUANTITIES["vibration_amplitude"].check(
                 f"vibration_amplitude at drive voltage {drive.voltage:g} V",
                 self.parameters.vibration_amplitude * ratio,
+            )
+
+    def check_feed(self, feed: Feed) -> None:
+        """Check that the drill has a feed that can make a motion.
+
+        Raises:
+            ParameterError: if it has none, or if rate or position is outside its limits.
+        """
+        if not self.has_feed:
+            raise ParameterError("a feed cannot be commanded with feed_model = none")
+        self.mount.check(feed.motion)
+
+    def check_weight_on_bit(self) -> None:
+        """Check that the weight on bit is commanded.
+
+        Raises:
+            ParameterError: if it follows from the feed.
+        """
+        if self.has_feed:
+            raise ParameterError(
+                f"weight_on_bit cannot be commanded with feed_model = {self.mount.feed_model}: "
+                "it follows from the feed"
             )
 
 
@@ -203,11 +255,22 @@ class Settings(ParameterGroup):
         return read_scenario(self.scenario, seed or self.seed or None)
 
 
+# Groups of the slow processes, by their field in ``Configuration``.
+_DRILLING_GROUPS: Mapping[str, type] = {
+    "rotation": RotationParameters,
+    "mount": MountParameters,
+    "strata": StrataParameters,
+    "bit": BitParameters,
+}
 # Every parameter by its name, in the order in which the documentation lists them.
 PARAMETERS: Mapping[str, Declaration] = {
     **declarations(Parameters),
     **declarations(ActuatorParameters),
     **declarations(RockParameters),
+    **declarations(RotationParameters),
+    **declarations(MountParameters),
+    **declarations(StrataParameters),
+    **declarations(BitParameters),
     **declarations(Configuration),
     **declarations(Settings),
 }
@@ -236,6 +299,7 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
         preset(drill.pop("regime", "drilling")).replace(**drill),
         ActuatorParameters(**_those_of(ActuatorParameters, values)),
         RockParameters(**_those_of(RockParameters, values)),
+        **{name: group(**_those_of(group, values)) for name, group in _DRILLING_GROUPS.items()},
         **_those_of(Configuration, values),
     )
 
@@ -255,6 +319,11 @@ def to_values(configuration: Configuration) -> dict[str, Any]:
         **dataclasses.asdict(configuration.parameters),
         **dataclasses.asdict(configuration.actuator),
         **dataclasses.asdict(configuration.rock),
+        **{
+            name: value
+            for group in _DRILLING_GROUPS
+            for name, value in dataclasses.asdict(getattr(configuration, group)).items()
+        },
         "drive_enabled": configuration.drive_enabled,
     }
 

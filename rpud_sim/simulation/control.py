@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import STOPPED, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.watchdog import CommandWatchdog
 
@@ -24,6 +24,7 @@ class Control:
         self._initial = simulation.applied
         self._weight_on_bit = self._initial.weight_on_bit
         self._drive = self._initial.drive
+        self._feed = self._initial.feed
         self._watchdog = CommandWatchdog(timeout, ramp, simulation.time)
         self._active = active
         self._lost = False
@@ -47,6 +48,7 @@ class Control:
         if active and not self._active:
             self._weight_on_bit = self._initial.weight_on_bit
             self._drive = self._initial.drive
+            self._feed = self._initial.feed
             self._watchdog.reset(self._simulation.time)
         self._active = active
         self.act()
@@ -56,17 +58,28 @@ class Control:
         applied = self._simulation.applied
         self._weight_on_bit = applied.weight_on_bit
         self._drive = applied.drive
+        self._feed = applied.feed
         self._watchdog.reset(self._simulation.time)
         self._active = True
         self._lost = False
 
-    def apply(self, command: WeightOnBit | Drive) -> None:
-        """Put a command into force now, if commands act."""
+    def apply(self, command: WeightOnBit | Drive | Feed) -> None:
+        """Put a command into force now, if commands act.
+
+        Raises:
+            ParameterError: if the drill cannot take it; nothing changes then.
+        """
         if not self._active:
             return
+        if isinstance(command, Feed):
+            self._simulation.configuration.check_feed(command)
+        elif isinstance(command, WeightOnBit):
+            self._simulation.configuration.check_weight_on_bit()
         self._watchdog.reset(self._simulation.time)
         if isinstance(command, WeightOnBit):
             self._weight_on_bit = command
+        elif isinstance(command, Feed):
+            self._feed = command
         else:
             command = self._drive = command.after(self._drive)
         self._simulation.apply(command)
@@ -76,9 +89,14 @@ class Control:
         simulation = self._simulation
         time = simulation.time
         share = self._watchdog.share(time) if self._active else 0.0
-        weight_on_bit = WeightOnBit(self._weight_on_bit.force * share)
-        if weight_on_bit != simulation.applied.weight_on_bit:
-            simulation.apply(weight_on_bit)
+        if simulation.configuration.has_feed:
+            feed = self._feed.reduced(share) if share else STOPPED
+            if feed != simulation.applied.feed:
+                simulation.apply(feed)
+        else:
+            weight_on_bit = WeightOnBit(self._weight_on_bit.force * share)
+            if weight_on_bit != simulation.applied.weight_on_bit:
+                simulation.apply(weight_on_bit)
         drive = self._drive
         if share == 0.0 or not drive.enabled:
             if simulation.applied.drive.enabled:

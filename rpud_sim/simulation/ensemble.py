@@ -7,6 +7,7 @@ import dataclasses
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from queue import Empty, SimpleQueue
@@ -18,9 +19,11 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.compile import compilation_notice
 from rpud_sim.model.engine import EngineError
 from rpud_sim.model.parameters import Parameters
+from rpud_sim.simulation.changes import Planned, apply_to_simulation
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, whole_configuration
 from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy
+from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.members import Figures, Member, QuietRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.scenario import Scenario
@@ -49,12 +52,14 @@ class Ensemble:
         members: the figures of each member, at least one; all have the same names.
         accounts: the energy account of each member.
         real_time_factor: simulated seconds over wall seconds, over all members.
+        feed_accounts: the account of feed and mount of each member; none without a feed.
     """
 
     phases: tuple[float, ...]
     members: tuple[Figures, ...]
     accounts: tuple[EnergyAccount, ...]
     real_time_factor: float
+    feed_accounts: tuple[FeedAccount, ...] = ()
 
     def mean(self) -> Figures:
         """Return the mean of each figure over the members; None where no member has it."""
@@ -108,7 +113,8 @@ def compile_kernels(
         statistics.figures()
         EnergyAccount.of(block)
         block.sample(Times.from_nanoseconds(0))
-        simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
+        if not simulation.configuration.has_feed:  # whose steps change the weight on bit
+            simulation.apply(WeightOnBit(0.5 * simulation.applied.weight_on_bit.force + 1.0))
         simulation.advance_to(2000)  # the engine gets changes when time goes on
         if messages:
             energy = RecentEnergy()
@@ -166,6 +172,7 @@ def run_members(
     scenario: Scenario | None = None,
     accounts: bool = False,
     threads: int = 1,
+    planned: Sequence[Planned] = (),
 ) -> Generator[Member, None, None]:
     """Yield the result of one simulation per initial phase, in their order; failed ones as well.
 
@@ -177,13 +184,15 @@ def run_members(
         scenario: faults that begin by themselves, in each run at the same times.
         accounts: whether the energy accounts are wanted.
         threads: to run members on; the compiled code needs no GIL.
+        planned: commands and faults, in the order of their times, in each run.
 
     Raises:
+        ParameterError: if a planned change is refused.
         FaultError: if a fault of the scenario cannot be honoured.
     """
     configuration = whole_configuration(configuration)
     end = round(duration * SECOND)
-    quiet = runs_by_itself(configuration, scenario)
+    quiet = runs_by_itself(configuration, scenario) and not planned
     drills = configuration.rock.rock_model != "none"
     # Short runs go together: a call of the compiled code takes as long as a stretch of a run.
     size = max(_STRETCH // max(end, 1), 1) if quiet and not drills else 1
@@ -191,7 +200,7 @@ def run_members(
 
     def run(batch: Sequence[float], report: Callable[[float], None]) -> list[Member]:
         if not quiet:
-            return [_run(configuration, batch[0], scenario, end, report)]
+            return [_run(configuration, batch[0], scenario, planned, end, report)]
         if drills or end > _STRETCH:
             return [_run_quietly(configuration, batch[0], end, report)]
         members = QuietRuns(configuration, batch).run(end, accounts)
@@ -231,13 +240,19 @@ def _run(
     configuration: Configuration,
     phase: float,
     scenario: Scenario | None,
+    planned: Sequence[Planned],
     end: int,
     report: Callable[[float], None],
 ) -> Member:
     """Run a member to which something happens."""
     simulation = Simulation(configuration, phase, scenario)
+    pending = deque(planned)
 
     def advance(time: int, statistics: Statistics) -> None:
+        while pending and pending[0].delay < time:
+            if pending[0].delay > simulation.time:
+                statistics.add(simulation.advance_to(pending[0].delay))
+            apply_to_simulation(simulation, pending.popleft().change)
         statistics.add(simulation.advance_to(time))
 
     return _stretch_by_stretch(configuration, simulation, advance, end, report)
@@ -268,10 +283,10 @@ def _stretch_by_stretch(
             return Member({}, failure=error)
         report((time - before) / SECOND)
     figures = statistics.figures()
-    if configuration.rock.rock_model != "none":
+    if configuration.rock.rock_model != "none" or configuration.strata.strata:
         figures["depth"] = run.depth
         figures["penetration_rate"] = run.depth / statistics.duration
-    return Member(figures, statistics.account)
+    return Member(figures, statistics.account, feed=statistics.feed)
 
 
 def run_ensemble(
@@ -281,6 +296,7 @@ def run_ensemble(
     report: Callable[[float], None] = lambda simulated: None,
     scenario: Scenario | None = None,
     threads: int = 1,
+    planned: Sequence[Planned] = (),
 ) -> Ensemble:
     """Run one simulation per initial phase.
 
@@ -291,6 +307,7 @@ def run_ensemble(
         report: called now and then with the simulated seconds since the last call.
         scenario: faults that begin by themselves, in each run at the same times.
         threads: to run members on.
+        planned: commands and faults, in the order of their times, in each run.
 
     Returns:
         The ``Ensemble``. With a rock model its members have the depth at the end [m] and the mean
@@ -298,16 +315,18 @@ def run_ensemble(
 
     Raises:
         EngineError: if a member cannot go on; the first of them in order.
+        ParameterError: if a planned change is refused.
         FaultError: if a fault of the scenario cannot be honoured.
     """
     configuration = whole_configuration(configuration)
     compile_members(configuration)
-    if scenario:
+    if scenario or planned:
         compile_kernels(configuration)
     members: list[Figures] = []
     accounts: list[EnergyAccount] = []
+    feeds: list[FeedAccount] = []
     started = time.perf_counter()
-    found = run_members(configuration, duration, phases, report, scenario, True, threads)
+    found = run_members(configuration, duration, phases, report, scenario, True, threads, planned)
     with contextlib.closing(found):
         for member in found:
             if member.failure is not None:
@@ -315,7 +334,9 @@ def run_ensemble(
             assert member.account is not None
             members.append(member.figures)
             accounts.append(member.account)
+            if member.feed is not None:
+                feeds.append(member.feed)
     wall = time.perf_counter() - started
     simulated = round(duration * SECOND) / SECOND * len(members)
     speed = simulated / wall if wall > 0.0 else math.inf
-    return Ensemble(tuple(phases), tuple(members), tuple(accounts), speed)
+    return Ensemble(tuple(phases), tuple(members), tuple(accounts), speed, tuple(feeds))

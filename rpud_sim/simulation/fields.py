@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import dataclasses
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -123,52 +123,87 @@ def reacting_force_fields(samples: Samples, index: int | None, stamp: Any) -> Fi
     }
 
 
-def wrench_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
+def wrench_fields(
+    samples: Samples, index: int | None, stamp: Any, torques: np.ndarray | None = None
+) -> Fields:
     """Fields of ``geometry_msgs/WrenchStamped`` as a wrist sensor at the mount gives one sample.
 
     Without an index they are columns for all samples.
 
     The z axis of the mount's frame points along the drill toward the rock; the drill pushes the
     mount back, so that the force along z is the negative reacting force.
+
+    Args:
+        samples: of the motion.
+        index: of the sample.
+        stamp: of the message.
+        torques: of the drill on the mount about z, one for each sample [N m]; None for zero.
     """
     force = -_value(samples.reacting_force, index)
+    torque = 0.0 if torques is None else _value(torques, index)
     return {
         "header": header_fields("wrench", stamp),
         "wrench": {
             "force": {"x": 0.0, "y": 0.0, "z": force},
-            "torque": {"x": 0.0, "y": 0.0, "z": 0.0},
+            "torque": {"x": 0.0, "y": 0.0, "z": torque},
         },
     }
 
 
-def joint_state_fields(samples: Samples, index: int | None, stamp: Any) -> Fields:
+class Joint(NamedTuple):
+    """Joint of ``sensor_msgs/JointState``.
+
+    Args:
+        name: in the URDF.
+        position: one for each sample [m] or [rad].
+        velocity: [m/s] or [rad/s]
+        effort: of the mount's side on the moved body [N] or [N m]; None for zero.
+    """
+
+    name: str
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray | None
+
+
+def joint_state_fields(
+    samples: Samples, index: int | None, stamp: Any, others: Sequence[Joint] = ()
+) -> Fields:
     """Fields of ``sensor_msgs/JointState`` for one sample of the ``JOINTS`` of ``urdf/rpud.urdf``.
 
     Without an index they are columns for all samples. The effort is the force between mount and
     body, positive toward the rock: the reacting force on the nodal plane, and zero on free mass and
-    drill tool, whose forces do not reach the mount in the model. The sum of the efforts is the
+    drill tool, whose forces do not reach the mount in the model. The sum of these efforts is the
     negative force of the wrench.
+
+    Args:
+        samples: of the motion.
+        index: of the sample.
+        stamp: of the message.
+        others: joints that follow, with a value for each sample.
     """
-    position = (
-        samples.nodal_plane_position,
-        samples.free_mass_position,
-        samples.drill_tool_displacement,
-    )
-    velocity = (
-        samples.nodal_plane_velocity,
-        samples.free_mass_velocity,
-        samples.drill_tool_velocity,
+    plane, mass, tool = JOINTS
+    joints = (
+        Joint(
+            plane,
+            samples.nodal_plane_position,
+            samples.nodal_plane_velocity,
+            samples.reacting_force,
+        ),
+        Joint(mass, samples.free_mass_position, samples.free_mass_velocity, None),
+        Joint(tool, samples.drill_tool_displacement, samples.drill_tool_velocity, None),
+        *others,
     )
     return {
         "header": header_fields("joint_states", stamp),
-        "name": list(JOINTS),
-        "position": _joints(position, index),
-        "velocity": _joints(velocity, index),
-        "effort": _joints((samples.reacting_force, None, None), index),
+        "name": [joint.name for joint in joints],
+        "position": _joints([joint.position for joint in joints], index),
+        "velocity": _joints([joint.velocity for joint in joints], index),
+        "effort": _joints([joint.effort for joint in joints], index),
     }
 
 
-def _joints(columns: tuple[np.ndarray | None, ...], index: int | None) -> Any:
+def _joints(columns: Sequence[np.ndarray | None], index: int | None) -> Any:
     """Return a value for each joint, or a row of them for each sample; None for zeros."""
     if index is not None:
         return array("d", [0.0 if each is None else each.item(index) for each in columns])
@@ -311,7 +346,7 @@ def status_fields(
         "header": header_fields("status", origin + simulation.time),
         "state": state,
         "regime": simulation.parameters.regime,
-        "weight_on_bit": applied.weight_on_bit.force,
+        "weight_on_bit": simulation.weight_on_bit,
         "weight_on_bit_applied": time_fields(origin + applied.weight_on_bit_time),
         "drive_enabled": applied.drive.enabled,
         "drive_voltage": applied.drive.voltage,

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rpud_sim.drilling.rock import Progress
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.energy import RpudConstants
@@ -25,8 +26,8 @@ from rpud_sim.model.tally import CLASSES, PART_ROOM, empty_tallies
 from rpud_sim.simulation.actuator import Actuator
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.energy_account import EnergyAccount
+from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.plant import nominal_drive, rpud_constants
-from rpud_sim.simulation.rock import Progress
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.statistics import Statistics, account_of, figures_of
 
@@ -38,12 +39,12 @@ Figures = dict[str, float | int | None]
 def runs_by_itself(configuration: Configuration, scenario: Scenario | None = None) -> bool:
     """Return whether nothing happens in a run without commands but the drill's own motion.
 
-    Faults of a scenario, a temperature and a tracking generator change a drill at their instants,
-    and only a ``Simulation`` knows them.
+    Faults of a scenario, a temperature, a tracking generator and the slow processes of drilling
+    change a drill at their instants, and only a ``Simulation`` knows them.
     """
     actuator = configuration.actuator
     steady = not actuator.heating and actuator.generator != "tracking"
-    return steady and not (scenario and scenario.faults)
+    return steady and not configuration.drilling.active and not (scenario and scenario.faults)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,11 +55,13 @@ class Member:
         figures: of the whole run; empty if it failed.
         account: its energy account; None if it failed, or without accounts.
         failure: why it failed; None if it did not.
+        feed: its account of feed and mount; None without a feed.
     """
 
     figures: Figures
     account: EnergyAccount | None = None
     failure: EngineError | None = None
+    feed: FeedAccount | None = None
 
 
 class _Room(threading.local):

@@ -1,11 +1,15 @@
-"""Plant: engine, actuator and rock, which advance together under commands and conditions."""
+"""Plant: engine, actuator and slow processes, which advance together."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from rpud_sim.foundation.time import SECOND, split_fraction
-from rpud_sim.model.drill import derive
+from rpud_sim.drilling.process import Process, Surroundings
+from rpud_sim.drilling.rock import Progress
+from rpud_sim.foundation.time import NEVER, SECOND, split_fraction
+from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.parameters import Parameters
@@ -15,7 +19,8 @@ from rpud_sim.simulation.actuator import Actuator, ActuatorReading
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.conditions import Conditions
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.rock import Progress
+from rpud_sim.simulation.feed_account import FeedAccount, LoadSpring
+from rpud_sim.simulation.percussion import PercussionMeter, nodal_plane_position
 
 
 def nominal_drive(configuration: Configuration) -> Drive:
@@ -43,11 +48,12 @@ class Plant:
 
     Attributes:
         time: simulation time [ns].
-        weight_on_bit: commanded force [N]; a change takes effect at the present time.
+        weight_on_bit: commanded force [N]; a change takes effect at the present time. Without
+            effect where the weight on bit follows from a feed.
         engine: of the motion.
-        actuator: drive, generator and temperature; its next step is the furthest time to advance to
-            at once.
-        progress: into the rock.
+        actuator: drive, generator and temperature.
+        process: rotation, feed and borehole.
+        progress: into the rock by percussion alone.
 
     Args:
         configuration: at time zero.
@@ -59,17 +65,27 @@ class Plant:
         parameters = configuration.parameters
         self.time = 0
         self.weight_on_bit = parameters.weight_on_bit
+        self.progress = Progress(configuration.rock)
+        self._conditions = Conditions(parameters, parameters.load_spring_rate)
+        self._hardness = 1.0
+        self.process = Process(configuration.drilling, self._surroundings())
+        if (weight := self.process.weight_on_bit) is not None:
+            parameters = self._acting_parameters().replace(weight_on_bit=weight)
         self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
         self.engine = Engine(
             parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance
         )
-        self.progress = Progress(configuration.rock)
-        self._conditions = Conditions(parameters)
-        self._hardness = 1.0
         self._drill = derive(parameters)
-        self._in_force = (self._drill, *self._commands())
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
+        self._percussion: PercussionMeter | None = None
+        if self.process.next_step != NEVER:
+            position = nodal_plane_position(self._set_aside(), 0)
+            self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
+        self._load_spring: LoadSpring | None = None
+        if (mount := self.process.state.mount) is not None:
+            self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
+        self._in_force = (self._drill, *self._commands())
 
     @property
     def reading(self) -> ActuatorReading:
@@ -78,16 +94,23 @@ class Plant:
             self.engine.amplitude, self.engine.account(*split_fraction(self.time))
         )
 
+    @property
+    def next_step(self) -> int:
+        """Furthest time to advance to at once [ns]."""
+        return min(self.actuator.next_step, self.process.next_step)
+
     def advance_to(self, time: int) -> None:
-        """Advance to a time [ns], not beyond the actuator's next step."""
+        """Advance to a time [ns], not beyond the next step."""
         self._push_to_engine()
         self.engine.advance(*split_fraction(time))
         if time == self.actuator.next_step:
             self.actuator.step(time, self.engine.account(*split_fraction(time)))
         self.time = time
+        if time == self.process.next_step:
+            self._step_process()
 
     def advance_through(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Advance to times one after the other [ns], before the actuator's next step.
+        """Advance to times one after the other [ns], before the next step.
 
         Returns:
             The numbers of segments and of impacts since the last ``drain`` that were finished at
@@ -113,16 +136,12 @@ class Plant:
             conditions: from now on.
             hardness: factor on the specific energy of the rock at time zero, without faults.
         """
-        # Impacts up to now deepen the hole under the conditions so far.
-        segments, impacts = self.engine.drain()
-        self._make_progress(impacts)
-        self._segments.append(segments)
-        self._impacts.append(impacts)
+        self._set_aside()
         self.actuator.drift(conditions.resonance_offset)
         self.actuator.lock(not conditions.lock_lost)
         self._conditions = conditions
         self._hardness = hardness
-        self._drill = derive(conditions.parameters, conditions.jammed)
+        self._drill = self._derived()
 
     def drain(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the segments that cover the time since the last call, and the impacts.
@@ -138,7 +157,69 @@ class Plant:
             self._impacts.clear()
         return covering, impacts
 
+    def _set_aside(self) -> np.void:
+        """Keep what happened for the next ``drain``, and return the open segment.
+
+        Impacts up to now act under the conditions so far.
+        """
+        covering, impacts = self.engine.drain_covering()
+        self._make_progress(impacts)
+        self._segments.append(covering[:-1])
+        self._impacts.append(impacts)
+        return covering[-1]
+
+    def _step_process(self) -> None:
+        """Take the step of the slow processes that is due now."""
+        position = nodal_plane_position(self._set_aside(), self.time)
+        assert self._percussion is not None
+        (weight, *_), _ = self._commands()
+        percussion = self._percussion.read(position, weight, self._drill, self.engine.amplitude)
+        in_contact = self.process.in_contact
+        self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
+        if self.process.in_contact is not in_contact:
+            self._drill = self._derived()
+        if self._load_spring and (mount := self.process.state.mount) is not None:
+            self._load_spring.step(mount, self._pushing_rate(), position)
+
+    def _pushing_rate(self) -> float:
+        """Rate with which the load spring pushes [N/m]."""
+        acting = self._conditions
+        return acting.load_spring_rate * acting.disturbances.preload_factor
+
+    def _surroundings(self) -> Surroundings:
+        parameters = self._conditions.parameters
+        depth = self.progress.depth
+        return Surroundings(
+            self.weight_on_bit * self._conditions.preload_factor,
+            self._conditions.load_spring_rate,
+            parameters.regime == "drilling",
+            depth if math.isfinite(depth) else 0.0,
+            self._hardness,
+        )
+
+    def _acting_parameters(self) -> Parameters:
+        """Parameters in force, free of the rock while the tool does not touch it."""
+        parameters = self._conditions.parameters
+        if self.process.in_contact is False and parameters.regime == "drilling":
+            return parameters.replace(regime="free")
+        return parameters
+
+    def _derived(self) -> Drill:
+        return derive(self._acting_parameters(), self._conditions.jammed)
+
+    def feed_account(self, segment: np.void) -> FeedAccount | None:
+        """Return the account of feed and mount since time zero; None without a feed.
+
+        Args:
+            segment: the open one.
+        """
+        if self._load_spring is None:
+            return None
+        return self._load_spring.account(nodal_plane_position(segment, self.time))
+
     def _make_progress(self, impacts: np.ndarray) -> None:
+        if self._percussion is not None:
+            self._percussion.add(impacts)
         if self._drill.in_rock:
             acting = self._conditions
             self.progress.add(
@@ -146,7 +227,9 @@ class Plant:
             )
 
     def _commands(self) -> tuple[tuple[float, float, float], float]:
-        weight = self.weight_on_bit * self._conditions.preload_factor
+        weight = self.process.weight_on_bit
+        if weight is None:
+            weight = self.weight_on_bit * self._conditions.preload_factor
         actuator = self.actuator
         resonance = 0.0 if actuator.resonance is None else actuator.resonance_frequency
         return (weight, actuator.level, actuator.frequency), resonance

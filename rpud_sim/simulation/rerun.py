@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from rpud_sim.simulation.checkpoints import Checkpoints
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal, JournalEntry
@@ -101,6 +101,7 @@ def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:
         "drive": lambda: simulation.apply(
             Drive(content["enabled"], content["voltage"], content["frequency"])
         ),
+        "feed": lambda: simulation.apply(Feed(content["mode"], content["value"])),
         "configure": lambda: simulation.configure(to_configuration(content["parameters"])),
         "inject": lambda: simulation.inject(Fault(**content["fault"]), content["duration"]),
         "clear": lambda: simulation.clear(content["number"]),

@@ -9,14 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.drilling.process import ProcessState
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block
-from rpud_sim.simulation.commands import Applied, Drive, WeightOnBit
+from rpud_sim.simulation.commands import Applied, Drive, Feed, WeightOnBit
 from rpud_sim.simulation.conditions import check_honoured, conditions, honoured_kinds
 from rpud_sim.simulation.configuration import Configuration, to_values, whole_configuration
 from rpud_sim.simulation.fault_schedule import FaultSchedule
 from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.plant import Plant, nominal_drive, rpud_constants
@@ -62,6 +64,7 @@ class Simulation:
         self._plant = Plant(configuration, initial_phase, drive)
         self._rpud = rpud_constants(parameters, self._plant.actuator.resonance)
         self._drawn = 0.0  # electrical energy up to the last block [J]
+        self._fed = FeedAccount() if configuration.has_feed else None  # up to the last block
         self._faults = FaultLedger()
         self._schedule = FaultSchedule()
         self._refusals: deque[str] = deque(maxlen=_MOST_REFUSALS)
@@ -109,13 +112,27 @@ class Simulation:
 
     @property
     def depth(self) -> float:
-        """Depth of the hole [m]; NaN without a rock model."""
-        return self._plant.progress.depth
+        """Depth of the hole [m]; NaN without strata and without a rock model."""
+        depth = self._plant.process.depth
+        return self._plant.progress.depth if depth is None else depth
 
     @property
     def penetration_rate(self) -> float:
-        """Mean rate over the last second [m/s]; NaN without a rock model."""
+        """Mean rate over the last second [m/s]; NaN without strata and without a rock model."""
+        if (borehole := self.process.borehole) is not None:
+            return borehole.penetration_rate
         return self._plant.progress.penetration_rate(self.time)
+
+    @property
+    def process(self) -> ProcessState:
+        """State of rotation, feed and borehole at their last step."""
+        return self._plant.process.state
+
+    @property
+    def weight_on_bit(self) -> float:
+        """Force of the load spring: commanded, or as it follows from the feed [N]."""
+        weight = self._plant.process.weight_on_bit
+        return self._applied.weight_on_bit.force if weight is None else weight
 
     @property
     def next_scheduled(self) -> int:
@@ -138,13 +155,17 @@ class Simulation:
         start = self.time
         if time < start:
             raise ValueError(f"time {time} ns is before the present {start} ns")
-        while (stop := min(self._plant.actuator.next_step, self._schedule.next_time)) <= time:
+        while (stop := min(self._plant.next_step, self._schedule.next_time)) <= time:
             self._plant.advance_to(stop)
             self._apply_due_faults()
         self._plant.advance_to(time)
         reading = self._plant.reading
         drawn, self._drawn = reading.electrical_energy - self._drawn, reading.electrical_energy
-        return Block(start, time, *self._plant.drain(), self._rpud, drawn, reading)
+        covering, impacts = self._plant.drain()
+        feed, fed = self._plant.feed_account(covering[-1]), self._fed
+        if feed is not None and fed is not None:
+            self._fed, feed = feed, feed - fed
+        return Block(start, time, covering, impacts, self._rpud, drawn, reading, self.process, feed)
 
     def advance_through(self, ends: np.ndarray) -> Span:
         """Advance to times one after the other and return what happened up to each.
@@ -159,7 +180,7 @@ class Simulation:
             EngineError: if the simulation cannot go on.
         """
         start = self.time
-        if min(self._plant.actuator.next_step, self._schedule.next_time) > ends[-1]:
+        if min(self._plant.next_step, self._schedule.next_time) > ends[-1]:
             reached = self._plant.advance_through(ends)
             if reached is not None:
                 # The actuator has no power here, and nothing changes what it reads.
@@ -170,7 +191,7 @@ class Simulation:
                 )
         return span_of([self.advance_to(end) for end in ends.tolist()])
 
-    def apply(self, command: WeightOnBit | Drive) -> None:
+    def apply(self, command: WeightOnBit | Drive | Feed) -> None:
         """Put a command into force at the present time.
 
         The nodal plane's position and velocity and the phase of the vibration stay continuous; a
@@ -178,16 +199,23 @@ class Simulation:
         command that changes nothing leaves the trajectory as it is.
 
         Raises:
-            ParameterError: if the drive would give an amplitude outside its range; nothing changes
-                then.
+            ParameterError: if the drive would give an amplitude outside its range, if a feed is
+                commanded that the drill has not, or outside its limits, or if a weight on bit is
+                commanded that follows from the feed; nothing changes then.
         """
         before = self._applied
         if isinstance(command, WeightOnBit):
+            self._configuration.check_weight_on_bit()
             self._plant.weight_on_bit = command.force
             self._applied = dataclasses.replace(
                 before, weight_on_bit=command, weight_on_bit_time=self.time
             )
             kind = "weight_on_bit"
+        elif isinstance(command, Feed):
+            self._configuration.check_feed(command)
+            self._plant.process.feed(command.motion)
+            self._applied = dataclasses.replace(before, feed=command, feed_time=self.time)
+            kind = "feed"
         else:
             drive = command.after(before.drive)
             self._configuration.check_drive(drive)

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rpud_sim.drilling.process import AT_REST, ProcessState
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, join_blocks
+from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.sampling import Samples, Stretches, Times, sample_stretches
 
 
@@ -28,6 +30,8 @@ class Span:
         rpud: constants of the RPUD that the segments lack.
         electrical_energy: that the actuator drew in them [J]; NaN where its model has no power.
         readings: of the actuator at each end.
+        states: of rotation, feed and borehole at each end; none where there is nothing to step.
+        feed: energy account of feed and mount in all blocks; None without a feed.
     """
 
     start: int
@@ -39,6 +43,8 @@ class Span:
     rpud: RpudConstants
     electrical_energy: float
     readings: Sequence[ActuatorReading]
+    states: Sequence[ProcessState] = ()
+    feed: FeedAccount | None = None
 
     def __deepcopy__(self, memo: dict[int, object]) -> Span:
         """Return itself: copies of a run share what cannot change."""
@@ -69,7 +75,15 @@ class Span:
         electrical = self.electrical_energy
         reading = self.readings[-1] if self.readings else None
         return Block(
-            self.start, self.end, self.covering, self.impacts, self.rpud, electrical, reading
+            self.start,
+            self.end,
+            self.covering,
+            self.impacts,
+            self.rpud,
+            electrical,
+            reading,
+            self.states[-1] if self.states else AT_REST,
+            self.feed,
         )
 
     def sample_ends(self) -> Samples:
@@ -103,4 +117,6 @@ def span_of(blocks: Sequence[Block]) -> Span:
         joined.rpud,
         joined.electrical_energy,
         readings,
+        [block.process for block in blocks],
+        joined.feed,
     )

@@ -20,8 +20,9 @@ from rpud_sim.model.tally import (
     class_at,
     empty_tallies,
 )
-from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.block import Block, sum_accounts
 from rpud_sim.simulation.energy_account import EnergyAccount, absorbed
+from rpud_sim.simulation.feed_account import FeedAccount
 
 # Names and units of the figures.
 FIGURES = MappingProxyType(
@@ -136,6 +137,7 @@ class Statistics:
         self._begun = False
         self._duration = 0
         self._electrical = 0.0
+        self._feed: FeedAccount | None = None
         self._tally = empty_tallies(1)
         self._classes = np.zeros(CLASSES, np.int64)
         self._part = np.zeros(PART_ROOM)
@@ -150,11 +152,17 @@ class Statistics:
         """The energy account of the blocks so far."""
         return account_of(self._tally[0], self._electrical)
 
+    @property
+    def feed(self) -> FeedAccount | None:
+        """The account of feed and mount of the blocks so far; None without a feed."""
+        return self._feed
+
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
         # The first segment began before this block, except at time zero.
         counts = block.start == 0 and not self._begun
         self.note_part(block.start, block.end, block.electrical_energy)
+        self._feed = sum_accounts((self._feed, block.feed))
         add_block(
             block.rpud,
             block.covering,
@@ -194,6 +202,7 @@ class Statistics:
         self._begun = self._begun or other._begun
         self._duration += other._duration
         self._electrical += other._electrical
+        self._feed = sum_accounts((self._feed, other._feed))
         one, another = self._tally, other._tally
         least, most = int(another["lowest_class"][0]), int(another["highest_class"][0])
         for name in TALLY.names or ():

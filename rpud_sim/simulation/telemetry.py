@@ -11,6 +11,7 @@ from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, boundaries_until, boundary, join_blocks
+from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.fields import (
     Fields,
     actuator_state_fields,
@@ -28,6 +29,15 @@ from rpud_sim.simulation.fields import (
     wrench_fields,
 )
 from rpud_sim.simulation.ledger import FaultRecord
+from rpud_sim.simulation.process_fields import (
+    PROCESS_TOPICS,
+    States,
+    has_part,
+    mount_torque,
+    process_columns,
+    process_fields,
+    process_joints,
+)
 from rpud_sim.simulation.sampling import Times, join_samples
 from rpud_sim.simulation.signals import SignalFaults
 from rpud_sim.simulation.span import Span
@@ -37,7 +47,6 @@ _SENSORS = (
     ("nodal_plane", nodal_plane_fields),
     ("drill_tool", drill_tool_fields),
     ("reacting_force", reacting_force_fields),
-    ("wrench", wrench_fields),
 )
 
 # Simulation time of the blocks that are done together, about [ns]: more takes more memory, and
@@ -154,18 +163,33 @@ class Telemetry:
             self._signals.note(
                 "contact_force", partial(contact_force_fields, span.impacts[-1], self.origin)
             )
-        for topic, make in _SENSORS:
+        for topic, make in _sensors(span.states):
             add(topic, blocks, ends, make(samples, None, stamps))
             last = partial(make, samples, len(span) - 1, self.origin + span.end)
             self._signals.note(topic, last)
+        self._processes_together(span, blocks, add)
         if self._wanted("joint_states"):
-            add("joint_states", blocks, ends, joint_state_fields(samples, None, stamps))
+            joints = tuple(process_joints(span.states))
+            fields = joint_state_fields(samples, None, stamps, joints)
+            add("joint_states", blocks, ends, fields)
         if span.readings:
             powers = self._powers(span)
             if self._wanted("actuator_state"):
                 add("actuator_state", blocks, ends, _readings(span.readings, powers, stamps))
         self._streams_together(span, blocks, add)
         return Together(ends, tuple(columns))
+
+    def _processes_together(self, span: Span, blocks: np.ndarray, add: Callable[..., None]) -> None:
+        """Add the messages of rotation, mount and borehole of a span."""
+        states = span.states
+        for topic in PROCESS_TOPICS:
+            if not has_part(states, topic):
+                continue
+            for among, fields in process_columns(topic, states, self.origin + span.ends):
+                add(topic, blocks[among], span.ends[among], fields)
+            if topic in CHANNELS:
+                last = partial(process_fields, topic, states[-1], self.origin + span.end)
+                self._signals.note(topic, last)
 
     def _powers(self, span: Span) -> list[float]:
         """Return the actuator's mean mechanical power in each block [W]."""
@@ -251,10 +275,19 @@ class Telemetry:
     def _samples(self, block: Block, faults: Sequence[FaultRecord]) -> Iterator[Entry]:
         stamp = self.origin + block.end
         samples = block.sample(Times.from_nanoseconds(block.end))
-        for channel, make in _SENSORS:
+        states = (block.process,)
+        for channel, make in _sensors(states):
             yield from self._signal(channel, block.end, make(samples, 0, stamp), faults)
+        for topic in PROCESS_TOPICS:
+            if has_part(states, topic):
+                values = process_fields(topic, states[0], stamp)
+                if topic in CHANNELS:
+                    yield from self._signal(topic, block.end, values, faults)
+                else:
+                    yield block.end, topic, values
         if self._wanted("joint_states"):
-            yield block.end, "joint_states", joint_state_fields(samples, 0, stamp)
+            joints = tuple(process_joints(states))
+            yield block.end, "joint_states", joint_state_fields(samples, 0, stamp, joints)
         if (reading := block.actuator) is not None:
             power = self._power(block.end, reading)
             if self._wanted("actuator_state"):
@@ -272,6 +305,12 @@ class Telemetry:
             stamp = origin + numbers.start * SECOND // rate
             values = waveform_fields(join_samples(parts), stamp, numbers.start, rate)
             yield block.end, "waveform", values
+
+
+def _sensors(states: States) -> Iterator[tuple[str, Callable[..., Fields]]]:
+    """Yield the topics of the sensors of the motion, each with a function of samples and stamp."""
+    yield from _SENSORS
+    yield "wrench", partial(wrench_fields, torques=mount_torque(states))
 
 
 def _by_message(values: np.ndarray, counts: np.ndarray) -> np.ndarray | Ragged:

@@ -26,6 +26,9 @@ _ORDER = {
             "drill_tool",
             "reacting_force",
             "wrench",
+            "rotation",
+            "mount",
+            "borehole",
             "joint_states",
             "actuator_state",
             "waveform",
@@ -72,7 +75,7 @@ class Together:
 
     Args:
         ends: of its blocks: simulation times [ns].
-        columns: of topics, each at most once.
+        columns: of topics; those of a topic follow each other in time.
     """
 
     ends: np.ndarray

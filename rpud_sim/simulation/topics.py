@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from typing import Any
 
 MOUNT_FRAME = "rpud_mount"
 NODAL_PLANE_FRAME = "rpud_nodal_plane"
@@ -21,6 +22,7 @@ class Topic:
         frame: of the header; empty if there is no header.
         complete: whether each message counts, not only the last.
         proved: whether a bag's journal determines every bit of its messages.
+        model: parameter that switches on what it carries; empty if it is always published.
     """
 
     type: str
@@ -29,20 +31,32 @@ class Topic:
     frame: str = MOUNT_FRAME
     complete: bool = True
     proved: bool = True
+    model: str = ""
+
+    def is_offered(self, values: Mapping[str, Any]) -> bool:
+        """Return whether a drill publishes it.
+
+        Args:
+            values: of the drill's parameters by name.
+        """
+        return not self.model or values[self.model] not in ("", "none")
 
 
 # Reliable publishers match reliable and best-effort subscribers. The depth allows a slow subscriber
 # to fall behind by about a second at the greatest telemetry rate.
 TOPICS: Mapping[str, Topic] = {
     "actuator_state": Topic("rpud_msgs/msg/ActuatorState", 1000, frame=NODAL_PLANE_FRAME),
+    "borehole": Topic("rpud_msgs/msg/Borehole", 1000, frame=TOOL_TIP_FRAME, model="strata"),
     "contact_force": Topic("rpud_msgs/msg/ContactForce", 2000, frame=TOOL_TIP_FRAME),
     "drill_tool": Topic("rpud_msgs/msg/DrillTool", 1000, frame=TOOL_TIP_FRAME),
     "faults": Topic("rpud_msgs/msg/Faults", 1, latched=True, complete=False),
     "joint_states": Topic("sensor_msgs/msg/JointState", 1000),
     # A recorder that starts late gets all entries up to this number.
     "journal": Topic("rpud_msgs/msg/JournalEntry", 1000, latched=True, proved=False),
+    "mount": Topic("rpud_msgs/msg/Mount", 1000, model="feed_model"),
     "nodal_plane": Topic("rpud_msgs/msg/NodalPlane", 1000, frame=NODAL_PLANE_FRAME),
     "reacting_force": Topic("rpud_msgs/msg/ReactingForce", 1000),
+    "rotation": Topic("rpud_msgs/msg/Rotation", 1000, frame=TOOL_TIP_FRAME, model="rotation_model"),
     "status": Topic("rpud_msgs/msg/Status", 1, latched=True, complete=False, proved=False),
     "trajectory": Topic("rpud_msgs/msg/Trajectory", 40),
     "waveform": Topic("rpud_msgs/msg/Waveform", 40),
@@ -50,3 +64,12 @@ TOPICS: Mapping[str, Topic] = {
 }
 # Topics whose every bit a proof compares.
 PROVED = tuple(name for name, topic in TOPICS.items() if topic.proved)
+
+
+def offered_topics(values: Mapping[str, Any]) -> Mapping[str, Topic]:
+    """Return the topics that a drill publishes, by name.
+
+    Args:
+        values: of the drill's parameters by name.
+    """
+    return {name: topic for name, topic in TOPICS.items() if topic.is_offered(values)}

@@ -25,6 +25,7 @@ STREAMS = ("waveform", "trajectory")
 COMMANDS: Mapping[str, str] = {
     "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
     "command/drive": "rpud_msgs/msg/Drive",
+    "command/feed": "rpud_msgs/msg/Feed",
 }
 _DEPTH = 5_000  # messages that may wait to be taken; Fast DDS keeps no more
 _LONGEST_WAIT = 0.05  # between looks at processes, whose end sends no signal [s]

@@ -185,6 +185,10 @@ class Drill:
             lambda: self.client.drive(enabled, voltage, frequency),
         )
 
+    def feed(self, rate: float | None = None, position: float | None = None) -> None:
+        """Command the feed of a drill on an arm; see ``DrillClient.feed``."""
+        self._act(f"feed rate={rate} position={position}", lambda: self.client.feed(rate, position))
+
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out."""
         self._act(f"engage {on}", lambda: self.client.engage(on))
@@ -231,7 +235,7 @@ class Drill:
         if topic in TOPICS:
             self.await_connections()
             if heard.number is None:
-                heard.number = self._collector.published[topic]
+                heard.number = self._collector.published.get(topic, 0)
 
     def messages(self, topic: str) -> list[Any]:
         """Return all messages of a topic since the test began.

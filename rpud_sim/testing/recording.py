@@ -88,8 +88,8 @@ class Recording:
         """Check that the bag has everything that the drill has published since the beginning."""
         with rpud_sim.bag.open(self._path) as bag:
             recorded = {item.topic.name: item.message_count for item in bag.topics}
-        for name, topic in TOPICS.items():
-            published = self._drill.published[name] - self._begun[name]
+        for name, count in self._drill.published.items():
+            topic, published = TOPICS[name], count - self._begun[name]
             found = recorded.get(f"{self._drill.namespace.rstrip('/')}/{name}", 0)
             if topic.complete and found < published:
                 raise LostMessagesError(

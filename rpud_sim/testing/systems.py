@@ -127,8 +127,8 @@ class Systems:
         status = collector.own("status").latest()
         return (
             all(
-                collector.subscribers[name] >= node.count_subscribers(collector.resolve(name))
-                for name in TOPICS
+                number >= node.count_subscribers(collector.resolve(name))
+                for name, number in collector.subscribers.items()
             )
             and status is not None
             and status.commanders >= commanders

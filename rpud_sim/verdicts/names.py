@@ -35,6 +35,7 @@ DIAGNOSTICS = "/diagnostics"
 
 COMMANDS: Mapping[str, str] = {
     "command/drive": "rpud_msgs/msg/Drive",
+    "command/feed": "rpud_msgs/msg/Feed",
     "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
 }
 TYPES: Mapping[str, str] = {**{name: topic.type for name, topic in TOPICS.items()}, **COMMANDS}
@@ -51,7 +52,10 @@ _STANDARD_UNITS: Mapping[str, str] = {
 
 # One message a sample: these define where a recording begins, and fall silent only by a fault.
 PERIODIC = frozenset(
-    ("actuator_state", "drill_tool", "joint_states", "nodal_plane", "reacting_force", "wrench")
+    (
+        *("actuator_state", "borehole", "drill_tool", "joint_states", "mount", "nodal_plane"),
+        *("reacting_force", "rotation", "wrench"),
+    )
 )
 PERIODIC_HOLD = SECOND
 """Longest time for which a value of a periodic topic holds, unless the signal has its own [ns].

@@ -38,6 +38,8 @@ _PREFIXED = (
     "N s",
     "N m",
     "m/s",
+    "rad/s",
+    "J/m^3",
 )
 
 # Factor to the SI unit, and that unit.
@@ -51,6 +53,10 @@ _UNITS |= {
     "deg": (math.pi / 180.0, "rad"),
     "%": (0.01, ""),
     "mm/min": (1e-3 / 60.0, "m/s"),
+    "rpm": (math.pi / 30.0, "rad/s"),
+    "m^3": (1.0, "m^3"),
+    "cm^3": (1e-6, "m^3"),
+    "mm^3": (1e-9, "m^3"),
     "": (1.0, ""),
     "1": (1.0, ""),
 }

@@ -15,7 +15,7 @@ from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
 from rpud_sim.watch.picture import DONE, FAILED, REFUSED, WAITING, Outcome
 
-ACTIONS = ("press", "drive", "engage", "inject", "clear", "pause", "play", "step", "reset")
+ACTIONS = ("press", "drive", "feed", "engage", "inject", "clear", "pause", "play", "step", "reset")
 """Actions: methods of ``DrillClient``, with the same arguments."""
 
 _MOST_WAITING = 32

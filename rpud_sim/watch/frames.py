@@ -135,7 +135,7 @@ def _texts(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _values(picture: Picture) -> dict[str, Any]:
-    return {topic: dict(values) for topic, values in picture.latest.items()}
+    return {topic: _texts(values) for topic, values in picture.latest.items()}
 
 
 def _impact(impact: Impact | None) -> dict[str, Any] | None:

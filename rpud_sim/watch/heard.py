@@ -41,13 +41,37 @@ _FIELDS = {
         *("amplitude", "electrical_power", "mechanical_power", "electrical_energy"),
         *("mechanical_work", "temperature"),
     ),
+    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled", "slipping"),
+    "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
+    "borehole": (
+        *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
+        *("bit_wear", "bit_temperature", "rock_temperature"),
+    ),
 }
+SAMPLED = ("nodal_plane", "drill_tool", "reacting_force", "rotation", "mount", "borehole")
+"""Topics of which ``samples`` hears."""
+
 _POWER = _FIELDS["actuator_state"].index("electrical_power")
 _COLUMN = {name: number for number, name in enumerate(COLUMNS)}
+
+
+def _band(name: str) -> tuple[int, int]:
+    return _COLUMN[f"{name}_min"], _COLUMN[f"{name}_max"]
+
+
+# Bands of each topic: place among its values, and the columns.
 _BANDS = {
-    topic: (_COLUMN[f"{topic}_min"], _COLUMN[f"{topic}_max"])
-    for topic in ("nodal_plane", "free_mass", "drill_tool", "reacting_force", "peak_force")
+    "nodal_plane": ((0, _band("nodal_plane")),),
+    "drill_tool": ((0, _band("drill_tool")),),
+    "reacting_force": ((0, _band("reacting_force")),),
+    "rotation": (
+        *((1, _band("rotation_rate")), (2, _band("torque"))),
+        (3, _band("drive_torque")),
+    ),
+    "mount": ((0, _band("mount_position")), (1, _band("feed")), (3, _band("mount_force"))),
+    "borehole": ((0, _band("depth")),),
 }
+_FREE_MASS, _PEAK_FORCE = _band("free_mass"), _band("peak_force")
 _TIMES = ("weight_on_bit_applied", "drive_applied")
 _UNMARKED = {"begin", "origin", "flush", "stop"}
 
@@ -99,12 +123,14 @@ class Heard:
                 self._show(topic, message)
 
     def samples(self, topic: str, stamp: int, values: tuple[Any, ...]) -> None:
-        """Hear a message of ``nodal_plane``, ``drill_tool`` or ``reacting_force``."""
+        """Hear a message of a topic of ``SAMPLED``."""
         row = self._row(stamp)
         if self._located:
             self._values[topic] = values
         if row is not None:
-            _widen(row, _BANDS[topic], values[0], values[0])
+            for place, band in _BANDS[topic]:
+                if math.isfinite(values[place]):  # no hole has a depth after a breakthrough
+                    _widen(row, band, values[place], values[place])
 
     def actuator_state(self, stamp: int, values: tuple[Any, ...]) -> None:
         """Hear a message of ``actuator_state``."""
@@ -120,7 +146,7 @@ class Heard:
         if self._located:
             self._impacts.append((stamp, values))
         if row is not None:
-            _widen(row, _BANDS["peak_force"], values[1], values[1])
+            _widen(row, _PEAK_FORCE, values[1], values[1])
             for name, value in (
                 ("impacts", 1.0),
                 ("energy", values[5]),
@@ -148,7 +174,7 @@ class Heard:
             row = self._bins.row(int(numbers[first])) if numbers[first] >= 0 else None
             if row is not None:
                 part = arrays[2][first:end]
-                _widen(row, _BANDS["free_mass"], float(part.min()), float(part.max()))
+                _widen(row, _FREE_MASS, float(part.min()), float(part.max()))
 
     # What is shown
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from rpud_sim.ros.client import ClientError, DrillClient
 from rpud_sim.watch.actions import Actions, InterruptedWaitError
-from rpud_sim.watch.heard import Heard
+from rpud_sim.watch.heard import SAMPLED, Heard
 from rpud_sim.watch.picture import CONNECTED, SEARCHING, VANISHED, Connection, Picture
 
 _PERIOD = 0.04  # between takes of messages [s]
@@ -39,9 +39,9 @@ class LiveDrill:
     again; its series stay until another run begins, whose number is ``picture.run``.
 
     Actions are executed in order: ``press(force)``, ``drive(enabled, voltage, frequency)``,
-    ``engage(on)``, ``inject(kind, channel, magnitude, duration)``, ``clear(which)``, ``pause()``,
-    ``play()``, ``step(seconds)``, ``reset(scope, seed)``, as ``DrillClient`` has them. A pause or
-    reset ends the wait for a step that is under way.
+    ``feed(rate, position)``, ``engage(on)``, ``inject(kind, channel, magnitude, duration)``,
+    ``clear(which)``, ``pause()``, ``play()``, ``step(seconds)``, ``reset(scope, seed)``, as
+    ``DrillClient`` has them. A pause or reset ends the wait for a step that is under way.
 
     Args:
         namespace: of the drill.
@@ -160,7 +160,7 @@ class LiveDrill:
                 "waveform": self._locked(heard.waveform),
                 **{
                     topic: self._locked(lambda *sample, topic=topic: heard.samples(topic, *sample))
-                    for topic in ("nodal_plane", "drill_tool", "reacting_force")
+                    for topic in SAMPLED
                 },
             }
         )

@@ -91,8 +91,37 @@ PLOTS = (
         Axis(unit="ms", low=0.0),
         height=80,
     ),
+    Plot(
+        "force of the arm on the mount",
+        (_envelope("arm", 0),),
+        _BANDS,
+        Axis(unit="N"),
+        height=140,
+    ),
+    Plot(
+        "feed, mount and depth of the hole",
+        (_envelope("feed", 0), _envelope("mount", 1), _envelope("depth", 2)),
+        _BANDS,
+        Axis(unit="mm"),
+    ),
+    Plot("rotation", (_envelope("rate of rotation", 0),), _BANDS, Axis(unit="rad/s"), height=140),
+    Plot(
+        "torque",
+        (_envelope("of rock and cuttings", 1), _envelope("of the drive", 0)),
+        _BANDS,
+        Axis(unit="N m"),
+        height=140,
+    ),
 )
 """Plots of the page; ``live.js`` fills their sources, which it finds by the names of the layers."""
+
+# Topics without which plots are hidden: a drill whose model is off does not publish them.
+_NEEDED = {
+    "force of the arm on the mount": "mount",
+    "feed, mount and depth of the hole": "mount",
+    "rotation": "rotation",
+    "torque": "rotation",
+}
 
 
 def live_application(
@@ -166,6 +195,7 @@ class _Page:
                 for each in drawn
             ],
             "names": [each.figure.name for each in drawn],
+            "needed": [_NEEDED.get(each.plot.heading, "") for each in drawn],
             "namespace": printable(self._drill.namespace),
         }
 

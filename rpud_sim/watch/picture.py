@@ -32,6 +32,20 @@ COLUMNS = (
     "energy",  # of the arriving free mass, of all impacts [J]
     "energy_transferred",  # of that, what stays in drill tool and rock [J]
     "electrical_power",  # latest [W]
+    "rotation_rate_min",  # [rad/s]; this and what follows: NaN where the model is off
+    "rotation_rate_max",
+    "torque_min",  # of rock and cuttings [N m]
+    "torque_max",
+    "drive_torque_min",  # [N m]
+    "drive_torque_max",
+    "mount_position_min",  # [m]
+    "mount_position_max",
+    "feed_min",  # position of its drive [m]
+    "feed_max",
+    "mount_force_min",  # of the arm on the mount [N]
+    "mount_force_max",
+    "depth_min",  # [m]
+    "depth_max",
 )
 """Columns of the fast series, one value for each bin of simulation time."""
 

@@ -13,12 +13,15 @@ from rosgraph_msgs.msg import Clock
 from rosidl_parser.definition import AbstractSequence, NamespacedType, UnboundedString
 from rpud_msgs.msg import (
     ActuatorState,
+    Borehole,
     ContactForce,
     DrillTool,
     Faults,
     JournalEntry,
+    Mount,
     NodalPlane,
     ReactingForce,
+    Rotation,
     Status,
     Trajectory,
     Waveform,
@@ -35,6 +38,7 @@ from rpud_sim.simulation.topics import TOPICS
 # Listed, so that none is left out by mistake.
 KINDS = [ContactForce, DrillTool, Faults, JointState, JournalEntry, NodalPlane, ReactingForce]
 KINDS += [ActuatorState, Status, Trajectory, Waveform, WrenchStamped, Clock]
+KINDS += [Borehole, Mount, Rotation]
 
 NUMBERS = {
     "boolean": st.booleans(),

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.parameters import NAMES
 from rpud_sim.simulation import Parameters, preset
@@ -20,7 +21,6 @@ from rpud_sim.simulation.configuration import (
     to_configuration,
 )
 from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
-from rpud_sim.simulation.rock import RockParameters
 
 CONFIG = Path(__file__).parents[2] / "config"
 

@@ -9,6 +9,7 @@ import threading
 import numba
 import pytest
 
+from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model.compile import compilation_notice
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.configuration import Configuration
@@ -19,7 +20,6 @@ from rpud_sim.simulation.ensemble import (
     run_ensemble,
 )
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics

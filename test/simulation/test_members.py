@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model import engine
 from rpud_sim.model.engine import EngineError, initial_state
 from rpud_sim.model.tolerances import GREATEST_EFFORT
@@ -16,7 +17,6 @@ from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import run_ensemble, run_members
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.members import QuietRuns, runs_by_itself
-from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
@@ -17,7 +18,6 @@ from rpud_sim.simulation.configuration import (
     Settings,
     to_settings,
 )
-from rpud_sim.simulation.rock import RockParameters
 
 
 @pytest.fixture

@@ -38,6 +38,17 @@ class ReportError(Exception):
     """Report that cannot be written; the text gives the reason in one line."""
 
 
+# Types, columns and titles of the slow quantities of a drill on an arm.
+_SLOW = (
+    ("rpud_msgs/msg/Mount", "force", "force of the arm on the mount"),
+    ("rpud_msgs/msg/Mount", "weight_on_bit", "weight on bit"),
+    ("rpud_msgs/msg/Mount", "feed", "position of the feed"),
+    ("rpud_msgs/msg/Borehole", "depth", "depth of the hole"),
+    ("rpud_msgs/msg/Rotation", "rate", "rate of rotation"),
+    ("rpud_msgs/msg/Rotation", "torque", "torque of rock and cuttings"),
+)
+
+
 def write_report(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],
@@ -174,7 +185,7 @@ def _impacts(seen: Survey, name: str, plots: TimePlots) -> dict[str, Any]:
 
 
 def _beside(seen: Survey, name: str, plots: TimePlots) -> Iterator[Plot]:
-    """Yield the plots of the reacting force and of the weight on bit beside those of impacts."""
+    """Yield the plots of forces, weight on bit, feed and rotation beside those of impacts."""
     for kind, column in FORCES:
         topic = seen.sibling(name, kind)
         series = topic.series if topic is not None else ()
@@ -185,6 +196,12 @@ def _beside(seen: Survey, name: str, plots: TimePlots) -> Iterator[Plot]:
     for journal_name, journal in seen.journals.items():
         if namespace(journal_name) == namespace(name):
             yield from plots.weight_on_bit(journal.changes)
+    for kind, column, title in _SLOW:
+        topic = seen.sibling(name, kind)
+        series = topic.series if topic is not None else ()
+        for item in series:
+            if item.column.name == column and item.values.count:
+                yield plots.series(item, title)
 
 
 def _segments(seen: Survey) -> Iterator[dict[str, Any]]:

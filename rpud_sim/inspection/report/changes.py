@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 COMMANDS = ("weight_on_bit", "drive", "configure", "restore", "begin")
-"""Kinds of journal entries that end a segment of the run."""
+"""Kinds of journal entries that end a segment of the run; a supervisor feeds all the time."""
 
 _MOST_NAMES = 6  # parameters that a text names
 _LENGTH = 160  # characters of a text
@@ -77,7 +77,11 @@ class CommandsInForce:
             return f"restore of {content['name']!s:.60}"
         self._texts.clear()
         self._parameters = dict(content["parameters"])
-        self._press(float(self._parameters["weight_on_bit"]))
+        if self._parameters.get("feed_model", "none") == "none":
+            self._press(float(self._parameters["weight_on_bit"]))
+        else:  # the topic mount has it
+            self._weight = None
+            self._texts["weight_on_bit"] = "weight on bit by the feed"
         return "a simulation begins"
 
     def _press(self, weight: float) -> str:

@@ -11,7 +11,7 @@ from rcl_interfaces.srv import ListParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from rpud_msgs.msg import Drive, Fault, Result, SimulationState, Status, WeightOnBit
+from rpud_msgs.msg import Drive, Fault, Feed, Result, SimulationState, Status, WeightOnBit
 from rpud_msgs.srv import (
     ClearFault,
     InjectFault,
@@ -197,6 +197,26 @@ class DrillClient:
             values["frequency"] = message.frequency
         in_status = {f"drive_{name}": value for name, value in values.items()}
         self._drill.command("drive", message, values, in_status)
+
+    def feed(self, rate: float | None = None, position: float | None = None) -> None:
+        """Command the feed of a drill on an arm: its rate or its position, and not both.
+
+        Args:
+            rate: toward the rock [m/s]; zero holds the mount.
+            position: along the drill axis [m].
+
+        Raises:
+            ParameterError: if not exactly one of them is given.
+            RefusedError: if the drill refuses it.
+        """
+        if (rate is None) == (position is None):
+            raise ParameterError("feed takes a rate or a position")
+        if rate is not None:
+            mode, name, value = Feed.MODE_RATE, "rate", to_number("rate", rate)
+        else:
+            mode, name, value = Feed.MODE_POSITION, "position", to_number("position", position)
+        message = Feed(mode=mode, value=value)
+        self._drill.command("feed", message, {"mode": name, "value": value}, None)
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out.

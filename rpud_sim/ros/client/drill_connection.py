@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from rpud_msgs.msg import Drive, Status, WeightOnBit
+from rpud_msgs.msg import Drive, Feed, Status, WeightOnBit
 from rpud_msgs.srv import (
     ClearFault,
     GetSimulationState,
@@ -35,7 +35,7 @@ from rpud_sim.ros.client.topic_lookup import (
 )
 from rpud_sim.ros.types import message_class
 
-_COMMANDS = {"weight_on_bit": WeightOnBit, "drive": Drive}
+_COMMANDS = {"weight_on_bit": WeightOnBit, "drive": Drive, "feed": Feed}
 _COMMAND_DEPTH = 100
 _SERVICES = {
     "inject_fault": InjectFault,
@@ -142,15 +142,15 @@ class DrillConnection:
         return self.listening.until(condition, limit, what)
 
     def command(
-        self, name: str, message: Any, values: Mapping[str, Any], shown: Mapping[str, Any]
+        self, name: str, message: Any, values: Mapping[str, Any], shown: Mapping[str, Any] | None
     ) -> None:
         """Publish a command, and wait until the drill has accepted it.
 
         Args:
-            name: ``weight_on_bit`` or ``drive``.
+            name: ``weight_on_bit``, ``drive`` or ``feed``.
             message: the command.
             values: fields of it that the journal will show.
-            shown: the same values by the fields of the status.
+            shown: the same values by the fields of the status; None if it does not show them.
 
         Raises:
             RefusedError: if the drill refuses it.

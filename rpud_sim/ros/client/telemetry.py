@@ -12,10 +12,13 @@ from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventType
 from rclpy.qos import QoSProfile
 from rpud_msgs.msg import (
     ActuatorState,
+    Borehole,
     ContactForce,
     DrillTool,
+    Mount,
     NodalPlane,
     ReactingForce,
+    Rotation,
     Waveform,
 )
 
@@ -26,13 +29,16 @@ from rpud_sim.ros.client.listening_node import ListeningNode
 _DEPTH = 5_000  # messages that may wait; Fast DDS keeps no more
 _WAVES = 200  # blocks that may wait, each of some 100 kB
 
-# What follows the header of each type; `struct` pads nothing, and these need no padding.
+# What follows the header of each type; `struct` pads nothing. T is a text, which the rest follows.
 _LAYOUTS = {
     "nodal_plane": (NodalPlane, "dd"),
     "drill_tool": (DrillTool, "dd?"),
     "reacting_force": (ReactingForce, "d"),
     "contact_force": (ContactForce, "Qdddddd?"),
     "actuator_state": (ActuatorState, "12d"),
+    "rotation": (Rotation, "dddd??"),
+    "mount": (Mount, "ddddd?7xd"),
+    "borehole": (Borehole, "ddT5d"),
 }
 _CHANNELS = 6  # arrays of a waveform
 _FIXED = 16  # bytes of a waveform's fields before its arrays
@@ -49,6 +55,7 @@ class Telemetry:
     - ``reacting_force``: force
     - ``contact_force``: sequence and the six numbers, squeezed
     - ``actuator_state``: all twelve numbers
+    - ``rotation``, ``mount``, ``borehole``: all values
     - ``waveform``: sequence, sample_period, and a tuple of six NumPy arrays
 
     A message that is too short for its type is ignored: a stranger may publish there too.
@@ -109,12 +116,18 @@ class Telemetry:
 def _values_to(
     sink: Callable[[int, tuple[Any, ...]], object], layout: str
 ) -> Callable[[bytes], None]:
-    layouts = {order: struct.Struct(order + layout) for order in "<>"}
+    before, _, behind = layout.partition("T")
+    layouts = {order: struct.Struct(order + before) for order in "<>"}
+    rests = {order: struct.Struct(order + behind) for order in "<>"} if behind else {}
 
     def decode(data: bytes) -> None:
         order = "<" if data[1:2] == b"\x01" else ">"
         stamp, place = _header(data, order)
-        sink(stamp, layouts[order].unpack_from(data, place))
+        values = layouts[order].unpack_from(data, place)
+        if rests:
+            text, place = _text(data, order, place + layouts[order].size)
+            values = (*values, text, *rests[order].unpack_from(data, place))
+        sink(stamp, values)
 
     return decode
 
@@ -140,6 +153,13 @@ def _header(data: bytes, order: str) -> tuple[int, int]:
     """Return the stamp of a header [ns], and the place of an eight-byte field that follows it."""
     seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, 4)
     return seconds * SECOND + nanoseconds, _aligned(16 + length)
+
+
+def _text(data: bytes, order: str, place: int) -> tuple[str, int]:
+    """Return a text, and the place of an eight-byte field that follows it."""
+    (length,) = struct.unpack_from(f"{order}I", data, place)
+    end = place + 4 + length
+    return data[place + 4 : end].rstrip(b"\0").decode(), _aligned(end)
 
 
 def _aligned(place: int) -> int:

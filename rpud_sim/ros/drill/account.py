@@ -21,7 +21,12 @@ from rpud_sim.simulation.statistics import Statistics
 
 REPORT_PERIOD = 1.0  # of status and diagnostics [s]
 _BATCH_SIZE = 20  # blocks that are counted at once: one by one would take most of the time
-_COMMAND_TOPICS = ("command/weight_on_bit", "command/drive")
+# Topics that command the same: two publishers on one line are a mistake.
+_COMMAND_TOPICS = (
+    ("command/weight_on_bit",),
+    ("command/drive",),
+    ("command/feed", "joint_commands"),
+)
 
 
 class Account:
@@ -52,7 +57,9 @@ class Account:
         self._publishers = publishers
         self._inbox = inbox
         self._namesakes = namesakes
-        self._command_topics = [node.resolve_topic_name(topic) for topic in _COMMAND_TOPICS]
+        self._command_topics = [
+            [node.resolve_topic_name(topic) for topic in topics] for topics in _COMMAND_TOPICS
+        ]
         self._last: Report | None = None
         self._blocks: list[Block] = []
         self._impact_delays = Lateness()
@@ -136,7 +143,9 @@ class Account:
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
             commands_lost=run.control.commands_lost,
-            commanders=max(map(self._node.count_publishers, self._command_topics)),
+            commanders=max(
+                sum(map(self._node.count_publishers, topics)) for topics in self._command_topics
+            ),
             deadlines_missed=timing.deadlines_missed,
             messages_dropped=self._publishers.dropped,
             real_time_factor=timing.real_time_factor,

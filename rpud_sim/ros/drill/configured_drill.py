@@ -15,6 +15,7 @@ from rpud_sim.ros.drill.pacing_thread import PacingThread
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.resumption import Start
+from rpud_sim.simulation.topics import offered_topics
 
 _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscribers [s]
 
@@ -47,7 +48,8 @@ class ConfiguredDrill:
         sent: Counter[str] | None,
         start: Start | None = None,
     ) -> None:
-        self.publishers = DrillPublishers(node, settings.publish_clock, sent)
+        offered = offered_topics(settings.values())
+        self.publishers = DrillPublishers(node, settings.publish_clock, sent, offered)
         self.account = Account(node, settings.telemetry_rate, self.publishers, inbox, namesakes)
         try:
             self.drilling = Drilling(

@@ -11,14 +11,20 @@ from builtin_interfaces.msg import Time
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import Drive as DriveMessage
+from rpud_msgs.msg import Feed as FeedMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
+from sensor_msgs.msg import JointState
 
+from rpud_sim.drilling.feed import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.ros.drill.inbox import Inbox
+from rpud_sim.ros.drill.joint_commands import to_feed
 from rpud_sim.ros.drill.publishers import COMMAND_QOS
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
+
+_FEED_MODES = {FeedMessage.MODE_RATE: RATE, FeedMessage.MODE_POSITION: POSITION}
 
 
 class Gate:
@@ -39,13 +45,15 @@ class Gate:
         self._now = now
         self._open = threading.Event()
         for name, kind, handler in (
-            ("weight_on_bit", WeightOnBitMessage, self._on_weight_on_bit),
-            ("drive", DriveMessage, self._on_drive),
+            ("command/weight_on_bit", WeightOnBitMessage, self._on_weight_on_bit),
+            ("command/drive", DriveMessage, self._on_drive),
+            ("command/feed", FeedMessage, self._on_feed),
+            ("joint_commands", JointState, self._on_joint_commands),
         ):
             # Raw: the middleware would drop a malformed payload without a count.
             # rclpy passes the times of a message to a callback with two arguments.
-            callback: Any = self._reading(name, kind, handler)
-            node.create_subscription(kind, f"command/{name}", callback, COMMAND_QOS, raw=True)
+            callback: Any = self._reading(name.removeprefix("command/"), kind, handler)
+            node.create_subscription(kind, name, callback, COMMAND_QOS, raw=True)
 
     def open(self, opened: bool) -> None:
         """Accept commands from now on, or reject all of them."""
@@ -73,6 +81,7 @@ class Gate:
     def _on_weight_on_bit(self, message: WeightOnBitMessage, arrived: int) -> None:
         try:
             self._check("weight on bit", message.header.stamp)
+            self.settings.configuration.check_weight_on_bit()
             self._inbox.accept(WeightOnBit(message.force), arrived)
         except ParameterError as error:
             self._inbox.refuse(str(error))
@@ -85,6 +94,30 @@ class Gate:
             self._inbox.accept(drive, arrived)
         except ParameterError as error:
             self._inbox.refuse(str(error))
+
+    def _on_feed(self, message: FeedMessage, arrived: int) -> None:
+        try:
+            self._check("feed", message.header.stamp)
+            mode = _FEED_MODES.get(message.mode)
+            if mode is None:
+                raise ParameterError(f"feed mode = {message.mode} is not 0 (rate) or 1 (position)")
+            self._accept_feed(Feed(mode, message.value), arrived)
+        except ParameterError as error:
+            self._inbox.refuse(str(error))
+
+    def _on_joint_commands(self, message: JointState, arrived: int) -> None:
+        try:
+            # Before the rest: the hardware interface publishes while no controller commands.
+            feed = to_feed(message)
+            if feed is not None:
+                self._check("joint_commands", message.header.stamp)
+                self._accept_feed(feed, arrived)
+        except ParameterError as error:
+            self._inbox.refuse(str(error))
+
+    def _accept_feed(self, feed: Feed, arrived: int) -> None:
+        self.settings.configuration.check_feed(feed)
+        self._inbox.accept(feed, arrived)
 
     def _check(self, name: str, stamp: Time) -> None:
         if not self._open.is_set():

@@ -13,7 +13,9 @@ from rpud_sim.ros.lateness import Lateness
 if TYPE_CHECKING:
     from rclpy.impl.rcutils_logger import RcutilsLogger
 
-    from rpud_sim.simulation.commands import Drive, WeightOnBit
+    from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+
+    Command = WeightOnBit | Drive | Feed
 
 _LOGGED_PER_SECOND = 10
 _MALFORMED_PERIOD = 10.0  # between two log lines about malformed commands [s]
@@ -35,7 +37,7 @@ class Inbox:
 
     def __init__(self, logger: RcutilsLogger) -> None:
         self._logger = logger
-        self._waiting: deque[tuple[int, WeightOnBit | Drive]] = deque()
+        self._waiting: deque[tuple[int, Command]] = deque()
         self.delays = Lateness()
         self._second = 0
         self._logged = 0
@@ -63,7 +65,7 @@ class Inbox:
         """Count delays from zero."""
         self.delays = Lateness()
 
-    def accept(self, command: WeightOnBit | Drive, arrived: int | None = None) -> None:
+    def accept(self, command: Command, arrived: int | None = None) -> None:
         """Queue a command for the next block boundary.
 
         Args:
@@ -107,7 +109,7 @@ class Inbox:
         elif self._logged == _LOGGED_PER_SECOND + 1:
             self._logger.warning("more is refused in this second, and counted")
 
-    def drain(self) -> list[WeightOnBit | Drive]:
+    def drain(self) -> list[Command]:
         """Return the waiting commands in order, and count them as accepted."""
         commands = []
         while self._waiting:

@@ -44,10 +44,18 @@ class DrillPublishers:
         node: that owns them.
         publish_clock: whether the node is the source of ``/clock``.
         sent: as the attribute.
+        offered: topics of the node's namespace by name.
     """
 
-    def __init__(self, node: Node, publish_clock: bool, sent: Counter[str] | None = None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        publish_clock: bool,
+        sent: Counter[str] | None = None,
+        offered: Mapping[str, Topic] = TOPICS,
+    ) -> None:
         self._node = node
+        self._offered = offered
         self._dropped = 0
         self._unacknowledged = Counter[str]()
         self._published = Counter[str]()
@@ -55,7 +63,7 @@ class DrillPublishers:
         self.sent = sent
         self.patient = False
         self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
-        topics = {**TOPICS, **({"/clock": CLOCK} if publish_clock else {})}
+        topics = {**offered, **({"/clock": CLOCK} if publish_clock else {})}
         self._encoders = {
             name: Encoder(members_of(message_class(topic.type))) for name, topic in topics.items()
         }
@@ -76,7 +84,7 @@ class DrillPublishers:
     @property
     def unheard(self) -> list[str]:
         """Topics of the node's namespace that have no subscriber."""
-        return [name for name in TOPICS if not self._is_heard(name)]
+        return [name for name in self._offered if not self._is_heard(name)]
 
     @property
     def published(self) -> Mapping[str, int]:
@@ -84,15 +92,15 @@ class DrillPublishers:
 
         The middleware numbers messages alike: a subscriber can tell what it still lacks.
         """
-        return {name: self._published[name] for name in TOPICS}
+        return {name: self._published[name] for name in self._offered}
 
     def subscribers(self) -> dict[str, int]:
         """Return the number of subscriptions that each topic of the node's namespace reaches."""
-        return {name: self._publishers[name].get_subscription_count() for name in TOPICS}
+        return {name: self._publishers[name].get_subscription_count() for name in self._offered}
 
     def acknowledged(self) -> bool:
         """Return whether all reliable subscribers have every message of the namespace."""
-        return all(self._publishers[name].wait_for_all_acked(_AT_ONCE) for name in TOPICS)
+        return all(self._publishers[name].wait_for_all_acked(_AT_ONCE) for name in self._offered)
 
     def delivery_changed(self) -> bool:
         """Return whether subscribers or acknowledgement differ from those at the last call."""
@@ -156,7 +164,7 @@ class DrillPublishers:
                 self.sent[name] += 1
             self._unacknowledged[name] += 1
             self._published[name] += 1
-            if self.patient and name in TOPICS and TOPICS[name].complete:
+            if self.patient and name in self._offered and self._offered[name].complete:
                 self._await(name)
         except RuntimeError:  # RCLError: the middleware did not accept it
             self._dropped += 1
@@ -171,7 +179,7 @@ class DrillPublishers:
 
     def _await(self, name: str) -> None:
         """Let reliable subscribers catch up before the oldest messages would be overwritten."""
-        if self._unacknowledged[name] >= TOPICS[name].depth:
+        if self._unacknowledged[name] >= self._offered[name].depth:
             # For all at once: waiting for the subscribers of one topic takes as long as for all.
             self.wait_for_subscribers()
             self._unacknowledged.clear()

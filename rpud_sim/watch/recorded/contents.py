@@ -14,6 +14,8 @@ CHOSEN = 2
 _MOST_OTHERS = 6  # plots of a bag without a drill
 _OURS = "rpud_msgs/"
 _STATUS = "rpud_msgs/msg/Status"
+_MOUNT = "rpud_msgs/msg/Mount"
+_ROTATION = "rpud_msgs/msg/Rotation"
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,32 @@ _PLOTS: tuple[
             ("work of the vibration", _STATUS, "actuator_power", ""),
             ("taken by tool and rock", _STATUS, "absorbed_power", ""),
             ("electrical", _STATUS, "electrical_power", ""),
+        ),
+        (),
+    ),
+    (
+        "force of the arm",
+        "N",
+        (("arm", _MOUNT, "force", ""), ("weight on bit", _MOUNT, "weight_on_bit", "")),
+        (),
+    ),
+    (
+        "feed, mount and depth of the hole",
+        "m",
+        (
+            ("feed", _MOUNT, "feed", ""),
+            ("mount", _MOUNT, "position", ""),
+            ("depth", "rpud_msgs/msg/Borehole", "depth", ""),
+        ),
+        (),
+    ),
+    ("rotation", "rad/s", (("rate", _ROTATION, "rate", ""),), ()),
+    (
+        "torque",
+        "N m",
+        (
+            ("rock and cuttings", _ROTATION, "torque", ""),
+            ("drive", _ROTATION, "drive_torque", ""),
         ),
         (),
     ),

@@ -10,14 +10,20 @@ var rpudLive = (() => {
   const find = (id) => document.getElementById(id);
   const FAST = ["nodal_plane_min", "nodal_plane_max", "free_mass_min", "free_mass_max",
     "drill_tool_min", "drill_tool_max", "reacting_force_min", "reacting_force_max", "impacts",
-    "peak_force_min", "peak_force_max", "energy", "energy_transferred", "electrical_power"];
+    "peak_force_min", "peak_force_max", "energy", "energy_transferred", "electrical_power",
+    "rotation_rate_min", "rotation_rate_max", "torque_min", "torque_max", "drive_torque_min",
+    "drive_torque_max", "mount_position_min", "mount_position_max", "feed_min", "feed_max",
+    "mount_force_min", "mount_force_max", "depth_min", "depth_max"];
   const SLOW = ["time", "weight_on_bit", "drive_voltage", "electrical_power", "actuator_power",
     "weight_power", "change_power", "load_damper_power", "collision_power", "absorbed_power",
     "stored_power", "depth", "penetration_rate", "vibration_amplitude", "lateness_max", "lag",
     "real_time_factor"];
   const ENVELOPES = { "peak force": ["peak_force", 1e-3], "nodal plane": ["nodal_plane", 1e3],
     "free mass": ["free_mass", 1e3], "drill tool": ["drill_tool", 1e3],
-    "reacting force": ["reacting_force", 1] };
+    "reacting force": ["reacting_force", 1], "arm": ["mount_force", 1], "feed": ["feed", 1e3],
+    "mount": ["mount_position", 1e3], "depth": ["depth", 1e3],
+    "rate of rotation": ["rotation_rate", 1], "of rock and cuttings": ["torque", 1],
+    "of the drive": ["drive_torque", 1] };
   const STEPS = { "weight on bit": ["weight_on_bit", 1], "of the vibration": ["actuator_power", 1],
     "into tool and rock": ["absorbed_power", 1],
     "lost in the load damper": ["load_damper_power", 1],
@@ -138,6 +144,8 @@ var rpudLive = (() => {
     Object.assign(state, { values: frame.values, impact: frame.impact, time: frame.time });
     merge(tables[0], frame.series);
     merge(tables[1], frame.statuses);
+    for (const element of document.querySelectorAll("[data-needs]"))
+      element.hidden = !(element.dataset.needs in state.values);
     range();
     draw();
     showMarks(frame);
@@ -186,6 +194,9 @@ var rpudLive = (() => {
     if ("drive_enabled" in status)
       put(find("drive"), status.drive_enabled
         ? `${number(status.drive_voltage)} V, ${number(status.drive_frequency)} Hz` : "off");
+    const { rotation } = state.values;
+    put(find("stalled"), rotation && rotation.stalled ? "stalled"
+      : rotation && rotation.slipping ? "the drive slips" : "");
     const active = frame.faults.filter((each) => each.active);
     put(find("active-faults"), active.length ? active.map((each) => each.kind).join(", ") : "none");
     const fast = tables[0];

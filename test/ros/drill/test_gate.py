@@ -9,12 +9,14 @@ from builtin_interfaces.msg import Time
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from rpud_msgs.msg import Drive as DriveMessage
+from rpud_msgs.msg import Feed as FeedMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from rpud_sim.ros.drill.gate import Gate, arrival
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 
 SECOND = 1_000_000_000
@@ -45,8 +47,13 @@ class Commander:
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.drill)
         self.publishers = {
-            kind: self.client.create_publisher(kind, f"command/{topic}", 10)
-            for kind, topic in ((WeightOnBitMessage, "weight_on_bit"), (DriveMessage, "drive"))
+            kind: self.client.create_publisher(kind, topic, 10)
+            for kind, topic in (
+                (WeightOnBitMessage, "command/weight_on_bit"),
+                (DriveMessage, "command/drive"),
+                (FeedMessage, "command/feed"),
+                (JointState, "joint_commands"),
+            )
         }
         self.until(lambda: all(p.get_subscription_count() for p in self.publishers.values()))
 
@@ -148,6 +155,76 @@ def test_a_drive_that_would_break_the_stack_is_refused(commander):
     assert commander.give(drive) == (
         "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"
     )
+
+
+@pytest.fixture
+def on_an_arm(commander):
+    commander.gate.settings = Settings().replace({"feed_model": "arm"})
+    return commander
+
+
+def test_a_feed_is_taken_and_a_weight_on_bit_is_not_on_an_arm(on_an_arm):
+    message = FeedMessage(mode=FeedMessage.MODE_RATE, value=-1e-3)
+    assert on_an_arm.give(message) == Feed("rate", -1e-3)
+    message = FeedMessage(mode=FeedMessage.MODE_POSITION, value=0.05)
+    assert on_an_arm.give(message) == Feed("position", 0.05)
+    assert on_an_arm.give(WeightOnBitMessage(force=20.0)) == (
+        "weight_on_bit cannot be commanded with feed_model = arm: it follows from the feed"
+    )
+
+
+def test_a_weight_on_bit_is_taken_and_a_feed_is_not_without_an_arm(commander):
+    reason = "a feed cannot be commanded with feed_model = none"
+    assert commander.give(FeedMessage(value=1e-3)) == reason
+    joints = JointState(name=["rpud_feed"], velocity=[1e-3])
+    assert commander.give(joints) == reason
+    assert commander.give(WeightOnBitMessage(force=20.0)) == WeightOnBit(20.0)
+
+
+@pytest.mark.parametrize(
+    ("message", "reason"),
+    [
+        (FeedMessage(mode=2), "feed mode = 2 is not 0 (rate) or 1 (position)"),
+        (FeedMessage(value=math.nan), "feed rate = nan m/s is outside its range"),
+        (FeedMessage(value=6e-3), "feed rate = 0.006 m/s is outside its range [-0.005, 0.005]"),
+        (FeedMessage(mode=1, value=0.4), "feed position = 0.4 m is outside its range [-0.1, 0.3]"),
+        (
+            JointState(name=["rpud_feed"], velocity=[math.inf]),
+            "feed rate = inf m/s is outside its range",
+        ),
+        (
+            JointState(name=["rpud_feed"], effort=[20.0]),
+            "joint_commands: rpud_feed takes no effort, given 20",
+        ),
+    ],
+)
+def test_a_feed_that_cannot_be_used_is_refused_with_the_reason(on_an_arm, message, reason):
+    before = on_an_arm.inbox.rejected
+    assert on_an_arm.give(message).startswith(reason)
+    assert on_an_arm.inbox.rejected == before + 1
+
+
+def test_what_ros2_control_sends_moves_the_feed(on_an_arm):
+    names = ["rpud_feed", "rpud_rotation"]
+    assert on_an_arm.give(JointState(name=names, velocity=[2e-3])) == Feed("rate", 2e-3)
+    assert on_an_arm.give(JointState(name=names, position=[0.01])) == Feed("position", 0.01)
+
+
+def test_a_command_interface_that_nobody_has_claimed_is_no_command(on_an_arm):
+    before = on_an_arm.inbox.rejected
+    unclaimed = JointState(name=["rpud_feed", "rpud_rotation"], velocity=[math.nan])
+    on_an_arm.publishers[JointState].publish(unclaimed)
+    # The next one on the same topic comes after it.
+    next_one = JointState(name=["rpud_feed"], velocity=[0.0])
+    assert on_an_arm.give(next_one) == Feed("rate", 0.0)
+    assert on_an_arm.inbox.rejected == before
+
+
+def test_a_stale_joint_command_is_refused_where_there_is_a_timeout(on_an_arm):
+    values = {"feed_model": "arm", "command_timeout": 0.5}
+    on_an_arm.gate.settings = Settings().replace(values)
+    message = JointState(header=stamped(-0.6), name=["rpud_feed"], velocity=[0.0])
+    assert on_an_arm.give(message).startswith("joint_commands is stale: its stamp is 0.600 s old")
 
 
 @pytest.mark.parametrize("message", [WeightOnBitMessage(force=20.0), DriveMessage()])

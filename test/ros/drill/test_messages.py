@@ -25,6 +25,7 @@ from sensor_msgs.msg import JointState
 from trajectories import arrays_of, rebuild
 
 from rpud_sim.bag.encoder import Encoder
+from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model.segment import CONSTANTS, SEGMENT
 from rpud_sim.ros.drill import messages
 from rpud_sim.ros.drill.messages import filled
@@ -35,7 +36,6 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 from rpud_sim.simulation.ledger import FaultLedger
-from rpud_sim.simulation.rock import RockParameters
 from rpud_sim.simulation.sampling import Samples, Times
 from rpud_sim.simulation.simulation import Simulation
 

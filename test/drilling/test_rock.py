@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rpud_sim.drilling.rock import (
+    Progress,
+    RockParameters,
+)
 from rpud_sim.foundation.parameters import quantities
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.segment import IMPACT
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.rock import (
-    Progress,
-    RockParameters,
-)
 
 SANDSTONE = RockParameters(rock_model="specific_energy")
 SECOND = 1_000_000_000

@@ -1,0 +1,246 @@
+"""Arm: quasi-static motion of a mount between a feed and the load spring, in closed form.
+
+The mount has no mass of its own. With its guide's viscous friction c_a it moves as
+
+    c_a dx/dt = A(x) - L(x)
+
+where A is the force of the arm, toward the rock, and L that of the drill, away from it. A is that
+of a spring of stiffness k_a behind a play; its host slips where it would exceed the anchoring
+force. L is the force of the load spring, k_1 (x - p) beyond the bottom p of the hole, less a push
+that is constant during a step. A - L falls with x and is linear between its knots, so that the
+mount moves in one direction during a step: by an exponential between two knots, which it reaches
+at the time of a logarithm.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+
+@dataclasses.dataclass(frozen=True)
+class Arm:
+    """Constants of the arm.
+
+    Args:
+        stiffness: k_a [N/m]; 0 for a rigid arm.
+        damping: c_a [N s/m], above 0.
+        half_play: half of the whole play [m].
+        anchoring: force above which the host slips [N].
+    """
+
+    stiffness: float
+    damping: float
+    half_play: float
+    anchoring: float
+
+    @property
+    def reach(self) -> float:
+        """Greatest distance of the mount from its place at rest [m]."""
+        if self.stiffness == 0.0:
+            return self.half_play
+        return self.half_play + self.anchoring / self.stiffness
+
+    def stretch(self, deflection: float) -> float:
+        """Return the deflection beyond the play [m]."""
+        if deflection > self.half_play:
+            return deflection - self.half_play
+        return min(deflection + self.half_play, 0.0)
+
+    def stored(self, deflection: float) -> float:
+        """Return the energy of the arm's spring [J]."""
+        return 0.5 * self.stiffness * self.stretch(deflection) ** 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Load:
+    """Force of the drill on the mount, away from the rock, as it depends on the mount's position.
+
+    Args:
+        spring_rate: of the load spring [N/m].
+        bottom: p, position of the mount at which the load spring is not compressed [m]; infinite if
+            there is no bottom.
+        push: constant force toward the rock [N].
+    """
+
+    spring_rate: float
+    bottom: float
+    push: float
+
+    def spring(self, position: float) -> float:
+        """Return the force of the load spring, the weight on bit [N]."""
+        return self.spring_rate * (position - self.bottom) if position > self.bottom else 0.0
+
+    def force(self, position: float) -> float:
+        """Return the force of the drill [N]."""
+        return self.spring(position) - self.push
+
+    def work(self, start: float, end: float) -> float:
+        """Return the work that a motion does on the drill [J]."""
+        if min(start, end) < self.bottom < max(start, end):
+            return self.work(start, self.bottom) + self.work(self.bottom, end)
+        return 0.5 * (self.force(start) + self.force(end)) * (end - start)
+
+
+@dataclasses.dataclass(frozen=True)
+class Move:
+    """Motion of the mount, with its energies.
+
+    Args:
+        position: of the mount at the end [m].
+        slipped: way of the host [m].
+        damper: energy that the guide's friction took [J].
+        slip: energy that the host's slipping took [J].
+        work: on the drill [J].
+        shift_work: that moved the place at rest [J].
+    """
+
+    position: float
+    slipped: float = 0.0
+    damper: float = 0.0
+    slip: float = 0.0
+    work: float = 0.0
+    shift_work: float = 0.0
+
+
+def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -> Move:
+    """Return the motion of the mount in an interval in which nothing else moves.
+
+    Args:
+        arm: its constants.
+        load: of the drill.
+        position: of the mount at the beginning, within the arm's reach of its place at rest [m].
+        rest: place of the mount at which the arm is not deflected [m].
+        interval: length [s]; infinite for the equilibrium.
+    """
+    start = position
+    reach = arm.reach
+    knots = [load.bottom, rest - arm.half_play, rest + arm.half_play, rest - reach, rest + reach]
+    damper = 0.0
+    while interval > 0.0:
+        net = _net_force(arm, load, position, rest)
+        if net == 0.0:
+            break
+        away = 1.0 if net > 0.0 else -1.0
+        distances = [each for knot in knots if 0.0 < (each := (knot - position) * away) < math.inf]
+        distance = min(distances, default=math.inf)
+        middle = position + away * (0.5 * distance if distance < math.inf else 1.0)
+        steepness = _steepness(arm, load, middle - rest, middle)
+        length = min(_duration(arm, net * away, steepness, distance), interval)
+        if length < interval:
+            way = distance
+        elif steepness == 0.0:
+            way = min(net * away * length / arm.damping, distance)
+        else:
+            end = -math.expm1(-steepness * length / arm.damping)
+            way = min(net * away / steepness * end, distance)
+        if steepness == 0.0:
+            damper += net * net * length / arm.damping
+        else:
+            decay = -math.expm1(-2.0 * steepness * length / arm.damping)
+            damper += 0.5 * net * net / steepness * decay
+        position += away * way
+        interval -= length
+        if length == math.inf:
+            break
+    slipped = _excess(arm, position, rest)
+    slip = arm.anchoring * abs(slipped)
+    return Move(position, slipped, damper, slip, load.work(start, position))
+
+
+def shift(arm: Arm, load: Load, position: float, rest: float, new_rest: float) -> Move:
+    """Return the motion of the mount while its place at rest moves at once.
+
+    A rigid arm carries the mount along; the host slips where that takes more than the anchoring
+    force. Another arm is deflected.
+
+    Args:
+        arm: its constants.
+        load: of the drill.
+        position: of the mount at the beginning [m].
+        rest: place of the mount at which the arm is not deflected [m].
+        new_rest: that place afterwards, unless the host slips [m].
+    """
+    if arm.stiffness > 0.0:
+        before = arm.stored(position - rest)
+        slipped = _excess(arm, position, new_rest)
+        slip = arm.anchoring * abs(slipped)
+        after = arm.stored(position - (new_rest + slipped))
+        return Move(position, slipped, 0.0, slip, 0.0, after - before + slip)
+    target = min(max(position, new_rest - arm.half_play), new_rest + arm.half_play)
+    end = _held(arm, load, position, target)
+    slip = arm.anchoring * abs(target - end)
+    work = load.work(position, end)
+    return Move(end, end - target, 0.0, slip, work, work + slip)
+
+
+def arm_force(arm: Arm, load: Load, position: float, rest: float) -> float:
+    """Return the force of the arm on the mount, toward the rock [N]."""
+    if arm.stiffness > 0.0:
+        return -arm.stiffness * arm.stretch(position - rest)
+    held = load.force(position)
+    if _in_play(arm, position, rest, -held):
+        return 0.0
+    return min(max(held, -arm.anchoring), arm.anchoring)
+
+
+def _net_force(arm: Arm, load: Load, position: float, rest: float) -> float:
+    """Return A - L in the direction in which the mount would move [N]; zero if it is held."""
+    driving = -load.force(position)
+    if arm.stiffness > 0.0:
+        elastic = arm.stiffness * arm.stretch(position - rest)
+        return driving - min(max(elastic, -arm.anchoring), arm.anchoring)
+    if _in_play(arm, position, rest, driving):
+        return driving
+    excess = abs(driving) - arm.anchoring
+    return math.copysign(excess, driving) if excess > 0.0 else 0.0
+
+
+def _in_play(arm: Arm, position: float, rest: float, driving: float) -> bool:
+    """Return whether the play of a rigid arm lets a force drive the mount further."""
+    # Compared with the knots themselves: the end of the play that is reached must count.
+    if driving > 0.0:
+        return position < rest + arm.half_play
+    return position > rest - arm.half_play
+
+
+def _steepness(arm: Arm, load: Load, deflection: float, position: float) -> float:
+    """Return by how much A - L falls with the position between two knots [N/m]."""
+    steepness = load.spring_rate if position > load.bottom else 0.0
+    if arm.half_play < abs(deflection) < arm.reach:
+        steepness += arm.stiffness
+    return steepness
+
+
+def _duration(arm: Arm, net: float, steepness: float, distance: float) -> float:
+    """Return the time in which a net force moves the mount over a distance [s]."""
+    left = net - steepness * distance
+    if distance == math.inf or left <= 0.0:
+        return math.inf
+    if steepness == 0.0:
+        return arm.damping * distance / net
+    return -arm.damping / steepness * math.log1p(-steepness * distance / net)
+
+
+def _excess(arm: Arm, position: float, rest: float) -> float:
+    """Return how far the host slips, for the mount is out of the arm's reach [m]."""
+    deflection = position - rest
+    excess = abs(deflection) - arm.reach
+    return math.copysign(excess, deflection) if excess > 0.0 else 0.0
+
+
+def _held(arm: Arm, load: Load, position: float, target: float) -> float:
+    """Return how far a rigid arm carries the mount before its host slips [m]."""
+    if target > position:
+        room = arm.anchoring + load.push
+        if room <= 0.0:
+            return position
+        if load.spring_rate == 0.0 or load.bottom == math.inf:
+            return target
+        return min(target, max(position, load.bottom + room / load.spring_rate))
+    room = load.push - arm.anchoring
+    if room <= 0.0:
+        return target
+    if load.spring_rate == 0.0 or load.bottom == math.inf:
+        return position
+    return max(target, min(position, load.bottom + room / load.spring_rate))

@@ -1,0 +1,25 @@
+"""Feed: motion that the drive of the mount is to make."""
+
+from __future__ import annotations
+
+import dataclasses
+
+RATE = "rate"
+POSITION = "position"
+FEED_MODES = (RATE, POSITION)
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion:
+    """Motion that the drive of the feed is to make, immutable.
+
+    Args:
+        mode: ``RATE`` or ``POSITION``.
+        value: rate toward the rock [m/s], or position [m].
+    """
+
+    mode: str
+    value: float
+
+
+STANDSTILL = Motion(RATE, 0.0)

@@ -1,0 +1,272 @@
+"""Mount: the feed moves the drill along its axis, and the weight on bit follows."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from rpud_sim.drilling.arm import Arm, Load, Move, arm_force, drift, shift
+from rpud_sim.drilling.feed import POSITION, RATE, STANDSTILL, Motion
+from rpud_sim.drilling.inputs import Disturbances
+from rpud_sim.foundation.parameters import ParameterGroup, choice, number
+from rpud_sim.foundation.quantities import ParameterError
+
+
+@dataclasses.dataclass(frozen=True)
+class MountParameters(ParameterGroup):
+    """Parameters of feed and arm, in SI units.
+
+    The paper gives none of them: all are assumed.
+
+    Raises:
+        ParameterError: if a value is outside its range, or if two do not fit together.
+    """
+
+    feed_model: str = choice(
+        "none",
+        ("none", "arm"),
+        "none: the weight on bit is commanded; arm: a feed on an arm is commanded, and the weight "
+        "on bit follows",
+    )
+    initial_feed: float = number(
+        0.0,
+        "m",
+        "position of the feed at time zero; at zero the tool just touches the rock",
+        -1.0,
+        1.0,
+    )
+    feed_minimum: float = number(-0.1, "m", "least position of the feed", -1.0, 1.0)
+    feed_maximum: float = number(0.3, "m", "greatest position of the feed", -1.0, 1.0)
+    feed_rate_limit: float = number(
+        5e-3, "m/s", "greatest rate of the feed, in both directions", 1e-9, 1.0
+    )
+    arm_stiffness: float = number(
+        2e4, "N/m", "stiffness of the arm along the drill axis; 0 for a rigid arm", 0.0, 1e9
+    )
+    arm_damping: float = number(
+        200.0, "N s/m", "viscous friction of the mount in its guide", 1e-3, 1e6
+    )
+    arm_play: float = number(0.0, "m", "whole play between feed and mount", 0.0, 1e-2)
+    anchoring_force: float = number(
+        100.0, "N", "force of the arm above which its host slips", 1e-3, 1e3
+    )
+    contact_release: float = number(
+        1e-4,
+        "m",
+        "distance behind the bottom of the hole at which the drill tool leaves the rock",
+        0.0,
+        1e-2,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.feed_minimum <= self.initial_feed <= self.feed_maximum:
+            raise ParameterError(
+                f"initial_feed = {self.initial_feed:g} m is not between "
+                f"feed_minimum = {self.feed_minimum:g} m and "
+                f"feed_maximum = {self.feed_maximum:g} m"
+            )
+
+    def check(self, motion: Motion) -> None:
+        """Check that the feed can make a motion.
+
+        Raises:
+            ParameterError: if its rate or position is outside the feed's limits.
+        """
+        limit = self.feed_rate_limit
+        if motion.mode == RATE and not -limit <= motion.value <= limit:
+            raise ParameterError(
+                f"feed rate = {motion.value:g} m/s is outside its range [{-limit:g}, {limit:g}]"
+            )
+        least, greatest = self.feed_minimum, self.feed_maximum
+        if motion.mode == POSITION and not least <= motion.value <= greatest:
+            raise ParameterError(
+                f"feed position = {motion.value:g} m is outside its range [{least:g}, {greatest:g}]"
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class MountWork:
+    """Energies of feed and arm since time zero, in joules.
+
+    ``feed + host`` is ``damper + slip + drill`` and the change of ``stored``.
+
+    Args:
+        feed: work of the feed's drive.
+        damper: lost in the friction of the guide.
+        slip: lost where the host slips by the force of the arm.
+        host: work of a host that slips by itself, by a fault.
+        stored: in the arm's spring now.
+        drill: work on the drill: on its load spring, and against its reacting force.
+    """
+
+    feed: float = 0.0
+    damper: float = 0.0
+    slip: float = 0.0
+    host: float = 0.0
+    stored: float = 0.0
+    drill: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class MountState:
+    """State of feed and mount at one time, immutable.
+
+    Positions are along the drill axis, positive toward the rock. At zero the tool of an unloaded
+    arm just touches the rock before drilling.
+
+    Args:
+        position: of the mount [m].
+        feed: position of the feed's drive [m].
+        rate: of the feed's drive [m/s].
+        force: of the arm on the mount, toward the rock [N].
+        weight_on_bit: force of the compressed load spring [N].
+        in_contact: whether the drill tool is in the rock.
+        slip: way of the host since time zero, toward the rock [m].
+        bottom: of the hole [m]; infinite if there is none.
+        work: energies since time zero.
+    """
+
+    position: float
+    feed: float
+    rate: float
+    force: float
+    weight_on_bit: float
+    in_contact: bool
+    slip: float
+    bottom: float
+    work: MountWork = MountWork()
+
+
+class Mount:
+    """Mount of the drill on a feed.
+
+    The load spring is compressed by what mount and hole leave it: W = k_1 (x - p), at least zero.
+    The tool gets into the rock where x is beyond the bottom p of the hole, and leaves it
+    ``contact_release`` before it.
+
+    Attributes:
+        state: at the last step.
+        motion: that the drive of the feed is to make.
+
+    Args:
+        parameters: of feed and arm.
+        load_spring_rate: k_1 [N/m].
+        has_rock: whether there is rock.
+    """
+
+    def __init__(
+        self, parameters: MountParameters, load_spring_rate: float, has_rock: bool
+    ) -> None:
+        self._parameters = parameters
+        self._arm = Arm(
+            parameters.arm_stiffness,
+            parameters.arm_damping,
+            0.5 * parameters.arm_play,
+            parameters.anchoring_force,
+        )
+        self.motion = STANDSTILL
+        # The arm has come to rest under the load spring before time zero.
+        start = parameters.initial_feed
+        load = Load(load_spring_rate, 0.0 if has_rock else math.inf, 0.0)
+        settled = drift(self._arm, load, start, start, math.inf)
+        self._position, self._feed, self._slip = settled.position, start, settled.slipped
+        self._work = MountWork(stored=self._arm.stored(settled.position - self._rest))
+        self.state = self._state(load, 0.0, False)
+
+    def step(
+        self,
+        interval: float,
+        bottom: float,
+        reacting_force: float,
+        load_spring_rate: float,
+        has_rock: bool,
+        disturbances: Disturbances,
+    ) -> MountState:
+        """Move for one step and return the state at its end.
+
+        The arm moves under the hole and the feed of the step before. Then the hole has its new
+        depth, and the feed has moved.
+
+        Args:
+            interval: length of the step [s].
+            bottom: depth of the hole at the end [m]; infinite if there is no bottom.
+            reacting_force: mean force of the drill on the mount in the step [N].
+            load_spring_rate: k_1 [N/m].
+            has_rock: whether there is rock.
+            disturbances: faults in force.
+        """
+        state = self.state
+        spring_rate = load_spring_rate * disturbances.preload_factor
+        # What the drill's own motion takes from the force of the load spring.
+        push = state.weight_on_bit - reacting_force
+        load = Load(spring_rate, state.bottom, push)
+        self._take(drift(self._arm, load, self._position, self._rest, interval), "")
+        load = Load(spring_rate, bottom if has_rock else math.inf, push)
+        if disturbances.arm_slip_rate:
+            rest = self._rest
+            self._slip -= disturbances.arm_slip_rate * interval
+            self._take(shift(self._arm, load, self._position, rest, self._rest), "host")
+        feed = self._next_feed(interval, disturbances.feed_stalled)
+        rate = (feed - self._feed) / interval
+        if feed != self._feed:
+            rest = self._rest
+            self._feed = feed
+            self._take(shift(self._arm, load, self._position, rest, self._rest), "feed")
+        self.state = self._state(load, rate, state.in_contact)
+        return self.state
+
+    @property
+    def _rest(self) -> float:
+        """Place of the mount at which the arm is not deflected [m]."""
+        return self._feed + self._slip
+
+    def _take(self, moved: Move, mover: str) -> None:
+        """Put a motion into the state.
+
+        Args:
+            moved: the motion.
+            mover: term of ``MountWork`` to which the work that moved the place at rest belongs.
+        """
+        self._position = moved.position
+        self._slip += moved.slipped
+        work = self._work
+        terms = {
+            "damper": work.damper + moved.damper,
+            "slip": work.slip + moved.slip,
+            "stored": self._arm.stored(moved.position - self._rest),
+            "drill": work.drill + moved.work,
+        }
+        if mover:
+            terms[mover] = getattr(work, mover) + moved.shift_work
+        self._work = dataclasses.replace(work, **terms)
+
+    def _next_feed(self, interval: float, stalled: bool) -> float:
+        """Return the position of the feed's drive after a step [m]."""
+        if stalled:
+            return self._feed
+        parameters = self._parameters
+        most = parameters.feed_rate_limit * interval
+        wanted = self.motion.value
+        if self.motion.mode == RATE:
+            wanted = self._feed + wanted * interval
+        wanted = min(max(wanted, parameters.feed_minimum), parameters.feed_maximum)
+        return min(max(wanted, self._feed - most), self._feed + most)
+
+    def _state(self, load: Load, rate: float, in_contact: bool) -> MountState:
+        position = self._position
+        if position > load.bottom:
+            in_contact = True
+        elif position < load.bottom - self._parameters.contact_release:
+            in_contact = False
+        return MountState(
+            position,
+            self._feed,
+            rate,
+            arm_force(self._arm, load, position, self._rest),
+            load.spring(position),
+            in_contact,
+            self._slip,
+            load.bottom,
+            self._work,
+        )

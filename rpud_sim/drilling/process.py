@@ -1,0 +1,207 @@
+"""Process of drilling: rotation, feed and borehole, one step each millisecond."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from rpud_sim.drilling.bit import BitParameters
+from rpud_sim.drilling.borehole import AMBIENT_TEMPERATURE, Borehole, BoreholeState
+from rpud_sim.drilling.feed import Motion
+from rpud_sim.drilling.inputs import Disturbances, Percussion
+from rpud_sim.drilling.mount import Mount, MountParameters, MountState
+from rpud_sim.drilling.rock import RockParameters
+from rpud_sim.drilling.rotor import Resistance, RotationParameters, Rotor, RotorState
+from rpud_sim.drilling.strata import Strata, StrataParameters, uniform_strata
+from rpud_sim.foundation.time import NEVER, SECOND
+
+# A step is at each whole multiple of this [ns], so that steps do not depend on how the simulation
+# is advanced. It is short against the periods of load spring and arm.
+PROCESS_INTERVAL = 1_000_000
+
+
+@dataclasses.dataclass(frozen=True)
+class DrillingParameters:
+    """Parameters of the slow processes, by part.
+
+    Args:
+        rotation: of the drill tool.
+        mount: feed and arm.
+        strata: layers of the rock.
+        bit: at the end of the drill tool.
+        rock: where there are no strata; area of the hole.
+        ambient_temperature: of bit, rock and surroundings at first [K].
+    """
+
+    rotation: RotationParameters = dataclasses.field(default_factory=RotationParameters)
+    mount: MountParameters = dataclasses.field(default_factory=MountParameters)
+    strata: StrataParameters = dataclasses.field(default_factory=StrataParameters)
+    bit: BitParameters = dataclasses.field(default_factory=BitParameters)
+    rock: RockParameters = dataclasses.field(default_factory=RockParameters)
+    ambient_temperature: float = AMBIENT_TEMPERATURE
+
+    @property
+    def layers(self) -> Strata | None:
+        """Strata in which a bit is stepped; None without rock, or with percussion in one rock.
+
+        A tool that rotates in the rock of the parameters ``rock_*`` is stepped as well.
+        """
+        if self.strata.found is not None:
+            return self.strata.found
+        if self.rotation.rotation_model != "none" and self.rock.rock_model != "none":
+            return uniform_strata(self.rock.rock_specific_energy)
+        return None
+
+    @property
+    def active(self) -> bool:
+        """Whether there is anything to step."""
+        rotates = self.rotation.rotation_model != "none"
+        return rotates or self.mount.feed_model != "none" or bool(self.strata.strata)
+
+
+@dataclasses.dataclass(frozen=True)
+class Surroundings:
+    """What a step needs of the drill besides its percussion, immutable.
+
+    Args:
+        weight_on_bit: commanded force, which acts where there is no feed [N].
+        load_spring_rate: k_1 [N/m].
+        has_rock: whether there is rock; otherwise the tool never touches any.
+        depth: of the hole by percussion alone [m], where there are no strata.
+        hardness: factor on ``rock_specific_energy`` since time zero, by changes of the parameter.
+    """
+
+    weight_on_bit: float
+    load_spring_rate: float
+    has_rock: bool
+    depth: float = 0.0
+    hardness: float = 1.0
+
+
+@dataclasses.dataclass(frozen=True)
+class ProcessState:
+    """State of the slow processes at their last step, immutable.
+
+    Args:
+        time: of that step [ns].
+        rotation: state of the rotor; None without rotation.
+        mount: state of feed and mount; None without a feed.
+        borehole: state of the hole; None without strata, and without rotation in a rock.
+    """
+
+    time: int = 0
+    rotation: RotorState | None = None
+    mount: MountState | None = None
+    borehole: BoreholeState | None = None
+
+    def __deepcopy__(self, memo: dict[int, object]) -> ProcessState:
+        """Return itself: copies of a run share what cannot change."""
+        return self
+
+
+# State where there is nothing to step.
+AT_REST = ProcessState()
+
+
+class Process:
+    """Slow processes around the percussion, from time zero on.
+
+    Times are integer nanoseconds of simulation time.
+
+    Args:
+        parameters: of the processes.
+        surroundings: at time zero.
+    """
+
+    def __init__(self, parameters: DrillingParameters, surroundings: Surroundings) -> None:
+        self._next_step = PROCESS_INTERVAL if parameters.active else NEVER
+        self._rotor: Rotor | None = None
+        self._mount: Mount | None = None
+        self._borehole: Borehole | None = None
+        if parameters.rotation.rotation_model != "none":
+            self._rotor = Rotor(parameters.rotation)
+        if parameters.mount.feed_model != "none":
+            rate = surroundings.load_spring_rate
+            self._mount = Mount(parameters.mount, rate, surroundings.has_rock)
+        if (layers := parameters.layers) is not None:
+            ambient = parameters.ambient_temperature
+            self._borehole = Borehole(parameters.bit, layers, parameters.rock, ambient)
+        self._follows_rock = parameters.strata.found is None
+        self._time = 0  # of the last step [ns]
+
+    @property
+    def state(self) -> ProcessState:
+        """State at the last step."""
+        return ProcessState(
+            self._time,
+            self._rotor.state if self._rotor else None,
+            self._mount.state if self._mount else None,
+            self._borehole.state if self._borehole else None,
+        )
+
+    @property
+    def next_step(self) -> int:
+        """Time of the next step [ns]; ``NEVER`` if there is nothing to step."""
+        return self._next_step
+
+    @property
+    def weight_on_bit(self) -> float | None:
+        """Weight on bit until the next step [N]; None if the commanded one acts."""
+        return self._mount.state.weight_on_bit if self._mount else None
+
+    @property
+    def in_contact(self) -> bool | None:
+        """Whether the tool is in the rock until the next step; None if ``regime`` says it."""
+        return self._mount.state.in_contact if self._mount else None
+
+    @property
+    def depth(self) -> float | None:
+        """Depth of the hole [m]; None without a borehole."""
+        return self._borehole.depth if self._borehole else None
+
+    def feed(self, motion: Motion) -> None:
+        """Let the drive of the feed make a motion, from the next step on.
+
+        Without a feed nothing happens.
+        """
+        if self._mount:
+            self._mount.motion = motion
+
+    def step(
+        self, percussion: Percussion, surroundings: Surroundings, disturbances: Disturbances
+    ) -> None:
+        """Take the step that is due at ``next_step``.
+
+        Args:
+            percussion: since the last step.
+            surroundings: at the step.
+            disturbances: faults in force at the step.
+        """
+        interval = PROCESS_INTERVAL / SECOND
+        mount, borehole = self._mount, self._borehole
+        if self._follows_rock and surroundings.hardness != 1.0:
+            harder = disturbances.hardness * surroundings.hardness
+            disturbances = dataclasses.replace(disturbances, hardness=harder)
+        weight = mount.state.weight_on_bit if mount else surroundings.weight_on_bit
+        rotor_state = None
+        if self._rotor:
+            resistance = Resistance()
+            if borehole:
+                resistance = borehole.resistance(weight, percussion.in_rock, disturbances)
+            ratio = percussion.amplitude_ratio
+            rotor_state = self._rotor.step(interval, ratio, resistance, disturbances)
+        bottom = surroundings.depth
+        if borehole:
+            position = mount.state.position if mount else None
+            borehole.step(interval, percussion, rotor_state, weight, position, disturbances)
+            bottom = borehole.bottom
+        if mount:
+            mount.step(
+                interval,
+                bottom,
+                percussion.reacting_force,
+                surroundings.load_spring_rate,
+                surroundings.has_rock,
+                disturbances,
+            )
+        self._time = self._next_step
+        self._next_step += PROCESS_INTERVAL

@@ -1,0 +1,102 @@
+"""Percussion as the slow processes see it: sums over the time since their last step."""
+
+from __future__ import annotations
+
+import math
+from operator import itemgetter
+
+import numpy as np
+
+from rpud_sim.drilling.inputs import Percussion
+from rpud_sim.drilling.process import PROCESS_INTERVAL
+from rpud_sim.foundation.time import SECOND, split_fraction
+from rpud_sim.model.drill import Drill
+from rpud_sim.model.segment import SEGMENT
+
+# Of a segment as a tuple: to look each one up by its name takes many times as long.
+_NODAL_PLANE = itemgetter(
+    *map(
+        (SEGMENT.names or ()).index,
+        (
+            "start_seconds",
+            "start_fraction",
+            "nodal_plane_offset",
+            "nodal_plane_decay_rate",
+            "nodal_plane_angular_frequency",
+            "nodal_plane_cosine",
+            "nodal_plane_sine",
+            "nodal_plane_vibration_sine",
+            "nodal_plane_vibration_cosine",
+            "vibration_phase",
+            "vibration_frequency",
+        ),
+    )
+)
+
+
+def nodal_plane_position(segment: np.void, time: int) -> float:
+    """Return u_np at a time in a segment [m], from its closed form, eqs. (2) and (18).
+
+    Args:
+        segment: one ``SEGMENT``.
+        time: simulation time, not before its start [ns].
+    """
+    start, rest, offset, decay, omega, cosine, sine, in_phase, in_quadrature, phase, frequency = (
+        _NODAL_PLANE(segment.item())
+    )
+    seconds, fraction = split_fraction(time)
+    elapsed = float(seconds - start) + (fraction - rest)
+    turn = omega * elapsed
+    position: float = offset + math.exp(-decay * elapsed) * (
+        cosine * math.cos(turn) + sine * math.sin(turn)
+    )
+    if in_phase or in_quadrature:
+        cycles = phase + frequency * elapsed
+        angle = 2.0 * math.pi * (cycles - math.floor(cycles))
+        position += in_phase * math.sin(angle) + in_quadrature * math.cos(angle)
+    return position
+
+
+class PercussionMeter:
+    """Impacts and reacting force since the last step of the slow processes.
+
+    The mean of R = W - k_1 u_np - c_1 v_np takes u_np as linear in the step: its period on the load
+    spring is a hundred times as long.
+
+    Args:
+        vibration_amplitude: nominal amplitude [m].
+        position: u_np at time zero [m].
+    """
+
+    def __init__(self, vibration_amplitude: float, position: float) -> None:
+        self._nominal = vibration_amplitude
+        self._position = position
+        self._impacts = 0
+        self._energy = 0.0
+
+    def add(self, impacts: np.ndarray) -> None:
+        """Add ``IMPACT`` records; the sum does not depend on how calls divide them."""
+        self._impacts += len(impacts)
+        for energy in impacts["energy_transferred"].tolist():
+            self._energy += energy
+
+    def read(
+        self, position: float, weight_on_bit: float, drill: Drill, amplitude: float
+    ) -> Percussion:
+        """Return the percussion since the last call.
+
+        Args:
+            position: u_np at the present time [m].
+            weight_on_bit: W since the last call [N].
+            drill: constants in force.
+            amplitude: of the vibration [m].
+        """
+        mean = 0.5 * (self._position + position)
+        velocity = (position - self._position) * SECOND / PROCESS_INTERVAL
+        force = weight_on_bit - drill.load_spring_rate * mean - drill.rpud_damping * velocity
+        ratio = amplitude / self._nominal if self._nominal > 0.0 else 0.0
+        percussion = Percussion(self._impacts, self._energy, ratio, drill.in_rock, force)
+        self._position = position
+        self._impacts = 0
+        self._energy = 0.0
+        return percussion

@@ -1,0 +1,151 @@
+"""The weight on bit follows from feed, arm and hole, as the closed forms say."""
+
+import math
+
+import pytest
+
+from rpud_sim.drilling.feed import Motion
+from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
+from rpud_sim.drilling.mount import Mount, MountParameters
+from rpud_sim.foundation.quantities import ParameterError
+
+RATE = 2000.0
+DT = 1e-3
+
+
+class Rig:
+    """A mount without percussion: the drill pushes back with the force of its load spring."""
+
+    def __init__(self, has_rock=True, **values):
+        self.mount = Mount(MountParameters(feed_model="arm", **values), RATE, has_rock)
+        self.bottom = 0.0
+        self.has_rock = has_rock
+
+    @property
+    def state(self):
+        return self.mount.state
+
+    def go(self, steps, mode="rate", value=0.0, reaction=None, disturbances=UNDISTURBED):
+        self.mount.motion = Motion(mode, value)
+        for _ in range(steps):
+            force = self.state.weight_on_bit if reaction is None else reaction
+            self.mount.step(DT, self.bottom, force, RATE, self.has_rock, disturbances)
+        return self.state
+
+
+def test_a_rigid_arm_compresses_the_load_spring_by_the_whole_feed():
+    rig = Rig(arm_stiffness=0.0, initial_feed=0.005)
+    assert (rig.state.weight_on_bit, rig.state.in_contact) == (RATE * 0.005, True)
+    state = rig.go(1000, "position", 0.007)
+    assert state.weight_on_bit == RATE * 0.007
+    assert state.force == state.weight_on_bit
+
+
+@pytest.mark.parametrize("initial", [0.002, 0.006])
+def test_a_compliant_arm_is_at_rest_where_its_spring_and_the_load_spring_share_the_way(initial):
+    rig = Rig(arm_stiffness=1e4, initial_feed=initial)
+    shared = RATE * 1e4 / (RATE + 1e4) * initial
+    assert rig.state.weight_on_bit == pytest.approx(shared, rel=1e-12)
+    assert rig.state.force == pytest.approx(shared, rel=1e-12)
+    assert rig.go(100).weight_on_bit == pytest.approx(shared, rel=1e-12)
+
+
+def test_a_hole_that_gets_deeper_relieves_the_arm_exponentially():
+    stiffness, damping, deeper = 8e3, 400.0, 1e-3
+    rig = Rig(arm_stiffness=stiffness, arm_damping=damping, initial_feed=0.006)
+    before = rig.state.position
+    rig.bottom = deeper
+    rig.go(1)
+    assert rig.state.position == pytest.approx(before, rel=1e-12)
+    end = (stiffness * 0.006 + RATE * deeper) / (stiffness + RATE)
+    for steps in (1, 10, 39, 150):
+        state = rig.go(steps)
+    elapsed = 200 * DT
+    decay = math.exp(-(stiffness + RATE) / damping * elapsed)
+    assert state.position == pytest.approx(end + (before - end) * decay, rel=1e-12)
+    assert state.weight_on_bit == pytest.approx(RATE * (state.position - deeper), rel=1e-12)
+
+
+def test_the_feed_keeps_its_rate_and_its_ends():
+    rig = Rig(arm_stiffness=0.0, feed_rate_limit=1e-3, feed_maximum=0.01)
+    assert rig.go(1000, "position", 0.01).feed == pytest.approx(1e-3)
+    assert rig.state.rate == pytest.approx(1e-3)
+    assert rig.go(20_000, "rate", 1e-3).feed == 0.01
+    assert rig.state.rate == 0.0
+
+
+def test_the_tool_touches_the_rock_where_the_standoff_ends_and_leaves_it_behind_the_release():
+    rig = Rig(arm_stiffness=0.0, initial_feed=-0.002, contact_release=5e-4)
+    assert (rig.state.weight_on_bit, rig.state.in_contact) == (0.0, False)
+    assert not rig.go(1999, "rate", 1e-3).in_contact
+    assert rig.go(2, "rate", 1e-3).in_contact
+    assert rig.state.weight_on_bit == pytest.approx(RATE * 1e-6, rel=1e-6)
+    assert rig.go(400, "rate", -1e-3).in_contact
+    assert rig.state.weight_on_bit == 0.0
+    assert not rig.go(200, "rate", -1e-3).in_contact
+
+
+def test_a_tool_that_breaks_through_has_no_weight_on_it():
+    rig = Rig(initial_feed=0.005)
+    assert rig.go(10).in_contact
+    rig.bottom = math.inf
+    state = rig.go(10)
+    assert (state.weight_on_bit, state.in_contact) == (0.0, False)
+
+
+def test_without_rock_there_is_no_contact():
+    rig = Rig(has_rock=False, initial_feed=0.005)
+    assert (rig.state.weight_on_bit, rig.state.in_contact) == (0.0, False)
+
+
+def test_play_is_passed_before_the_arm_pushes():
+    rig = Rig(arm_stiffness=0.0, arm_play=1e-3, initial_feed=0.0)
+    assert rig.go(400, "rate", 1e-3).weight_on_bit == 0.0
+    state = rig.go(1100, "rate", 1e-3)
+    assert state.weight_on_bit == pytest.approx(RATE * (1.5e-3 - 0.5e-3), rel=1e-9)
+
+
+def test_the_host_slips_where_the_arm_pushes_with_more_than_the_anchoring_force():
+    rig = Rig(arm_stiffness=0.0, anchoring_force=10.0)
+    state = rig.go(8000, "rate", 1e-3)
+    assert state.weight_on_bit == pytest.approx(10.0)
+    assert state.slip == pytest.approx(-3e-3)
+    assert state.work.slip == pytest.approx(10.0 * 3e-3)
+
+
+def test_a_stalled_feed_stands_still_and_a_slipping_host_takes_the_weight():
+    rig = Rig(arm_stiffness=0.0, initial_feed=0.005)
+    assert rig.go(50, "rate", 1e-3, disturbances=Disturbances(feed_stalled=True)).feed == 0.005
+    state = rig.go(1000, disturbances=Disturbances(arm_slip_rate=1e-3))
+    assert state.weight_on_bit == pytest.approx(RATE * 0.004)
+    assert state.work.host == pytest.approx(-0.5 * RATE * (0.005**2 - 0.004**2))
+
+
+def test_a_reacting_force_pushes_a_compliant_arm_back():
+    rig = Rig(arm_stiffness=1e4, initial_feed=-0.01)
+    state = rig.go(2000, reaction=5.0)
+    assert state.position == pytest.approx(-0.01 - 5.0 / 1e4)
+    assert state.force == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"feed_model": "rail"}, "feed_model"),
+        ({"initial_feed": 0.4}, r"initial_feed = 0.4 m is not between feed_minimum = -0.1 m"),
+        ({"arm_stiffness": math.nan}, "arm_stiffness"),
+        ({"arm_damping": 0.0}, r"arm_damping = 0 N s/m is outside its range"),
+        ({"anchoring_force": 0.0}, "anchoring_force"),
+    ],
+)
+def test_unusable_values_are_named(values, reason):
+    with pytest.raises(ParameterError, match=reason):
+        MountParameters(**values)
+
+
+def test_motions_beyond_the_limits_are_refused():
+    limits = MountParameters(feed_model="arm")
+    with pytest.raises(ParameterError, match=r"feed rate = 0.1 m/s is outside its range \[-0.005"):
+        limits.check(Motion("rate", 0.1))
+    with pytest.raises(ParameterError, match=r"feed position = 0.5 m is outside its range \[-0.1"):
+        limits.check(Motion("position", 0.5))
