@@ -39,6 +39,7 @@ COMMANDS = (
     "report",
     "compare",
     "sweep",
+    "dataset",
     "sensitivity",
     "fit",
     "reproduce",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
@@ -29,6 +29,8 @@ def write_offline_bag(
     duration: float,
     scenario_text: str = "",
     report: Callable[[float], object] = lambda seconds: None,
+    topics: Collection[str] = tuple(TOPICS),
+    manifest: Manifest | None = None,
 ) -> None:
     """Simulate a run and write a bag of it; the bag's clock is simulation time.
 
@@ -40,18 +42,21 @@ def write_offline_bag(
         duration: simulated time [s].
         scenario_text: of the scenario's file, for the bag's manifest.
         report: called with the seconds that were simulated since its last call.
+        topics: names of those that the bag gets.
+        manifest: of the bag; None for that of this program and this machine.
 
     Raises:
         BagError: if the bag cannot be written.
         EngineError: if the engine cannot continue.
         FaultError: if a fault of the scenario is not possible.
     """
-    run = Run(beginning, Journal())
+    chosen = {name: topic for name, topic in TOPICS.items() if name in topics}
+    run = Run(beginning, Journal(), chosen.__contains__)
     encoders = {
         name: Codec(topic.type, find_definition(topic.type)).encoder
-        for name, topic in TOPICS.items()
+        for name, topic in chosen.items()
     }
-    manifest = Manifest(
+    manifest = manifest or Manifest(
         parameters={**beginning.settings.values(), "seed": beginning.seed},
         scenario=scenario_text,
         command=tuple(sys.argv),
@@ -60,7 +65,7 @@ def write_offline_bag(
     )
     with BagWriter(path, ahead=1) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
-        for name, topic in TOPICS.items():
+        for name, topic in chosen.items():
             # The offers of the node's publishers, as a recorder discovers them.
             offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
             bag.add_topic(
@@ -72,8 +77,9 @@ def write_offline_bag(
                 bag.write_blocks(encoded(found, encoders, f"{NAMESPACE}/"))
             else:
                 time, name, values = found
-                bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(values), time, time)
-        losses = {f"{NAMESPACE}/{name}": Losses() for name in TOPICS}
+                if name in encoders:
+                    bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(values), time, time)
+        losses = {f"{NAMESPACE}/{name}": Losses() for name in chosen}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
 
 
