@@ -63,6 +63,7 @@ setup(
         "export": EXPORT,
         "studies": STUDIES,  # sweep, sensitivity, fit, reproduce
         "cluster": [*STUDIES, "distributed"],
+        "dataset": [*STUDIES, "changepoynt"],  # the second baseline of dataset --evaluate
         "test": ["pytest", *WEB],  # what the plugin needs; a failed test leaves a report
     },
     data_files=[

@@ -1,4 +1,4 @@
-"""``rpud dataset``: labelled synthetic runs for detectors of faults, and what two baselines find."""
+"""``rpud dataset``: labelled synthetic runs, and how well two baselines detect their faults."""
 
 from __future__ import annotations
 

@@ -8,8 +8,9 @@ from typing import Protocol
 
 import numpy as np
 
-# Score of a window in which a feature left the single value that it had in training.
+# Score of a window in which a feature is missing that never was in training.
 _NEVER_SEEN = 1e9
+# Spread of a feature, as a share of its value, below which it is constant.
 _TINY = 1e-12
 
 
@@ -28,14 +29,14 @@ class Detector(Protocol):
 class Threshold:
     """Threshold: the greatest distance of a feature from its mean in healthy training windows.
 
-    Distances are in standard deviations. A feature that is missing though it never was in training
-    counts as never seen.
+    Distances are in standard deviations. A feature that was constant in training has none and does
+    not count. One that is missing though it never was in training counts as never seen.
     """
 
     name = "threshold"
 
     def fit(self, runs: Sequence[np.ndarray]) -> None:
-        """Fit mean and standard deviation of each feature."""
+        """Fit mean and standard deviation of each feature; infinite where it is constant."""
         values = np.concatenate(list(runs))
         finite = np.isfinite(values)
         self._always = finite.all(axis=0)
@@ -43,17 +44,14 @@ class Threshold:
         held = np.where(finite, values, 0.0)
         self._mean = held.sum(axis=0) / counts
         squares = np.where(finite, (held - self._mean) ** 2, 0.0)
-        self._deviation = np.sqrt(squares.sum(axis=0) / counts)
+        deviation = np.sqrt(squares.sum(axis=0) / counts)
+        varies = deviation > _TINY * np.maximum(np.abs(self._mean), _TINY)
+        self._deviation = np.where(varies, deviation, np.inf)
 
     def scores(self, run: np.ndarray) -> np.ndarray:
         """Return the greatest distance in each window."""
         finite = np.isfinite(run)
-        distance = np.abs(np.where(finite, run, self._mean) - self._mean)
-        least = _TINY * np.maximum(np.abs(self._mean), 1.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scores = distance / self._deviation
-        constant = self._deviation <= least
-        scores[:, constant] = np.where(distance[:, constant] <= least[constant], 0.0, _NEVER_SEEN)
+        scores = np.abs(np.where(finite, run, self._mean) - self._mean) / self._deviation
         scores[~finite & self._always] = _NEVER_SEEN
         return np.asarray(np.minimum(scores, _NEVER_SEEN).max(axis=1))
 
@@ -91,7 +89,7 @@ class Changepoynt:
         self._width = np.zeros(values.shape[1])
         self._low[usable] = np.nanmin(held[:, usable], axis=0)
         self._width[usable] = np.nanmax(held[:, usable], axis=0) - self._low[usable]
-        self._chosen = np.flatnonzero(self._width > _TINY * np.maximum(np.abs(self._low), 1.0))
+        self._chosen = np.flatnonzero(self._width > _TINY * np.maximum(np.abs(self._low), _TINY))
         found = [self._scores(run) for run in runs if len(run) > self._before]
         greatest = [scores.max(axis=0) for scores in found]
         self._greatest = np.maximum(np.max(greatest, axis=0, initial=_TINY), _TINY)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -77,9 +78,7 @@ def baselines() -> tuple[list[Detector], list[str]]:
     return found, []
 
 
-def evaluate_dataset(
-    path: Path, report: Callable[[int], None] = lambda scored: None
-) -> Evaluation:
+def evaluate_dataset(path: Path, report: Callable[[int], None] = lambda scored: None) -> Evaluation:
     """Return the results of the baselines on a data set.
 
     Args:
@@ -122,7 +121,7 @@ def read_runs(path: Path, split: str, content: dict[str, Any]) -> list[LabelledR
     starts, ends = (windows[name].to_numpy() for name in ("start", "end"))
     names = np.array(windows["run"].to_pylist())
     begins = np.concatenate([[0], np.flatnonzero(names[1:] != names[:-1]) + 1, [len(names)]])
-    rows = {names[a]: slice(a, b) for a, b in zip(begins[:-1], begins[1:], strict=True)}
+    rows = {names[a]: slice(a, b) for a, b in pairwise(begins.tolist())}
     labelled = []
     for run in runs:
         if run["run"] not in rows:

@@ -145,9 +145,7 @@ class DatasetFolder:
             "versions": self._manifest["versions"],
         }
 
-    def _join(
-        self, table: str, split: str, runs: list[PlannedRun], files: dict[str, str]
-    ) -> None:
+    def _join(self, table: str, split: str, runs: list[PlannedRun], files: dict[str, str]) -> None:
         parts = (self._part(run) / f"{table}.parquet" for run in runs)
         self._write(f"{table}/{split}.parquet", map(_read, parts), files)
 

@@ -137,13 +137,15 @@ def choose_limit(runs: Sequence[ScoredRun], most: int = 200) -> float:
 
     Args:
         runs: of the validation split.
-        most: number of limits to try: quantiles of the scores.
+        most: half the number of limits to try: quantiles of the scores, finer near the greatest.
     """
     scores = np.concatenate([run.scores for run in runs])
     finite = np.unique(scores[np.isfinite(scores)])
     if not len(finite):
         return math.inf
-    limits = np.unique(np.quantile(finite, np.linspace(0.0, 1.0, most), method="lower"))
+    near = 1.0 - np.geomspace(0.5 / len(finite), 0.5, most)
+    levels = np.concatenate([np.linspace(0.0, 1.0, most), near])
+    limits = np.unique(np.quantile(finite, levels, method="lower"))
 
     def worth(limit: float) -> tuple[float, int, float]:
         metrics = evaluate(runs, limit)

@@ -284,7 +284,9 @@ def _topics(place: str, content: Any, known: Iterable[str]) -> tuple[str, ...]:
         raise DatasetError("topics: names no topic")
     for name in content:
         if name not in known:
-            raise DatasetError(f"{place}: {shown(name)} cannot be here; {did_you_mean(name, known)}")
+            raise DatasetError(
+                f"{place}: {shown(name)} cannot be here; {did_you_mean(name, known)}"
+            )
     if len(set(content)) < len(content):
         raise DatasetError(f"{place}: names a topic twice")
     return tuple(name for name in TOPICS if name in content)
@@ -300,6 +302,6 @@ def _check_names(prefix: str, content: Mapping[Any, Any], known: Iterable[str]) 
     known = list(known)
     for name in content:
         if name not in known:
-            raise DatasetError(f"{prefix}{shown_name(name)}: is unknown; {did_you_mean(name, known)}")
-
-
+            raise DatasetError(
+                f"{prefix}{shown_name(name)}: is unknown; {did_you_mean(name, known)}"
+            )

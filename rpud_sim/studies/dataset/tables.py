@@ -55,9 +55,7 @@ WINDOW_LABELS = tuple(column.name for column in _WINDOW)
 """Columns of the table of windows that are no features."""
 
 
-def make_tables(
-    bag_path: Path, run: PlannedRun, specification: Specification
-) -> dict[str, bytes]:
+def make_tables(bag_path: Path, run: PlannedRun, specification: Specification) -> dict[str, bytes]:
     """Return the part of each table that a run gives, as the content of a Parquet file.
 
     Args:
@@ -170,7 +168,9 @@ def _features(
             if end > begin:
                 part = numbers[begin:end]
                 found[:, i] = part.mean(0), part.std(0), part.min(0), part.max(0)
-    yield _number(f"{topic}.delay", float, "s", "mean from stamp to publishing"), found[0, :, 0]
+    # Stamps are rounded to nanoseconds: below a microsecond there is no delay.
+    delay = np.round(found[0, :, 0], 6)
+    yield _number(f"{topic}.delay", float, "s", "mean from stamp to publishing"), delay
     for j, column in enumerate(measured, 1):
         for k, statistic in enumerate(STATISTICS):
             name = f"{topic}.{column.name}.{statistic}"
