@@ -30,11 +30,11 @@ A rock is in one split only, so that a test shows what a detector makes of a roc
 
 ## Files
 
-- `runs/SPLIT.parquet`: a row for each run: rock, kind, channel, severity, magnitude with unit, onset
-  and clear [s], exact as `onset_ns` and `clear_ns`, seed, `bag`, and `failure` if the run could not
-  go on.
-- `windows/SPLIT.parquet`: a row for each window of {length:g} s, one every {stride:g} s: features of
-  all topics, and labels.
+- `runs/SPLIT.parquet`: a row for each run: rock, kind, channel, severity, magnitude with unit,
+  onset and clear [s], exact as `onset_ns` and `clear_ns`, seed, `bag`, and `failure` if the run
+  could not go on.
+- `windows/SPLIT.parquet`: a row for each window of {length:g} s, one every {stride:g} s: features
+  of all topics, and labels.
 - `TOPIC/SPLIT.parquet`: a row for each message, with labels. Topics: {topics}.
 - `bags/SPLIT/RUN`: the run as an MCAP bag. `rpud verify` proves each of its messages. The topics
   `faults` and `journal` hold its ground truth.
