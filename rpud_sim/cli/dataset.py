@@ -190,7 +190,7 @@ def _content(evaluation: Evaluation) -> dict[str, Any]:
 def _figures(metrics: Metrics) -> dict[str, float | None]:
     names = (
         *("faults", "detected", "false_alarms", "hours", "precision", "recall", "f1"),
-        *("false_alarms_per_hour", "delay_median", "delay_greatest"),
+        *("false_alarms_per_hour", "delay_mean", "delay_median", "delay_greatest"),
     )
     return {name: _finite(getattr(metrics, name)) for name in names}
 

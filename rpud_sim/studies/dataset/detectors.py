@@ -90,13 +90,13 @@ class Changepoynt:
         self._low[usable] = np.nanmin(held[:, usable], axis=0)
         self._width[usable] = np.nanmax(held[:, usable], axis=0) - self._low[usable]
         self._chosen = np.flatnonzero(self._width > _TINY * np.maximum(np.abs(self._low), _TINY))
-        found = [self._scores(run) for run in runs if len(run) > self._before]
+        found = [self._scores(run) for run in runs if len(run) >= self._before]
         greatest = [scores.max(axis=0) for scores in found]
         self._greatest = np.maximum(np.max(greatest, axis=0, initial=_TINY), _TINY)
 
     def scores(self, run: np.ndarray) -> np.ndarray:
         """Return the greatest score in each window; zero until enough windows are known."""
-        if len(run) <= self._before or not len(self._chosen):
+        if len(run) < self._before or not len(self._chosen):
             return np.zeros(len(run))
         return np.asarray((self._scores(run) / self._greatest).max(axis=1))
 
@@ -107,9 +107,11 @@ class Changepoynt:
             share = (_held(run[:, feature]) - self._low[feature]) / self._width[feature]
             # From 1 to 2, as the package's own scaling, which would look at later windows.
             course = 1.0 + np.clip(share, -1.0, 2.0)
+            # The score of a place needs those before it: one more place gives the last window its.
             with _fixed_random_numbers():
-                found = self._algorithm.transform(course)
-            scores[self._before :, i] = found[self._before - self._offset : -self._offset]
+                found = self._algorithm.transform(np.append(course, course[-1]))
+            first = self._before - self._offset
+            scores[self._before - 1 :, i] = found[first : len(run) + 1 - self._offset]
         return scores
 
 

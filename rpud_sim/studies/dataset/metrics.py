@@ -70,6 +70,7 @@ class Metrics:
         detected: number of those that were detected.
         false_alarms: number of them.
         hours: in which an alarm would be false [h].
+        delay_mean: of the detected faults [s].
         delay_median: of the detected faults [s].
         delay_greatest: of the detected faults [s].
     """
@@ -78,6 +79,7 @@ class Metrics:
     detected: int
     false_alarms: int
     hours: float
+    delay_mean: float
     delay_median: float
     delay_greatest: float
 
@@ -127,13 +129,17 @@ def evaluate(runs: Iterable[ScoredRun], limit: float) -> Metrics:
         detected=len(delays),
         false_alarms=sum(item.false_alarms for item in judged),
         hours=math.fsum(item.hours for item in judged),
+        delay_mean=math.fsum(delays) / len(delays) if delays else math.nan,
         delay_median=float(np.median(delays)) if delays else math.nan,
         delay_greatest=max(delays, default=math.nan),
     )
 
 
 def choose_limit(runs: Sequence[ScoredRun], most: int = 200) -> float:
-    """Return the limit with the greatest F1, and of those the one with the fewest false alarms.
+    """Return the limit with the greatest F1; of several the one with the fewest false alarms.
+
+    If several remain, those with the shortest delay count, and the middle one of them is returned:
+    it is the farthest from limits that are worse.
 
     Args:
         runs: of the validation split.
@@ -149,9 +155,13 @@ def choose_limit(runs: Sequence[ScoredRun], most: int = 200) -> float:
 
     def worth(limit: float) -> tuple[float, int, float]:
         metrics = evaluate(runs, limit)
-        return (0.0 if math.isnan(metrics.f1) else metrics.f1, -metrics.false_alarms, limit)
+        delay = 0.0 if math.isnan(metrics.delay_mean) else metrics.delay_mean
+        return (0.0 if math.isnan(metrics.f1) else metrics.f1, -metrics.false_alarms, -delay)
 
-    return float(max(limits.tolist(), key=worth))
+    worths = {limit: worth(limit) for limit in limits.tolist()}
+    greatest = max(worths.values())
+    best = [limit for limit, found in worths.items() if found == greatest]
+    return best[len(best) // 2]
 
 
 def _ratio(part: int, whole: int) -> float:
