@@ -16,7 +16,9 @@ import rpud_sim.bag
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.studies.dataset import NOTICE
 from rpud_sim.studies.dataset.dataset import make_dataset
-from rpud_sim.studies.dataset.specification import SPLITS
+from rpud_sim.studies.dataset.evaluation import evaluate_dataset, read_runs
+from rpud_sim.studies.dataset.folder import read_content
+from rpud_sim.studies.dataset.specification import SPLITS, DatasetError
 from rpud_sim.studies.dataset.specification_file import read_specification
 
 SPECIFICATION = {
@@ -233,30 +235,30 @@ def test_the_evaluation_prints_a_table_of_the_baselines(made):
     assert " ".join(lines[1].split()) == head
     assert lines[2].split()[:2] == ["threshold", "4"]
     assert "changepoynt" in done.stdout  # its row, or why there is none
-    printed = json.loads(rpud("dataset", "--evaluate", folder, "--json").stdout)
-    assert printed["notice"] == NOTICE
-    threshold = printed["detectors"]["threshold"]
-    assert (threshold["faults"], printed["runs"]) == (4, 5)
-    found = {(row["kind"], row["severity"]): row for row in threshold["by_fault"]}
-    assert found["bias", 2]["detected"] == 1
-    assert 0.0 < found["bias", 2]["delay_median"] < 0.2  # two windows
-    assert found["bias", 1]["detected"] == 0  # far below what the drill itself does
-    expected = 2 * threshold["detected"] / (4 + threshold["detected"] + threshold["false_alarms"])
-    assert threshold["f1"] == pytest.approx(expected)
+
+
+def test_the_threshold_finds_what_is_great_and_not_what_is_small(made):
+    evaluation = evaluate_dataset(made[0])
+    threshold = evaluation.results[0]
+    assert (threshold.detector, threshold.metrics.faults, evaluation.runs) == ("threshold", 4, 5)
+    great, small = threshold.by_fault["bias", 2], threshold.by_fault["bias", 1]
+    assert great.detected == 1
+    assert 0.0 < great.delay_median < 0.2  # two windows
+    assert small.detected == 0  # far below what the drill itself does
 
 
 def test_a_damaged_table_is_not_evaluated(made, tmp_path):
     folder, _ = made
-    for name, data in contents(folder).items():
-        path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data + b"\0" * (name == "windows/test.parquet"))
-    done = rpud("dataset", "--evaluate", tmp_path)
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == (
-        f"rpud dataset: {tmp_path}/windows/test.parquet: is not the file whose digest "
-        "dataset.json has\n"
-    )
+    for name in ("dataset.json", "runs", "windows"):
+        (tmp_path / name).symlink_to(folder / name)
+    assert read_runs(tmp_path, "test", read_content(tmp_path))
+    (tmp_path / "windows").unlink()
+    (tmp_path / "windows").mkdir()
+    data = (folder / "windows/test.parquet").read_bytes()
+    (tmp_path / "windows/test.parquet").write_bytes(data[:-1] + b"\0")
+    reason = f"{tmp_path}/windows/test.parquet: is not the file whose digest dataset.json has"
+    with pytest.raises(DatasetError, match=f"^{reason}$"):
+        read_runs(tmp_path, "test", read_content(tmp_path))
 
 
 @pytest.mark.parametrize(
