@@ -8,6 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from rpud_sim.simulation.channels import CHANNELS
+
 # Score of a window in which a feature is missing that never was in training.
 _NEVER_SEEN = 1e9
 # Spread of a feature, as a share of its value, below which it is constant.
@@ -18,6 +20,9 @@ class Detector(Protocol):
     """Detector that is fitted to healthy windows, and gives each window of a run a score."""
 
     name: str
+
+    def wants(self, feature: str) -> bool:
+        """Whether it uses a feature, such as ``wrench.wrench.force.z.mean``."""
 
     def fit(self, runs: Sequence[np.ndarray]) -> None:
         """Fit to the features of healthy windows of each run, shape (windows, features)."""
@@ -34,6 +39,10 @@ class Threshold:
     """
 
     name = "threshold"
+
+    def wants(self, feature: str) -> bool:
+        """Return that it uses all features."""
+        return True
 
     def fit(self, runs: Sequence[np.ndarray]) -> None:
         """Fit mean and standard deviation of each feature; infinite where it is constant."""
@@ -79,6 +88,18 @@ class Changepoynt:
         self._algorithm = ESST(self.WINDOW, scale=False)
         self._before = self._algorithm.covered_regions()[0]
         self._offset = self._algorithm.compute_offset()
+
+    def wants(self, feature: str) -> bool:
+        """Whether it uses a feature: counts, and means of the channels' main quantities.
+
+        Of topics that are no channels it uses all means. To score all features takes minutes.
+        """
+        topic, _, rest = feature.partition(".")
+        field, _, statistic = rest.rpartition(".")
+        if topic not in CHANNELS:
+            return statistic == "mean"
+        main = ".".join(CHANNELS[topic].numbers[0])
+        return rest == "count" or (statistic == "mean" and field == main)
 
     def fit(self, runs: Sequence[np.ndarray]) -> None:
         """Fit the range of each feature, and its greatest score in long enough healthy parts."""

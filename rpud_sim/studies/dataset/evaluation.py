@@ -26,11 +26,13 @@ class LabelledRun:
     """Features of the windows of a run, with its labels.
 
     Args:
+        names: of the features.
         features: of each window, shape (windows, features).
         healthy: whether each window is before any fault.
         labels: of the run, with scores that are all zero.
     """
 
+    names: tuple[str, ...]
     features: np.ndarray
     healthy: np.ndarray
     labels: ScoredRun
@@ -117,7 +119,8 @@ def read_runs(path: Path, split: str, content: dict[str, Any]) -> list[LabelledR
     runs = read_table(path, f"{RUNS}/{split}.parquet", content).to_pylist()
     if not windows.num_rows:
         return []
-    features = _matrix(windows, [c for c in windows.column_names if c not in WINDOW_LABELS])
+    columns = tuple(name for name in windows.column_names if name not in WINDOW_LABELS)
+    features = _matrix(windows, columns)
     starts, ends = (windows[name].to_numpy() for name in ("start", "end"))
     names = np.array(windows["run"].to_pylist())
     begins = np.concatenate([[0], np.flatnonzero(names[1:] != names[:-1]) + 1, [len(names)]])
@@ -138,7 +141,7 @@ def read_runs(path: Path, split: str, content: dict[str, Any]) -> list[LabelledR
             math.inf if run["clear"] is None else run["clear"],
         )
         healthy = ends[part] <= labels.onset if faulty else np.ones(len(ends[part]), bool)
-        labelled.append(LabelledRun(features[part], healthy, labels))
+        labelled.append(LabelledRun(columns, features[part], healthy, labels))
     return labelled
 
 
@@ -147,12 +150,15 @@ def _evaluated(
     splits: dict[str, list[LabelledRun]],
     report: Callable[[int], None],
 ) -> Evaluated:
-    detector.fit([run.features[run.healthy] for run in splits["train"]])
+    names = splits["train"][0].names
+    wanted = [number for number, name in enumerate(names) if detector.wants(name)]
+    detector.fit([run.features[run.healthy][:, wanted] for run in splits["train"]])
 
     def scored(runs: Sequence[LabelledRun]) -> list[ScoredRun]:
         found = []
         for run in runs:
-            found.append(dataclasses.replace(run.labels, scores=detector.scores(run.features)))
+            scores = detector.scores(run.features[:, wanted])
+            found.append(dataclasses.replace(run.labels, scores=scores))
             report(1)
         return found
 

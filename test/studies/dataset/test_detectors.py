@@ -73,6 +73,19 @@ def changepoynt(request, monkeypatch):
     return Changepoynt()
 
 
+def test_change_points_are_looked_for_in_counts_and_main_quantities(changepoynt):
+    wanted = {
+        "wrench.count": True,
+        "wrench.wrench.force.z.mean": True,
+        "wrench.wrench.force.x.mean": False,
+        "wrench.wrench.force.z.max": False,
+        "wrench.delay": False,
+        "status.depth.mean": True,
+        "status.depth.std": False,
+    }
+    assert {name: changepoynt.wants(name) for name in wanted} == wanted
+
+
 def wave(count=60):
     return np.column_stack([np.sin(0.9 * np.arange(count)), np.full(count, 7.0)])
 
