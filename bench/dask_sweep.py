@@ -174,8 +174,8 @@ def do_nothing(chunk: object) -> object:
 
 
 def _limit() -> Iterator[Row]:
+    from rpud_sim.studies.cluster import run_on_cluster
     from rpud_sim.studies.sweep.chunks import make_chunks, simulate
-    from rpud_sim.studies.sweep.cluster import run_on_cluster
     from rpud_sim.studies.sweep.design import design_points
     from rpud_sim.studies.sweep.folder import SweepFolder
     from rpud_sim.studies.sweep.specification import parse_specification

@@ -40,6 +40,7 @@ COMMANDS = (
     "report",
     "compare",
     "sweep",
+    "dataset",
     "sensitivity",
     "fit",
     "reproduce",

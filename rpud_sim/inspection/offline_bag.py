@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
@@ -20,7 +20,7 @@ from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.together import Entry, Together
-from rpud_sim.simulation.topics import offered_topics
+from rpud_sim.simulation.topics import TOPICS, offered_topics
 
 NAMESPACE = "/rpud"
 
@@ -32,6 +32,8 @@ def write_offline_bag(
     scenario_text: str = "",
     report: Callable[[float], object] = lambda seconds: None,
     planned: Sequence[Planned] = (),
+    topics: Collection[str] = tuple(TOPICS),
+    manifest: Manifest | None = None,
 ) -> None:
     """Simulate a run and write a bag of it; the bag's clock is simulation time.
 
@@ -44,6 +46,8 @@ def write_offline_bag(
         scenario_text: of the scenario's file, for the bag's manifest.
         report: called with the seconds that were simulated since its last call.
         planned: commands and faults, in the order of their times.
+        topics: names of those that the bag gets, as far as the drill offers them.
+        manifest: of the bag; None for that of this program and this machine.
 
     Raises:
         BagError: if the bag cannot be written.
@@ -51,13 +55,14 @@ def write_offline_bag(
         EngineError: if the engine cannot continue.
         FaultError: if a fault of the scenario is not possible.
     """
-    run = Run(beginning, Journal())
-    topics = offered_topics(beginning.settings.values())
+    offered = offered_topics(beginning.settings.values())
+    chosen = {name: topic for name, topic in offered.items() if name in topics}
+    run = Run(beginning, Journal(), chosen.__contains__)
     encoders = {
         name: Codec(topic.type, find_definition(topic.type)).encoder
-        for name, topic in topics.items()
+        for name, topic in chosen.items()
     }
-    manifest = Manifest(
+    manifest = manifest or Manifest(
         parameters={**beginning.settings.values(), "seed": beginning.seed},
         scenario=scenario_text,
         command=tuple(sys.argv),
@@ -66,7 +71,7 @@ def write_offline_bag(
     )
     with BagWriter(path, ahead=1) as bag:
         bag.add_record(MANIFEST_RECORD, manifest.to_record())
-        for name, topic in topics.items():
+        for name, topic in chosen.items():
             # The offers of the node's publishers, as a recorder discovers them.
             offer = QosProfile(durability="transient_local" if topic.latched else "volatile")
             bag.add_topic(
@@ -78,8 +83,9 @@ def write_offline_bag(
                 bag.write_blocks(encoded(found, encoders, f"{NAMESPACE}/"))
             else:
                 time, name, values = found
-                bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(values), time, time)
-        losses = {f"{NAMESPACE}/{name}": Losses() for name in topics}
+                if name in encoders:
+                    bag.write(f"{NAMESPACE}/{name}", encoders[name].encode(values), time, time)
+        losses = {f"{NAMESPACE}/{name}": Losses() for name in chosen}
         bag.add_record(RECORD_NAME, losses_to_record(losses))
 
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.simulation.ensemble import compile_members
-from rpud_sim.studies.sweep.chunks import chunk_size, make_chunks
-from rpud_sim.studies.sweep.cluster import run_on_cluster
+from rpud_sim.studies.cluster import run_on_cluster
+from rpud_sim.studies.sweep.chunks import chunk_size, make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.folder import SweepFolder
 from rpud_sim.studies.sweep.processes import run_on_processes
@@ -77,7 +77,7 @@ def run_sweep(
                 compile_members(specification.parameters(first))
                 outcomes = run_on_processes(chunks, workers)
             else:
-                outcomes = run_on_cluster(chunks, scheduler)
+                outcomes = run_on_cluster(chunks, scheduler, simulate)
             with contextlib.closing(outcomes):
                 for chunk, outcome in outcomes:
                     folder.add(chunk, outcome)

@@ -10,17 +10,16 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from urllib.parse import urlsplit
 
-from rpud_sim.studies.processes import WorkerError
-from rpud_sim.studies.sweep.chunks import Chunk, Outcome, Outcomes, simulate
+from rpud_sim.studies.processes import Numbered, WorkerError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
 CONNECT_TIMEOUT = 10.0  # s
-# How long a sweep waits for a scheduler that it has lost, which somebody restarts [s].
+# How long a study waits for a scheduler that it has lost, which somebody restarts [s].
 RESTART_TIMEOUT = 300.0
 # Chunks in flight for each thread of the cluster: one runs, one waits.
 _IN_FLIGHT = 2
@@ -29,18 +28,22 @@ _LOOK_PERIOD = 1.0
 _RETRY_PERIOD = 0.2  # between two attempts to reach the scheduler [s]
 
 
+_Chunk = TypeVar("_Chunk", bound=Numbered)
+_Outcome = TypeVar("_Outcome")
+
+
 class _SchedulerLostError(Exception):
     """The chunks in flight are lost."""
 
 
-class _Queue:
+class _Queue(Generic[_Chunk]):
     """Chunks that are still to run: first those that came back, then further ones."""
 
-    def __init__(self, chunks: Iterable[Chunk]) -> None:
+    def __init__(self, chunks: Iterable[_Chunk]) -> None:
         self._further = iter(chunks)
-        self._returned: deque[Chunk] = deque()
+        self._returned: deque[_Chunk] = deque()
 
-    def take(self, count: int) -> Iterator[Chunk]:
+    def take(self, count: int) -> Iterator[_Chunk]:
         """Yield at most so many chunks."""
         for _ in range(count):
             if self._returned:
@@ -48,14 +51,14 @@ class _Queue:
                 continue
             yield from itertools.islice(self._further, 1)
 
-    def give_back(self, chunks: Iterable[Chunk]) -> None:
+    def give_back(self, chunks: Iterable[_Chunk]) -> None:
         """Put chunks back that were taken and have no outcome."""
         self._returned.extend(chunks)
 
 
 def run_on_cluster(
-    chunks: Iterable[Chunk], address: str, work: Callable[[Chunk], Outcome] = simulate
-) -> Outcomes:
+    chunks: Iterable[_Chunk], address: str, work: Callable[[_Chunk], _Outcome]
+) -> Generator[tuple[_Chunk, _Outcome], None, None]:
     """Yield each chunk once, with its outcome, as they finish.
 
     If the scheduler is lost, the chunks in flight are submitted again when another one listens at
@@ -101,8 +104,8 @@ def _quiet_log() -> Iterator[None]:
 
 
 def _run_on_scheduler(
-    queue: _Queue, address: str, work: Callable[[Chunk], Outcome]
-) -> Generator[tuple[Chunk, Outcome], None, None]:
+    queue: _Queue[_Chunk], address: str, work: Callable[[_Chunk], _Outcome]
+) -> Generator[tuple[_Chunk, _Outcome], None, None]:
     """Yield chunks with their outcomes until all are there.
 
     Raises:
@@ -112,7 +115,7 @@ def _run_on_scheduler(
     from distributed import Client
     from distributed.client import FutureCancelledError
 
-    running: dict[Future, Chunk] = {}
+    running: dict[Future, _Chunk] = {}
     finished: SimpleQueue[Future] = SimpleQueue()
     try:
         with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
@@ -132,7 +135,7 @@ def _run_on_scheduler(
                 except Empty:
                     fill()  # there may be more workers
                     continue
-                outcome = _outcome(future, running[future], address)
+                outcome: _Outcome = _outcome(future, running[future], address)
                 chunk = running.pop(future)
                 future.release()
                 fill()
@@ -142,12 +145,12 @@ def _run_on_scheduler(
         raise _SchedulerLostError from None
 
 
-def _outcome(future: Future, chunk: Chunk, address: str) -> Outcome:
+def _outcome(future: Future, chunk: Numbered, address: str) -> Any:
     """Return the outcome of a chunk that has finished."""
     from distributed import KilledWorker
 
     try:
-        outcome: Outcome = future.result()
+        return future.result()
     except KilledWorker:
         raise WorkerError(f"chunk {chunk.number} ended its worker again and again") from None
     except ModuleNotFoundError as error:
@@ -156,7 +159,6 @@ def _outcome(future: Future, chunk: Chunk, address: str) -> Outcome:
         if future.status != "error":
             raise  # the scheduler's end, not the chunk's
         raise WorkerError(f"chunk {chunk.number}: a worker of {address} failed: {error}") from None
-    return outcome
 
 
 class _Cluster:

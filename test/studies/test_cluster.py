@@ -8,10 +8,10 @@ import time
 
 import pytest
 
+from rpud_sim.studies import cluster
+from rpud_sim.studies.cluster import run_on_cluster
 from rpud_sim.studies.processes import WorkerError
-from rpud_sim.studies.sweep import cluster
 from rpud_sim.studies.sweep.chunks import make_chunks, simulate
-from rpud_sim.studies.sweep.cluster import run_on_cluster
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.specification import parse_specification
 
@@ -76,7 +76,7 @@ def test_a_killed_worker_and_a_restarted_scheduler_lose_and_repeat_nothing(dask,
     dask.start_worker("first")
     dask.start_worker("second")
     found = {}
-    for chunk, outcome in run_on_cluster(chunks, dask.address):
+    for chunk, outcome in run_on_cluster(chunks, dask.address, simulate):
         assert chunk.number not in found
         found[chunk.number] = outcome
         if len(found) == 2:
@@ -104,7 +104,7 @@ def test_a_scheduler_that_stays_away_ends_the_sweep_in_one_line(dask, monkeypatc
 
     dask.start_scheduler()
     with pytest.raises(WorkerError, match=r"^--scheduler tcp://127.0.0.1:\d+: cannot be reached"):
-        list(run_on_cluster(chunks(), dask.address))
+        list(run_on_cluster(chunks(), dask.address, simulate))
 
 
 def test_an_error_of_a_chunk_is_no_lost_scheduler(dask):
