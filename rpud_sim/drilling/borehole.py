@@ -5,20 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from rpud_sim.drilling.bit import NO_CUT, BitParameters, Cut, cut, radius_of
+from rpud_sim.drilling.cuttings import Cuttings
+from rpud_sim.drilling.heat import WarmBody
 from rpud_sim.drilling.inputs import Disturbances, Percussion
+from rpud_sim.drilling.recent import RecentDrilling
 from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.rotor import Resistance, RotorState
-from rpud_sim.drilling.strata import StrataParameters
-from rpud_sim.foundation.parameters import ParameterGroup
+from rpud_sim.drilling.rotor import Resistance, RotorState, RotorWork
+from rpud_sim.drilling.strata import Layer, Strata
 
-
-@dataclasses.dataclass(frozen=True)
-class BitParameters(ParameterGroup):
-    """Parameters of the bit, in SI units.
-
-    Raises:
-        ParameterError: if a value is outside its range.
-    """
+AMBIENT_TEMPERATURE = 293.15  # K
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,14 +22,18 @@ class BoreholeState:
     """State of the borehole at one time, immutable.
 
     Args:
-        depth: of the hole [m]; infinite once the bit has broken through.
+        depth: of the hole [m].
         penetration_rate: mean over the last second [m/s].
-        layer: name of the layer at the bottom.
-        specific_energy: energy for one unit of volume over the last second, after Teale [J/m^3].
-        packed_cuttings: volume of cuttings that stay in the hole [m^3].
-        bit_wear: 0 for a new bit, 1 for a blunt one.
+        layer: name of the layer at the bottom; empty below the rock.
+        specific_energy: energy for one unit of volume over the last second, after Teale [J/m^3];
+            NaN while the hole does not get deeper.
+        packed_cuttings: volume of cuttings in the flutes [m^3].
+        bit_wear: 0 for a new bit, 1 for a blunt one, more beyond.
         bit_temperature: [K].
         rock_temperature: at the bottom [K].
+        filling: share of the flutes that is full.
+        side_offset: by which the bit has walked sideways at the start of the hole [m].
+        broken_through: whether the hole has reached the bottom of the rock.
     """
 
     depth: float = 0.0
@@ -44,23 +44,70 @@ class BoreholeState:
     bit_wear: float = 0.0
     bit_temperature: float = math.nan
     rock_temperature: float = math.nan
+    filling: float = 0.0
+    side_offset: float = 0.0
+    broken_through: bool = False
 
 
 class Borehole:
     """Borehole in strata.
 
-    Attributes:
-        state: at the last step.
+    Percussion deepens it as ``Progress`` does, by the energy of impacts above the threshold of the
+    layer; rotation by the depth of its cut in each turn (``bit.cut``). Cuttings in the flutes hold
+    both up (``cuttings``).
 
     Args:
         bit: its parameters.
         strata: the layers.
         rock: area of the hole, and share of an impact's energy that breaks the rock.
+        ambient_temperature: of the bit, the rock and the surroundings at first [K].
     """
 
-    def __init__(self, bit: BitParameters, strata: StrataParameters, rock: RockParameters) -> None:
+    def __init__(
+        self,
+        bit: BitParameters,
+        strata: Strata,
+        rock: RockParameters,
+        ambient_temperature: float = AMBIENT_TEMPERATURE,
+    ) -> None:
         self._bit = bit
-        self.state = BoreholeState()
+        self._strata = strata
+        self._area = rock.hole_area
+        self._radius = radius_of(rock.hole_area)
+        self._breaking_share = rock.rock_energy_transfer
+        self._cuttings = Cuttings(bit)
+        self._recent = RecentDrilling()
+        self._bit_heat = WarmBody(bit.bit_thermal_resistance, ambient_temperature)
+        self._rock_heat = WarmBody(bit.rock_thermal_resistance, ambient_temperature)
+        self._depth = 0.0
+        self._tip = 0.0  # depth of the tool in the hole [m]
+        self._layer = 0
+        self._through = False
+        self._wear_flat = bit.bit_wear_flat
+        self._side_offset = 0.0
+        self._owed = 0.0  # energy that the free mass took back from the drill tool [J]
+        self._work = RotorWork()  # of the rotation up to the last step
+        self._energy = 0.0  # spent on drilling so far [J]
+        self._cut_for: tuple[Layer, float, float, float] | None = None
+        self._last_cut = NO_CUT
+        self._known_state: BoreholeState | None = None
+
+    @property
+    def state(self) -> BoreholeState:
+        """State at the last step."""
+        if self._known_state is None:  # few steps are looked at
+            self._known_state = self._state()
+        return self._known_state
+
+    @property
+    def depth(self) -> float:
+        """Depth of the hole [m]."""
+        return self._depth
+
+    @property
+    def bottom(self) -> float:
+        """Depth at which the bit meets rock [m]; infinite below the rock."""
+        return math.inf if self._through else self._depth
 
     def resistance(
         self, weight_on_bit: float, in_rock: bool, disturbances: Disturbances
@@ -72,7 +119,18 @@ class Borehole:
             in_rock: whether the drill tool is in the rock.
             disturbances: faults in force.
         """
-        return Resistance()
+        if not (in_rock or self._tip > 0.0):
+            return Resistance()
+        screw = self._screw_torque(disturbances)
+        done = NO_CUT
+        if in_rock and not self._through:
+            done = self._cut(self._strata.layers[self._layer], weight_on_bit, disturbances)
+        flutes = self._cuttings.torque(self._tip)
+        bound = (disturbances.torque_factor - 1.0) * (
+            done.cutting_torque + done.friction_torque + flutes
+        )
+        faults = max(bound + disturbances.extra_torque + screw, 0.0)
+        return Resistance(done.cutting_torque, done.friction_torque, flutes, faults, True)
 
     def step(
         self,
@@ -82,8 +140,8 @@ class Borehole:
         weight_on_bit: float,
         mount_position: float | None,
         disturbances: Disturbances,
-    ) -> BoreholeState:
-        """Drill for one step and return the state at its end.
+    ) -> None:
+        """Drill for one step.
 
         Args:
             interval: length of the step [s].
@@ -93,4 +151,143 @@ class Borehole:
             mount_position: at the end of the step, as of ``MountState``; None without a feed.
             disturbances: faults in force.
         """
-        return self.state
+        work = RotorWork() if rotor is None else rotor.work
+        turned = 0.0 if rotor is None else rotor.turned
+        before, self._work = self._work, work
+        resisted = work.resisted - before.resisted
+        impact_energy = percussion.energy if percussion.in_rock else 0.0
+        start = self._depth
+        density_layer = self._strata.layers[self._layer]
+        if percussion.in_rock and not self._through:
+            usable = max(impact_energy + self._owed, 0.0)
+            self._owed = min(impact_energy + self._owed, 0.0)
+            self._walk(interval, turned, percussion, disturbances)
+            self._deepen(usable, percussion.impacts, turned, weight_on_bit, disturbances)
+            self._wear(work.friction - before.friction, density_layer)
+        self._move_tip(mount_position)
+        produced = (self._depth - start) * self._area
+        clearing = disturbances.clearing * (1.0 - self._engagement(disturbances))
+        impacts = percussion.impacts if percussion.in_rock else 0
+        self._cuttings.step(interval, produced, turned, impacts, self._tip, clearing)
+        absorbed = max(impact_energy, 0.0) + resisted
+        self._warm(interval, absorbed, density_layer)
+        self._energy += weight_on_bit * (self._depth - start) + impact_energy + resisted
+        self._recent.add(interval, self._depth, self._energy)
+        self._known_state = None
+
+    def _cut(self, layer: Layer, weight_on_bit: float, disturbances: Disturbances) -> Cut:
+        """Return the cut in a layer, with the pull of rock that protrudes into the flutes."""
+        weight, screw = weight_on_bit, self._screw_torque(disturbances)
+        if screw > 0.0:
+            weight += screw / (self._radius * self._screw_slope(layer))
+        flat = min(self._wear_flat * disturbances.worn_factor, self._area)
+        given = (layer, weight, flat, disturbances.hardness)
+        # Resistance and progress of a step need the same cut.
+        if given != self._cut_for:
+            self._cut_for = given
+            self._last_cut = cut(
+                self._bit, layer, self._radius, weight, flat, disturbances.hardness
+            )
+        return self._last_cut
+
+    def _engagement(self, disturbances: Disturbances) -> float:
+        """Return the share of the flutes' depth into which rock protrudes."""
+        return min(disturbances.protrusion / self._bit.flute_depth, 1.0)
+
+    def _screw_torque(self, disturbances: Disturbances) -> float:
+        """Return the torque at which protruding rock in the flutes is cut off [N m].
+
+        The rock bears with its strength on an area of its height times the flutes' depth (assumed).
+        """
+        if disturbances.protrusion <= 0.0 or self._tip <= 0.0:
+            return 0.0
+        height = self._engagement(disturbances) * self._bit.flute_depth
+        strength = self._strata.layers[self._layer].strength * disturbances.hardness
+        return strength * height * self._bit.flute_depth * self._radius
+
+    def _screw_slope(self, layer: Layer) -> float:
+        """Return torque over radius and axial force of a screw with friction: tan(phi + rho)."""
+        slope = self._bit.flute_pitch / (2.0 * math.pi * self._radius)
+        return math.tan(min(math.atan(slope) + math.atan(layer.friction), 1.55))
+
+    def _walk(
+        self, interval: float, turned: float, percussion: Percussion, disturbances: Disturbances
+    ) -> None:
+        """Let the bit walk sideways until the hole is one radius deep and guides it."""
+        if self._depth < self._radius and (turned > 0.0 or percussion.impacts):
+            self._side_offset += disturbances.side_walk * interval
+
+    def _spread(self) -> float:
+        """Return the factor on the progress of a bit that has walked: it digs a longer slot."""
+        if self._depth >= self._radius:
+            return 1.0
+        return self._area / (self._area + 2.0 * self._radius * self._side_offset)
+
+    def _deepen(
+        self,
+        energy: float,
+        impacts: int,
+        turned: float,
+        weight_on_bit: float,
+        disturbances: Disturbances,
+    ) -> None:
+        """Deepen the hole by one step, through as many layers as it reaches."""
+        hardness = disturbances.hardness
+        # A worn bit spreads the same blow over a larger area.
+        flat = self._wear_flat * disturbances.worn_factor
+        blunt = max(flat / self._bit.bit_wear_flat, 1.0) if self._bit.bit_wear_flat > 0.0 else 1.0
+        held_up = disturbances.progress * self._cuttings.clearance(self._tip) * self._spread()
+        turns = turned / (2.0 * math.pi)
+        left = 1.0  # of the step
+        while left > 0.0:
+            layer = self._strata.layers[self._layer]
+            breaking = max(energy - impacts * layer.threshold_energy * hardness * blunt, 0.0)
+            deeper = self._breaking_share * breaking
+            deeper /= layer.specific_energy * hardness * self._area
+            if turns > 0.0:
+                deeper += self._cut(layer, weight_on_bit, disturbances).depth * turns
+            deeper *= held_up
+            end = self._strata.end_of(self._layer)
+            if not self._depth + deeper * left >= end:
+                self._depth += deeper * left
+                return
+            left -= (end - self._depth) / deeper
+            self._depth = end
+            if self._layer + 1 == len(self._strata.layers):
+                self._through = True
+                return
+            self._layer += 1
+
+    def _wear(self, friction_work: float, layer: Layer) -> None:
+        grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
+        self._wear_flat = min(self._wear_flat + grown, max(self._area, self._bit.bit_wear_flat))
+
+    def _move_tip(self, mount_position: float | None) -> None:
+        tip = self._depth
+        if mount_position is not None:
+            tip = min(max(mount_position, 0.0), self._depth)
+        if tip < self._tip:
+            self._cuttings.withdraw(self._tip, tip)
+        self._tip = tip
+
+    def _warm(self, interval: float, absorbed: float, layer: Layer) -> None:
+        bit = self._bit
+        self._bit_heat.step(interval, bit.bit_heat_share * absorbed, bit.bit_heat_capacity)
+        capacity = bit.rock_specific_heat * layer.density * bit.rock_heated_volume
+        self._rock_heat.step(interval, bit.rock_heat_share * absorbed, capacity)
+
+    def _state(self) -> BoreholeState:
+        new, blunt = self._bit.bit_wear_flat, self._bit.bit_blunt_flat
+        return BoreholeState(
+            depth=self._depth,
+            penetration_rate=self._recent.penetration_rate,
+            layer="" if self._through else self._strata.layers[self._layer].name,
+            specific_energy=self._recent.specific_energy(self._area),
+            packed_cuttings=self._cuttings.volume,
+            bit_wear=(self._wear_flat - new) / (blunt - new),
+            bit_temperature=self._bit_heat.temperature,
+            rock_temperature=self._rock_heat.temperature,
+            filling=self._cuttings.filling(self._tip),
+            side_offset=self._side_offset,
+            broken_through=self._through,
+        )

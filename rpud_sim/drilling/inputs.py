@@ -31,7 +31,8 @@ class Disturbances:
 
     Args:
         hardness: factor on the specific energy of the rock.
-        clearing: factor on the progress and on the transport of cuttings, 0 to 1.
+        progress: factor on the progress into the rock, 0 to 1.
+        clearing: factor on the transport of cuttings, 0 to 1; the progress follows.
         torque_factor: on the torque that resists rotation.
         extra_torque: that resists rotation in the flutes [N m].
         feed_stalled: whether the drive of the feed stands still.
@@ -45,6 +46,7 @@ class Disturbances:
     """
 
     hardness: float = 1.0
+    progress: float = 1.0
     clearing: float = 1.0
     torque_factor: float = 1.0
     extra_torque: float = 0.0

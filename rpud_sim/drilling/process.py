@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 
-from rpud_sim.drilling.borehole import BitParameters, Borehole, BoreholeState
+from rpud_sim.drilling.bit import BitParameters
+from rpud_sim.drilling.borehole import AMBIENT_TEMPERATURE, Borehole, BoreholeState
 from rpud_sim.drilling.feed import Motion
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountParameters, MountState
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.drilling.rotor import Resistance, RotationParameters, Rotor, RotorState
-from rpud_sim.drilling.strata import StrataParameters
+from rpud_sim.drilling.strata import Strata, StrataParameters, uniform_strata
 from rpud_sim.foundation.time import NEVER, SECOND
 
 # A step is at each whole multiple of this [ns], so that steps do not depend on how the simulation
@@ -28,6 +29,7 @@ class DrillingParameters:
         strata: layers of the rock.
         bit: at the end of the drill tool.
         rock: where there are no strata; area of the hole.
+        ambient_temperature: of bit, rock and surroundings at first [K].
     """
 
     rotation: RotationParameters = dataclasses.field(default_factory=RotationParameters)
@@ -35,6 +37,19 @@ class DrillingParameters:
     strata: StrataParameters = dataclasses.field(default_factory=StrataParameters)
     bit: BitParameters = dataclasses.field(default_factory=BitParameters)
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
+    ambient_temperature: float = AMBIENT_TEMPERATURE
+
+    @property
+    def layers(self) -> Strata | None:
+        """Strata in which a bit is stepped; None without rock, or with percussion in one rock.
+
+        A tool that rotates in the rock of the parameters ``rock_*`` is stepped as well.
+        """
+        if self.strata.found is not None:
+            return self.strata.found
+        if self.rotation.rotation_model != "none" and self.rock.rock_model != "none":
+            return uniform_strata(self.rock.rock_specific_energy)
+        return None
 
     @property
     def active(self) -> bool:
@@ -52,12 +67,14 @@ class Surroundings:
         load_spring_rate: k_1 [N/m].
         has_rock: whether there is rock; otherwise the tool never touches any.
         depth: of the hole by percussion alone [m], where there are no strata.
+        hardness: factor on ``rock_specific_energy`` since time zero, by changes of the parameter.
     """
 
     weight_on_bit: float
     load_spring_rate: float
     has_rock: bool
     depth: float = 0.0
+    hardness: float = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,7 +85,7 @@ class ProcessState:
         time: of that step [ns].
         rotation: state of the rotor; None without rotation.
         mount: state of feed and mount; None without a feed.
-        borehole: state of the hole; None without strata.
+        borehole: state of the hole; None without strata, and without rotation in a rock.
     """
 
     time: int = 0
@@ -90,9 +107,6 @@ class Process:
 
     Times are integer nanoseconds of simulation time.
 
-    Attributes:
-        state: at the last step.
-
     Args:
         parameters: of the processes.
         surroundings: at time zero.
@@ -108,9 +122,21 @@ class Process:
         if parameters.mount.feed_model != "none":
             rate = surroundings.load_spring_rate
             self._mount = Mount(parameters.mount, rate, surroundings.has_rock)
-        if parameters.strata.strata:
-            self._borehole = Borehole(parameters.bit, parameters.strata, parameters.rock)
-        self.state = self._state_at(0)
+        if (layers := parameters.layers) is not None:
+            ambient = parameters.ambient_temperature
+            self._borehole = Borehole(parameters.bit, layers, parameters.rock, ambient)
+        self._follows_rock = parameters.strata.found is None
+        self._time = 0  # of the last step [ns]
+
+    @property
+    def state(self) -> ProcessState:
+        """State at the last step."""
+        return ProcessState(
+            self._time,
+            self._rotor.state if self._rotor else None,
+            self._mount.state if self._mount else None,
+            self._borehole.state if self._borehole else None,
+        )
 
     @property
     def next_step(self) -> int:
@@ -129,8 +155,8 @@ class Process:
 
     @property
     def depth(self) -> float | None:
-        """Depth of the hole [m]; None without strata."""
-        return self._borehole.state.depth if self._borehole else None
+        """Depth of the hole [m]; None without a borehole."""
+        return self._borehole.depth if self._borehole else None
 
     def feed(self, motion: Motion) -> None:
         """Let the drive of the feed make a motion, from the next step on.
@@ -152,6 +178,9 @@ class Process:
         """
         interval = PROCESS_INTERVAL / SECOND
         mount, borehole = self._mount, self._borehole
+        if self._follows_rock and surroundings.hardness != 1.0:
+            harder = disturbances.hardness * surroundings.hardness
+            disturbances = dataclasses.replace(disturbances, hardness=harder)
         weight = mount.state.weight_on_bit if mount else surroundings.weight_on_bit
         rotor_state = None
         if self._rotor:
@@ -163,9 +192,8 @@ class Process:
         bottom = surroundings.depth
         if borehole:
             position = mount.state.position if mount else None
-            bottom = borehole.step(
-                interval, percussion, rotor_state, weight, position, disturbances
-            ).depth
+            borehole.step(interval, percussion, rotor_state, weight, position, disturbances)
+            bottom = borehole.bottom
         if mount:
             mount.step(
                 interval,
@@ -175,13 +203,5 @@ class Process:
                 surroundings.has_rock,
                 disturbances,
             )
-        self.state = self._state_at(self._next_step)
+        self._time = self._next_step
         self._next_step += PROCESS_INTERVAL
-
-    def _state_at(self, time: int) -> ProcessState:
-        return ProcessState(
-            time,
-            self._rotor.state if self._rotor else None,
-            self._mount.state if self._mount else None,
-            self._borehole.state if self._borehole else None,
-        )

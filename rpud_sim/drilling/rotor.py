@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from rpud_sim.drilling.inputs import Disturbances
-from rpud_sim.foundation.parameters import ParameterGroup, choice
+from rpud_sim.foundation.parameters import ParameterGroup, choice, number
+
+# A rotor passes through at most this many laws of motion in one step: it slips, follows the drive,
+# slips the other way and stands still.
+_MOST_PIECES = 6
 
 
 @dataclasses.dataclass(frozen=True)
 class RotationParameters(ParameterGroup):
     """Parameters of the rotation, in SI units.
+
+    The paper describes the rotor (Section II) and gives none of these values: all are assumed, and
+    docs/explanation/drilling.md gives the reasons.
 
     Raises:
         ParameterError: if a value is outside its range.
@@ -21,19 +29,86 @@ class RotationParameters(ParameterGroup):
         ("none", "friction_drive"),
         "none: the tool does not rotate; friction_drive: the stack drives the rotor by friction",
     )
+    rotor_stall_torque: float = number(
+        0.1, "N m", "torque of the drive at standstill and nominal amplitude", 1e-6, 100.0
+    )
+    rotor_no_load_rate: float = number(
+        15.0, "rad/s", "rate of the rotor without load at nominal amplitude", 1e-3, 1e4
+    )
+    rotor_inertia: float = number(
+        2e-6, "kg m^2", "moment of inertia of rotor and drill tool about the axis", 1e-12, 1.0
+    )
+    rotor_preload: float = number(
+        50.0, "N", "force of the spring that presses the rotor on the stack", 0.0, 1e4
+    )
+    rotor_friction_coefficient: float = number(
+        0.3, "", "coefficient of friction between rotor and stack", 0.0, 2.0
+    )
+    rotor_radius: float = number(
+        0.01, "m", "mean radius of the contact between rotor and stack", 1e-4, 1.0
+    )
+    rotor_breakaway_ratio: float = number(
+        1.2, "", "torque that starts a tool at rest over that which resists its rotation", 1.0, 10.0
+    )
 
 
 @dataclasses.dataclass(frozen=True)
 class Resistance:
-    """Torque against the rotation of the drill tool, immutable.
+    """Torque against the rotation of the drill tool, immutable and not negative [N m].
 
     Args:
-        torque: on the bit in the rock [N m].
-        flutes: of cuttings in the flutes [N m].
+        cutting: that cuts the rock.
+        friction: of the wear flat on the rock.
+        flutes: of cuttings in the flutes.
+        faults: of binding and of rock that protrudes into the flutes.
+        in_hole: whether the wall of a hole surrounds the tool.
     """
 
-    torque: float = 0.0
+    cutting: float = 0.0
+    friction: float = 0.0
     flutes: float = 0.0
+    faults: float = 0.0
+    in_hole: bool = False
+
+    @property
+    def total(self) -> float:
+        """Sum of all parts [N m]."""
+        return self.cutting + self.friction + self.flutes + self.faults
+
+
+@dataclasses.dataclass(frozen=True)
+class RotorWork:
+    """Work of the rotation since time zero, immutable [J].
+
+    The work of the drive is the sum of cutting, friction, flutes, faults and kinetic energy.
+
+    Args:
+        drive: of the drive on the rotor.
+        slip: lost in the sliding contact between stack and rotor; the stack gives it in addition.
+        cutting: that cut the rock.
+        friction: of the wear flat on the rock.
+        flutes: on cuttings in the flutes.
+        faults: against binding, gravel and rock that protrudes into the flutes.
+        kinetic: energy of the rotation now.
+    """
+
+    drive: float = 0.0
+    slip: float = 0.0
+    cutting: float = 0.0
+    friction: float = 0.0
+    flutes: float = 0.0
+    faults: float = 0.0
+    kinetic: float = 0.0
+
+    @property
+    def resisted(self) -> float:
+        """Work against everything that resists the rotation [J]."""
+        return math.fsum((self.cutting, self.friction, self.flutes, self.faults))
+
+    @property
+    def residual(self) -> float:
+        """Work of the drive less all that became of it [J]; rounding alone."""
+        return math.fsum((self.drive, -self.resisted, -self.kinetic))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,11 +117,13 @@ class RotorState:
 
     Args:
         angle: since time zero [rad].
-        rate: of rotation [rad/s].
-        torque: on the bit [N m].
-        drive_torque: of the friction drive [N m].
-        stalled: whether the drive cannot turn the tool.
-        slipping: whether the drive slips.
+        rate: of rotation, never negative [rad/s].
+        torque: of rock and cuttings on the drill tool, against the rotation [N m].
+        drive_torque: of the drive on the rotor [N m].
+        stalled: whether the tool stands still although the drive is on.
+        slipping: whether the preload of the rotor limits the torque of the drive.
+        turned: angle of the last step [rad].
+        work: since time zero.
     """
 
     angle: float = 0.0
@@ -55,10 +132,24 @@ class RotorState:
     drive_torque: float = 0.0
     stalled: bool = False
     slipping: bool = False
+    turned: float = 0.0
+    work: RotorWork = RotorWork()
 
 
 class Rotor:
     """Rotation of the drill tool.
+
+    The drive has the linear curve of an ultrasonic motor, with the vibration's amplitude a over its
+    nominal value:
+
+        T_d = T_stall (a - w / w_0)      at most mu F r, the friction of the preloaded contact
+        J dw/dt = T_d - T                T: all torques that resist, constant during a step
+
+    So voltage, detuning and load of the actuator act through a. The motion is an exponential where
+    the rotor follows the drive, and a parabola where it slips. Each piece ends at its exact time,
+    so the result does not depend on how steps with the same torques divide the time. The tool stops
+    where the rate reaches zero, and starts when the torque of the drive at rest exceeds the
+    resistance times the breakaway ratio. It never turns backward: all that resists is passive.
 
     Attributes:
         state: at the last step.
@@ -69,6 +160,13 @@ class Rotor:
 
     def __init__(self, parameters: RotationParameters) -> None:
         self._parameters = parameters
+        # Torque that one unit of rate takes from the drive [N m s].
+        self._slope = parameters.rotor_stall_torque / parameters.rotor_no_load_rate
+        self._grip = (
+            parameters.rotor_friction_coefficient
+            * parameters.rotor_preload
+            * parameters.rotor_radius
+        )
         self.state = RotorState()
 
     def step(
@@ -82,8 +180,114 @@ class Rotor:
 
         Args:
             interval: length of the step [s].
-            amplitude_ratio: amplitude of the vibration over its nominal value.
+            amplitude_ratio: amplitude of the vibration over its nominal value, not negative.
             resistance: torque against the rotation.
             disturbances: faults in force.
         """
+        before = self.state
+        faults = resistance.faults
+        if resistance.in_hole and disturbances.gravel_torque > 0.0:
+            faults += _gravel(before.angle, disturbances)
+        torque = resistance.cutting + resistance.friction + resistance.flutes + faults
+        turned, rate, drive, slip = self._turn(interval, amplitude_ratio, torque)
+        drive_torque = self._drive_torque(amplitude_ratio, rate)
+        stalled = rate == 0.0 and drive_torque > 0.0
+        work = before.work
+        self.state = RotorState(
+            before.angle + turned,
+            rate,
+            # At rest the resistance is only as large as the drive.
+            drive_torque if rate == 0.0 else torque,
+            drive_torque,
+            stalled,
+            self._slips(amplitude_ratio, rate) and amplitude_ratio > 0.0,
+            turned,
+            RotorWork(
+                work.drive + drive,
+                work.slip + slip,
+                work.cutting + resistance.cutting * turned,
+                work.friction + resistance.friction * turned,
+                work.flutes + resistance.flutes * turned,
+                work.faults + faults * turned,
+                0.5 * self._parameters.rotor_inertia * rate**2,
+            ),
+        )
         return self.state
+
+    def _drive_torque(self, amplitude_ratio: float, rate: float) -> float:
+        free = self._parameters.rotor_stall_torque * amplitude_ratio - self._slope * rate
+        return min(max(free, -self._grip), self._grip)
+
+    def _slips(self, amplitude_ratio: float, rate: float) -> bool:
+        free = self._parameters.rotor_stall_torque * amplitude_ratio - self._slope * rate
+        return abs(free) > self._grip
+
+    def _turn(
+        self, interval: float, amplitude_ratio: float, torque: float
+    ) -> tuple[float, float, float, float]:
+        """Return angle [rad], rate at the end [rad/s], work of the drive and loss in slip [J]."""
+        inertia = self._parameters.rotor_inertia
+        stack_rate = self._parameters.rotor_no_load_rate * amplitude_ratio
+        play = self._grip / self._slope
+        forward, backward = stack_rate - play, stack_rate + play  # beyond these the rotor slips
+        rate, left = self.state.rate, interval
+        angle = drive = slip = 0.0
+        for _ in range(_MOST_PIECES):
+            if left <= 0.0:
+                break
+            drive_torque = self._drive_torque(amplitude_ratio, rate)
+            net = drive_torque - torque
+            breakaway = torque * self._parameters.rotor_breakaway_ratio
+            if rate == 0.0 and drive_torque <= breakaway:
+                slip += drive_torque * stack_rate * left
+                break
+            if rate < forward or (rate == forward and net < 0.0) or rate > backward:
+                # The drive's torque is constant.
+                end = max(backward, 0.0) if rate > backward else forward if net > 0.0 else 0.0
+                time = (end - rate) * inertia / net if net != 0.0 else math.inf
+                if time > left:
+                    time, end = left, max(rate + net * left / inertia, 0.0)
+                turned = 0.5 * (rate + end) * time
+                drive += drive_torque * turned
+                slip += drive_torque * (stack_rate * time - turned)
+            else:
+                lowest = max(forward, 0.0)
+                time, end, turned, squared = self._follow(rate, stack_rate, torque, lowest, left)
+                # Integrals of rate and of its square give those of torque times rate.
+                drive += self._slope * (stack_rate * turned - squared)
+                slip += self._slope * (stack_rate**2 * time - 2.0 * stack_rate * turned + squared)
+            angle, rate, left = angle + turned, end, left - time
+        return angle, rate, drive, slip
+
+    def _follow(
+        self, rate: float, stack_rate: float, torque: float, lowest: float, left: float
+    ) -> tuple[float, float, float, float]:
+        """Return time [s], rate at its end, and integrals of rate and its square over it.
+
+        The rate goes to its steady value by an exponential, until the time is over or the rate
+        falls to the lowest at which the rotor follows the drive [rad/s].
+        """
+        decay = self._slope / self._parameters.rotor_inertia
+        steady = stack_rate - torque / self._slope
+        time = math.inf
+        if steady < lowest < rate:
+            time = math.log1p((rate - lowest) / (lowest - steady)) / decay
+        reached = time <= left
+        time = min(time, left)
+        away = rate - steady
+        once = -math.expm1(-decay * time) / decay
+        twice = -math.expm1(-2.0 * decay * time) / (2.0 * decay)
+        turned = steady * time + away * once
+        squared = steady**2 * time + 2.0 * steady * away * once + away**2 * twice
+        end = lowest
+        if not reached:
+            end = steady + away * math.exp(-decay * time)
+            if steady < lowest:
+                end = max(end, lowest)  # rounding
+        return time, end, turned, squared
+
+
+def _gravel(angle: float, disturbances: Disturbances) -> float:
+    """Return the torque of gravel in the flutes, from 0 to its amplitude [N m]."""
+    turns = angle / disturbances.gravel_period
+    return 0.5 * disturbances.gravel_torque * (1.0 - math.cos(2.0 * math.pi * turns))

@@ -53,7 +53,7 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
     """
     jammed = lock_lost = False
     load_spring = restoring_spring = restitution = drill_tool_restitution = 1.0
-    specific_energy = progress = preload = 1.0
+    specific_energy = progress = binding = clearing = preload = 1.0
     offset = 0.0
     for fault in faults:
         magnitude = fault.magnitude
@@ -68,8 +68,10 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
         elif fault.kind == "drill_tool_binding":
             restoring_spring *= magnitude
             progress /= magnitude
+            binding /= magnitude
         elif fault.kind == "choking":
             progress *= 1.0 - magnitude
+            clearing *= 1.0 - magnitude
             drill_tool_restitution *= 1.0 - magnitude
         elif fault.kind == "hard_rock":
             specific_energy *= magnitude
@@ -98,7 +100,10 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
         preload_factor=preload,
         lock_lost=lock_lost,
         disturbances=Disturbances(
-            hardness=specific_energy, clearing=progress, preload_factor=preload
+            hardness=specific_energy,
+            progress=binding,
+            clearing=clearing,
+            preload_factor=preload,
         ),
     )
 

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from rpud_sim.drilling.borehole import BitParameters
+from rpud_sim.drilling.bit import BitParameters
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.process import DrillingParameters
 from rpud_sim.drilling.rock import RockParameters
@@ -67,7 +67,14 @@ class Configuration(ParameterGroup):
     @property
     def drilling(self) -> DrillingParameters:
         """Parameters of the slow processes around the percussion."""
-        return DrillingParameters(self.rotation, self.mount, self.strata, self.bit, self.rock)
+        return DrillingParameters(
+            self.rotation,
+            self.mount,
+            self.strata,
+            self.bit,
+            self.rock,
+            self.actuator.ambient_temperature,
+        )
 
     @property
     def has_feed(self) -> bool:

@@ -67,6 +67,7 @@ class Plant:
         self.weight_on_bit = parameters.weight_on_bit
         self.progress = Progress(configuration.rock)
         self._conditions = Conditions(parameters, parameters.load_spring_rate)
+        self._hardness = 1.0
         self.process = Process(configuration.drilling, self._surroundings())
         if (weight := self.process.weight_on_bit) is not None:
             parameters = self._acting_parameters().replace(weight_on_bit=weight)
@@ -74,7 +75,6 @@ class Plant:
         self.engine = Engine(
             parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance
         )
-        self._hardness = 1.0
         self._drill = derive(parameters)
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
@@ -194,6 +194,7 @@ class Plant:
             self._conditions.load_spring_rate,
             parameters.regime == "drilling",
             depth if math.isfinite(depth) else 0.0,
+            self._hardness,
         )
 
     def _acting_parameters(self) -> Parameters:

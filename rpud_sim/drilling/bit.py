@@ -1,0 +1,171 @@
+"""Bit: its parameters, and the forces and torques with which it cuts rock."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from rpud_sim.drilling.strata import Layer
+from rpud_sim.foundation.parameters import ParameterGroup, number
+from rpud_sim.foundation.quantities import ParameterError
+
+
+@dataclasses.dataclass(frozen=True)
+class BitParameters(ParameterGroup):
+    """Parameters of the bit, its flutes and their heat, in SI units.
+
+    The paper names no bit: all values are assumed unless docs/explanation/drilling.md gives a
+    source. The bit has the area of the hole, ``hole_area``.
+
+    Raises:
+        ParameterError: if a value is outside its range.
+    """
+
+    bit_thrust_ratio: float = number(
+        0.6, "", "thrust over torque force of a sharp cutting edge, zeta", 0.01, 10.0
+    )
+    bit_shape_factor: float = number(
+        1.0, "", "spread of the wear flats over the radius of the bit, gamma", 0.5, 1.5
+    )
+    bit_wear_flat: float = number(1e-7, "m^2", "area of the wear flats of a new bit", 0.0, 1e-2)
+    bit_blunt_flat: float = number(
+        1e-6, "m^2", "area of the wear flats of a blunt bit, at which the wear is 1", 1e-12, 1e-2
+    )
+    bit_wear_rate: float = number(
+        2e-10,
+        "m^2/J",
+        "growth of the wear flats by friction work in rock of abrasiveness 1",
+        0.0,
+        1e-3,
+    )
+    bit_contact_depth: float = number(
+        2e-5, "m", "depth of cut at which the wear flats bear on the rock as a whole", 1e-9, 1e-2
+    )
+    bit_greatest_cut: float = number(
+        5e-4,
+        "m",
+        "greatest depth of cut in one turn, at which the body of the bit bears",
+        1e-7,
+        0.1,
+    )
+    flute_area: float = number(
+        8e-6, "m^2", "cross-sectional area of the flutes, which carry the cuttings", 1e-9, 1.0
+    )
+    flute_pitch: float = number(0.01, "m", "rise of the flutes in one turn", 1e-5, 1.0)
+    flute_depth: float = number(1e-3, "m", "radial depth of the flutes", 1e-6, 0.1)
+    flute_efficiency: float = number(
+        0.3, "", "rise of the cuttings in one turn over the pitch, in a shallow hole", 0.0, 1.0
+    )
+    flute_transport_depth: float = number(
+        0.1, "m", "depth at which friction on the wall halves the rise of the cuttings", 1e-4, 1e3
+    )
+    flute_torque: float = number(
+        0.05, "N m/m", "torque of half-full flutes for each metre in the hole", 0.0, 1e4
+    )
+    cuttings_bulking: float = number(
+        1.8, "", "volume of the cuttings over that of the rock they come from", 1.0, 5.0
+    )
+    cuttings_lift: float = number(
+        2e-6, "m", "rise of the cuttings by one impact, in a shallow hole", 0.0, 1e-2
+    )
+    cuttings_choke: float = number(
+        0.5, "", "filling of the flutes above which cuttings hold up the progress", 0.0, 0.95
+    )
+    bit_heat_share: float = number(
+        0.1, "", "share of the absorbed energy that heats the bit", 0.0, 0.5
+    )
+    rock_heat_share: float = number(
+        0.1, "", "share of the absorbed energy that heats the rock at the bottom", 0.0, 0.5
+    )
+    bit_heat_capacity: float = number(6.3, "J/K", "heat capacity of the drill tool", 1e-4, 1e5)
+    bit_thermal_resistance: float = number(
+        10.0, "K/W", "thermal resistance from the bit to its surroundings", 1e-4, 1e5
+    )
+    rock_specific_heat: float = number(
+        850.0, "J/(kg K)", "specific heat capacity of the rock", 1.0, 1e4
+    )
+    rock_heated_volume: float = number(
+        4e-6, "m^3", "volume of rock at the bottom that takes up heat", 1e-12, 1.0
+    )
+    rock_thermal_resistance: float = number(
+        16.0, "K/W", "thermal resistance from the bottom of the hole into the rock", 1e-4, 1e5
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.bit_blunt_flat > self.bit_wear_flat:
+            raise ParameterError(
+                f"bit_blunt_flat = {self.bit_blunt_flat:g} m^2 is not above "
+                f"bit_wear_flat = {self.bit_wear_flat:g} m^2"
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class Cut:
+    """Forces and torques of a bit on the bottom of its hole, immutable.
+
+    Args:
+        depth: of the cut in one turn, if the tool turns [m].
+        cutting_force: part of the weight on bit that the cutting edges bear [N].
+        cutting_torque: that cuts the rock [N m].
+        friction_torque: of wear flats and body on the rock [N m].
+    """
+
+    depth: float = 0.0
+    cutting_force: float = 0.0
+    cutting_torque: float = 0.0
+    friction_torque: float = 0.0
+
+
+NO_CUT = Cut()
+
+
+def cut(
+    bit: BitParameters,
+    layer: Layer,
+    radius: float,
+    weight_on_bit: float,
+    wear_flat: float,
+    hardness: float = 1.0,
+) -> Cut:
+    """Return how a bit cuts, after Detournay and Defourny (1992).
+
+    With specific energy eps, strength sigma, radius a, depth of cut d, wear flat A_f, d_c the
+    contact depth:
+
+        W = zeta eps a d + F_f          T = eps a^2 d / 2 + mu gamma a F_f / 2
+        F_f = sigma A_f min(d / d_c, 1)
+
+    so that 2 T / (a^2 d) = (1 - mu gamma zeta) eps + mu gamma W / (a d), their equation for E and
+    S. Up to d_c the wear flats come to bear (phase I of Detournay, Richard and Shepherd, 2008);
+    beyond it more weight cuts deeper (II); at the greatest cut the body of the bit bears (III).
+
+    Args:
+        bit: its parameters.
+        layer: of rock at the bottom.
+        radius: of the bit [m].
+        weight_on_bit: toward the rock [N]; without it there is no cut.
+        wear_flat: area of the wear flats [m^2].
+        hardness: factor on specific energy and strength of the rock.
+    """
+    if not weight_on_bit > 0.0:
+        return NO_CUT
+    edge = bit.bit_thrust_ratio * layer.specific_energy * hardness * radius  # N for 1 m of cut
+    bearing = layer.strength * hardness * wear_flat
+    depth = weight_on_bit / (edge + bearing / bit.bit_contact_depth)
+    if depth > bit.bit_contact_depth:
+        depth = (weight_on_bit - bearing) / edge
+    depth = min(depth, bit.bit_greatest_cut)
+    cutting_force = min(edge * depth, weight_on_bit)
+    friction_force = weight_on_bit - cutting_force
+    return Cut(
+        depth,
+        cutting_force,
+        0.5 * layer.specific_energy * hardness * radius**2 * depth,
+        0.5 * layer.friction * bit.bit_shape_factor * radius * friction_force,
+    )
+
+
+def radius_of(area: float) -> float:
+    """Return the radius of a circle [m] of an area [m^2]."""
+    return math.sqrt(area / math.pi)

@@ -1,0 +1,108 @@
+"""Cuttings: how they collect in the flutes, are carried out, and resist the rotation."""
+
+from __future__ import annotations
+
+import math
+
+from rpud_sim.drilling.bit import BitParameters
+
+# Packed flutes resist in proportion to f / (1 - f), as if they were never fuller than this.
+FULLEST = 0.98
+
+
+class Cuttings:
+    """Volume of cuttings in the flutes of the tool.
+
+    The flutes along the tool in the hole hold their area times its depth. Cuttings come in at the
+    bottom at a rate q and rise at a speed v, which rotation and impacts give and friction on the
+    wall lowers with depth. They leave at the top:
+
+        dV/dt = q - V v / depth
+
+    with the closed form of an exponential during a step. So the flutes fill up with depth, and
+    empty with the rate of rotation. A tool that is drawn back takes with it what its flutes hold
+    outside the hole.
+
+    Attributes:
+        volume: in the hole [m^3].
+
+    Args:
+        bit: its parameters.
+    """
+
+    def __init__(self, bit: BitParameters) -> None:
+        self._bit = bit
+        self.volume = 0.0
+
+    def filling(self, depth: float) -> float:
+        """Return the share of the flutes that is full, from 0 to 1.
+
+        Args:
+            depth: of the tool in the hole [m].
+        """
+        if depth <= 0.0:
+            return 0.0
+        return min(self.volume / (self._bit.flute_area * depth), 1.0)
+
+    def clearance(self, depth: float) -> float:
+        """Return the factor on the progress: 1 up to the choke, falling to 0 with full flutes.
+
+        Args:
+            depth: of the tool in the hole [m].
+        """
+        choke = self._bit.cuttings_choke
+        return min((1.0 - self.filling(depth)) / (1.0 - choke), 1.0)
+
+    def torque(self, depth: float) -> float:
+        """Return the torque that resists the rotation [N m].
+
+        It is proportional to the depth of the tool in the hole [m], and to f / (1 - f) of the
+        filling f: equal to ``flute_torque`` times depth with half-full flutes (assumed).
+        """
+        full = min(self.filling(depth), FULLEST)
+        return self._bit.flute_torque * depth * full / (1.0 - full)
+
+    def step(
+        self,
+        interval: float,
+        produced: float,
+        turned: float,
+        impacts: float,
+        depth: float,
+        clearing: float,
+    ) -> None:
+        """Let cuttings come in and leave during a step.
+
+        Args:
+            interval: length of the step [s].
+            produced: volume of the rock that they come from [m^3].
+            turned: angle of the tool [rad].
+            impacts: number of impacts.
+            depth: of the tool in the hole [m].
+            clearing: factor on the speed at which cuttings rise, 0 to 1.
+        """
+        bit = self._bit
+        if depth <= 0.0:
+            self.volume = 0.0
+            return
+        turns = turned / (2.0 * math.pi)
+        risen = bit.flute_efficiency * bit.flute_pitch * turns + bit.cuttings_lift * impacts
+        risen *= clearing / (1.0 + depth / bit.flute_transport_depth)
+        came = bit.cuttings_bulking * produced
+        share = risen / depth  # V v / depth over the step, in units of V
+        if share > 0.0:
+            left = -math.expm1(-share)
+            self.volume += (came / share - self.volume) * left
+        else:
+            self.volume += came
+        # The flutes hold no more; what is beyond is pressed into the wall.
+        self.volume = min(self.volume, bit.flute_area * depth)
+
+    def withdraw(self, before: float, after: float) -> None:
+        """Take out what the flutes hold along the way when the tool is drawn back.
+
+        Args:
+            before: depth of the tool in the hole [m].
+            after: a smaller depth, not negative [m].
+        """
+        self.volume *= after / before if before > 0.0 else 0.0

@@ -1,0 +1,107 @@
+"""The bit cuts as Detournay and Defourny (1992) say."""
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.drilling.bit import NO_CUT, BitParameters, cut, radius_of
+from rpud_sim.drilling.strata import Layer, preset_layer
+from rpud_sim.foundation.quantities import ParameterError
+
+BIT = BitParameters(bit_greatest_cut=0.01)
+ROCK = preset_layer("sandstone")
+RADIUS = radius_of(2e-5)
+LAYERS = st.builds(
+    Layer,
+    specific_energy=st.floats(1e6, 1e9),
+    strength=st.floats(1e6, 1e9),
+    friction=st.floats(0.0, 1.0),
+)
+WEIGHTS = st.floats(0.1, 200.0)
+FLATS = st.floats(0.0, 1e-5)
+
+
+def test_the_bit_has_the_area_of_the_hole():
+    assert math.pi * RADIUS**2 == pytest.approx(2e-5)
+
+
+@given(LAYERS, WEIGHTS, FLATS, st.floats(1.0, 10.0))
+def test_specific_energy_and_drilling_strength_lie_on_the_friction_line(
+    layer, weight, flat, hardness
+):
+    done = cut(BIT, layer, RADIUS, weight, flat, hardness)
+    torque = done.cutting_torque + done.friction_torque
+    energy = 2.0 * torque / (RADIUS**2 * done.depth)  # E
+    strength = weight / (RADIUS * done.depth)  # S
+    slope = layer.friction * BIT.bit_shape_factor
+    intrinsic = layer.specific_energy * hardness
+    expected = (1.0 - slope * BIT.bit_thrust_ratio) * intrinsic + slope * strength
+    assert energy == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_sharp_bit_takes_the_specific_energy_of_the_rock():
+    done = cut(BIT, ROCK, RADIUS, 10.0, 0.0)
+    assert done.friction_torque == pytest.approx(0.0, abs=1e-12)
+    work = 2.0 * math.pi * done.cutting_torque / (math.pi * RADIUS**2 * done.depth)
+    assert work == pytest.approx(ROCK.specific_energy, rel=1e-12)
+
+
+def test_beyond_the_contact_depth_the_cut_is_linear_in_the_weight():
+    bearing = ROCK.strength * BIT.bit_wear_flat
+    slope = BIT.bit_thrust_ratio * ROCK.specific_energy * RADIUS
+    for weight in (15.0, 30.0, 60.0):
+        done = cut(BIT, ROCK, RADIUS, weight, BIT.bit_wear_flat)
+        assert done.depth == pytest.approx((weight - bearing) / slope, rel=1e-12)
+        assert done.cutting_torque == pytest.approx(
+            RADIUS * (weight - bearing) / (2.0 * BIT.bit_thrust_ratio), rel=1e-12
+        )
+        assert done.friction_torque == pytest.approx(
+            0.5 * ROCK.friction * RADIUS * bearing, rel=1e-9
+        )
+
+
+def test_below_the_contact_depth_it_is_linear_too_and_continuous():
+    edge = BIT.bit_thrust_ratio * ROCK.specific_energy * RADIUS * BIT.bit_contact_depth
+    full = edge + ROCK.strength * BIT.bit_wear_flat
+    at = cut(BIT, ROCK, RADIUS, full, BIT.bit_wear_flat)
+    assert at.depth == pytest.approx(BIT.bit_contact_depth)
+    half = cut(BIT, ROCK, RADIUS, 0.5 * full, BIT.bit_wear_flat)
+    assert half.depth == pytest.approx(0.5 * at.depth)
+    assert half.friction_torque == pytest.approx(0.5 * at.friction_torque)
+    above = cut(BIT, ROCK, RADIUS, full * (1.0 + 1e-9), BIT.bit_wear_flat)
+    assert above.depth == pytest.approx(at.depth, rel=1e-6)
+
+
+def test_at_the_greatest_cut_the_body_of_the_bit_bears_the_rest():
+    short = dataclasses.replace(BIT, bit_greatest_cut=1e-4)
+    one = cut(short, ROCK, RADIUS, 100.0, 0.0)
+    other = cut(short, ROCK, RADIUS, 120.0, 0.0)
+    assert one.depth == other.depth == 1e-4
+    assert one.cutting_torque == other.cutting_torque
+    assert other.friction_torque - one.friction_torque == pytest.approx(
+        0.5 * ROCK.friction * RADIUS * 20.0
+    )
+
+
+@given(LAYERS, WEIGHTS, WEIGHTS, FLATS, FLATS)
+def test_more_weight_cuts_deeper_and_a_blunter_bit_less(layer, weight, other, flat, blunter):
+    low, high = sorted((weight, other))
+    sharp, blunt = sorted((flat, blunter))
+    assert cut(BIT, layer, RADIUS, low, sharp).depth <= cut(BIT, layer, RADIUS, high, sharp).depth
+    less = cut(BIT, layer, RADIUS, low, blunt).depth
+    assert less <= cut(BIT, layer, RADIUS, low, sharp).depth * (1.0 + 1e-12)
+    harder = cut(BIT, layer, RADIUS, low, sharp, 2.0).depth
+    assert harder <= cut(BIT, layer, RADIUS, low, sharp).depth
+
+
+@pytest.mark.parametrize("weight", [0.0, -1.0])
+def test_without_weight_it_does_not_cut(weight):
+    assert cut(BIT, ROCK, RADIUS, weight, 0.0) == NO_CUT
+
+
+def test_a_blunt_bit_has_a_larger_flat_than_a_new_one():
+    with pytest.raises(ParameterError, match=r"bit_blunt_flat = 1e-08 m\^2 is not above bit_wear"):
+        BitParameters(bit_blunt_flat=1e-8)

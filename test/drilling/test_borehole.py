@@ -1,0 +1,318 @@
+"""The borehole deepens by percussion and rotation, layer by layer, and wears and warms the bit."""
+
+import copy
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rpud_sim.drilling.bit import BitParameters, cut, radius_of
+from rpud_sim.drilling.borehole import Borehole
+from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
+from rpud_sim.drilling.rock import Progress, RockParameters
+from rpud_sim.drilling.rotor import RotationParameters, Rotor
+from rpud_sim.drilling.strata import Layer, Strata, find_strata, uniform_strata
+from rpud_sim.model.segment import IMPACT
+
+ROCK = RockParameters()
+STEP = 1e-3  # s
+# Flutes so wide that cuttings never matter, and a bit without wear flats.
+CLEAR = BitParameters(flute_area=1.0, bit_wear_flat=0.0)
+DRIVE = RotationParameters(rotation_model="friction_drive")
+AT_REST = Percussion(in_rock=True, amplitude_ratio=1.0)
+
+
+class Drill:
+    """Rotor and borehole, stepped as the process does."""
+
+    def __init__(self, strata="sandstone", bit=CLEAR, rotates=True, rock=ROCK):
+        layers = find_strata(strata) if isinstance(strata, str) else strata
+        self.borehole = Borehole(bit, layers, rock)
+        self.rotor = Rotor(DRIVE) if rotates else None
+        self.steps = 0
+
+    def run(self, seconds, weight=10.0, energy=0.0, mount=None, faults=UNDISTURBED, ratio=1.0):
+        """Drill with one impact in each 4 ms, of an energy [J]."""
+        in_rock = mount is None or mount >= self.borehole.bottom
+        for _ in range(round(seconds / STEP)):
+            self.steps += 1
+            impacts = int(energy > 0.0 and self.steps % 4 == 0)
+            percussion = Percussion(impacts, impacts * energy, ratio, in_rock)
+            state = None
+            if self.rotor:
+                resistance = self.borehole.resistance(weight, in_rock, faults)
+                state = self.rotor.step(STEP, ratio, resistance, faults)
+            self.borehole.step(STEP, percussion, state, weight, mount, faults)
+        return self.borehole.state
+
+
+def test_by_percussion_alone_it_is_as_deep_as_by_the_rock_parameters():
+    energies = np.random.default_rng(1).normal(0.1, 0.1, 200)  # some are taken back
+    impacts = np.zeros(200, IMPACT)
+    impacts["energy_transferred"] = energies
+    progress = Progress(dataclasses.replace(ROCK, rock_model="specific_energy"))
+    progress.add(impacts)
+    borehole = Borehole(CLEAR, uniform_strata(ROCK.rock_specific_energy), ROCK)
+    for energy in energies:
+        borehole.step(STEP, Percussion(1, energy, 1.0, True), None, 10.0, None, UNDISTURBED)
+    assert borehole.state.depth == pytest.approx(progress.depth, rel=1e-12)
+
+
+def test_impacts_below_the_threshold_break_nothing():
+    threshold = find_strata("sandstone").layers[0].threshold_energy
+    assert Drill(rotates=False).run(0.1, energy=0.99 * threshold).depth == 0.0
+    deep = Drill(rotates=False).run(0.4, energy=3.0 * threshold).depth
+    deeper = Drill(rotates=False).run(0.4, energy=5.0 * threshold).depth
+    assert deeper == pytest.approx(2.0 * deep)
+
+
+def test_by_rotation_the_rate_is_the_depth_of_cut_times_the_turns():
+    drill = Drill()
+    drill.run(0.1)
+    state = drill.run(1.0)
+    done = cut(CLEAR, find_strata("sandstone").layers[0], radius_of(ROCK.hole_area), 10.0, 0.0)
+    turns = drill.rotor.state.rate / (2.0 * math.pi)
+    assert state.penetration_rate == pytest.approx(done.depth * turns, rel=1e-6)
+    assert drill.rotor.state.torque == pytest.approx(done.cutting_torque, rel=1e-8)
+
+
+def test_a_sharp_bit_recovers_the_least_specific_energy_of_teale():
+    # e = F / A + 2 pi N T / (A u): the thrust adds zeta d / (pi a), which is small for fine cuts.
+    sharp = dataclasses.replace(CLEAR, bit_thrust_ratio=0.01)
+    state = Drill(bit=sharp).run(1.5, weight=0.2)
+    assert state.specific_energy == pytest.approx(75e6, rel=2e-4)
+
+
+def test_deeper_cuts_of_a_blunt_bit_come_close_to_the_least_specific_energy():
+    layer = dataclasses.replace(find_strata("sandstone").layers[0], abrasiveness=0.0)
+    blunt = dataclasses.replace(CLEAR, bit_wear_flat=2e-8, bit_greatest_cut=0.1)
+    least = layer.specific_energy
+    found = []
+    for weight in (4.0, 8.0, 16.0, 30.0):
+        state = Drill(Strata((layer,)), blunt).run(1.5, weight=weight)
+        thrust = weight / ROCK.hole_area
+        found.append((state.specific_energy - thrust) / least)
+    # The wear flat's friction becomes small beside the cut; nothing falls below the rock's energy.
+    assert found == sorted(found, reverse=True)
+    assert found[0] > 1.1
+    assert 1.0 < found[-1] < 1.02
+
+
+def test_percussion_whose_energy_all_breaks_rock_takes_the_least_specific_energy():
+    whole = dataclasses.replace(ROCK, rock_energy_transfer=1.0)
+    rock = uniform_strata(75e6)
+    state = Drill(rock, rotates=False, rock=whole).run(1.2, weight=0.0, energy=0.1)
+    assert state.specific_energy == pytest.approx(75e6, rel=1e-9)
+
+
+THREE = Strata(
+    (
+        Layer("soft", 0.0, 1e6, 1e6),
+        Layer("middle", 1e-3, 1e7, 1e7),
+        Layer("hard", 2e-3, 1e8, 1e8),
+    ),
+    bottom=2.5e-3,
+)
+
+
+def test_layers_are_crossed_at_their_depths_also_within_one_step():
+    whole = dataclasses.replace(ROCK, rock_energy_transfer=1.0)
+    # Energies of the layers: 20 mJ, 200 mJ, 1000 mJ.
+    for energy, depth, name in (
+        (0.01, 0.5e-3, "soft"),
+        (0.02, 1e-3, "middle"),
+        (0.12, 1.5e-3, "middle"),
+        (0.22, 2e-3, "hard"),
+        (0.72, 2.25e-3, "hard"),
+    ):
+        at_once = Borehole(CLEAR, THREE, whole)
+        blow = Percussion(1, energy, 1.0, True)
+        at_once.step(STEP, blow, None, 0.0, None, UNDISTURBED)
+        state = at_once.state
+        assert (state.depth, state.layer) == (pytest.approx(depth, rel=1e-12), name)
+        slowly = Borehole(CLEAR, THREE, whole)
+        part = Percussion(1, energy / 7, 1.0, True)
+        for _ in range(7):
+            slowly.step(STEP, part, None, 0.0, None, UNDISTURBED)
+        assert slowly.state.depth == pytest.approx(depth, rel=1e-12)
+
+
+def test_below_the_rock_nothing_resists():
+    drill = Drill(THREE, rock=dataclasses.replace(ROCK, rock_energy_transfer=1.0))
+    state = drill.run(1.0, energy=10.0)
+    assert state.broken_through
+    assert (state.depth, drill.borehole.bottom, state.layer) == (2.5e-3, math.inf, "")
+    assert drill.borehole.resistance(10.0, True, UNDISTURBED).cutting == 0.0
+    assert drill.run(0.1, energy=10.0).depth == 2.5e-3
+
+
+def test_without_rock_at_the_tool_there_is_no_resistance_and_no_progress():
+    drill = Drill()
+    state = drill.run(0.2, mount=-0.01)
+    assert state.depth == 0.0
+    assert drill.rotor.state.torque == 0.0
+    assert drill.rotor.state.rate == pytest.approx(DRIVE.rotor_no_load_rate)
+
+
+def test_too_much_weight_stalls_the_rotor_where_the_torques_say():
+    bit = BitParameters(bit_wear_flat=0.0)
+    radius = radius_of(ROCK.hole_area)
+    # A sharp bit takes the torque a W / (2 zeta); it starts below the breakaway torque.
+    limit = 2.0 * bit.bit_thrust_ratio * DRIVE.rotor_stall_torque / radius
+    start = limit / DRIVE.rotor_breakaway_ratio
+    for weight, stalls in ((0.99 * start, False), (1.01 * start, True)):
+        drill = Drill(bit=bit)
+        drill.run(0.05, weight=weight)
+        assert drill.rotor.state.stalled is stalls
+    drill = Drill(bit=bit)
+    for weight, stalls in ((0.9 * start, False), (0.99 * limit, False), (1.01 * limit, True)):
+        drill.run(0.2, weight=weight)
+        assert drill.rotor.state.stalled is stalls
+
+
+def test_a_drill_that_rotates_keeps_its_flutes_clear_and_one_that_does_not_chokes():
+    found = {}
+    for rotates in (True, False):
+        drill = Drill(bit=BitParameters(), rotates=rotates)
+        drill.borehole._depth = drill.borehole._tip = 0.02  # below the start of the hole
+        found[rotates] = drill.run(4.0, energy=0.7)
+    assert found[True].filling < 0.6 < found[False].filling
+    assert found[False].penetration_rate < 0.7 * found[True].penetration_rate
+
+
+def test_choking_raises_the_torque_and_holds_up_the_progress_and_retracting_clears():
+    drill = Drill(bit=BitParameters())
+    drill.borehole._depth = drill.borehole._tip = 0.02
+    healthy = drill.run(3.0, energy=0.5)
+    torque = drill.rotor.state.torque
+    choked = drill.run(6.0, energy=0.5, faults=Disturbances(clearing=0.05))
+    assert drill.rotor.state.torque > 1.2 * torque
+    assert choked.penetration_rate < 0.8 * healthy.penetration_rate
+    assert choked.filling > healthy.filling
+    tip = drill.borehole.state.depth
+    for position in np.linspace(tip, 0.0, 50):
+        drill.run(STEP, mount=float(position) - 1e-9)
+    drill.run(STEP, mount=-1e-9)
+    assert drill.borehole.state.packed_cuttings == 0.0
+    assert drill.rotor.state.torque == 0.0
+
+
+def test_a_blunt_bit_wears_on_by_the_work_of_its_friction():
+    bit = BitParameters(flute_area=1.0, bit_wear_rate=1e-7)
+    drill = Drill(bit=bit)
+    state = drill.run(2.0)
+    grown = 1e-7 * 2.0 * drill.rotor.state.work.friction
+    assert state.bit_wear == pytest.approx(grown / (1e-6 - 1e-7), rel=1e-9)
+    assert Drill(bit=bit).run(2.0, mount=-0.01).bit_wear == 0.0
+
+
+def test_bit_and_rock_warm_by_their_shares_of_the_absorbed_energy():
+    drill = Drill(rotates=False)
+    state = drill.run(20.0, energy=0.4)  # 100 W
+    for temperature, resistance, capacity in (
+        (state.bit_temperature, 10.0, 6.3),
+        (state.rock_temperature, 16.0, 850.0 * 2360.0 * 4e-6),
+    ):
+        expected = 10.0 * resistance * -math.expm1(-20.0 / (resistance * capacity))
+        assert temperature - 293.15 == pytest.approx(expected, rel=1e-3)
+    cooled = drill.run(20.0, mount=-0.01)
+    assert cooled.bit_temperature < state.bit_temperature
+
+
+def test_rate_and_specific_energy_are_those_of_the_last_second():
+    drill = Drill(rotates=False)
+    assert math.isnan(drill.borehole.state.specific_energy)
+    drill.run(1.0, energy=0.1)
+    depth = drill.borehole.state.depth
+    assert drill.borehole.state.penetration_rate == pytest.approx(depth)
+    state = drill.run(0.5, energy=0.0)
+    assert state.penetration_rate == pytest.approx(0.5 * depth, rel=0.01)
+    state = drill.run(0.6, energy=0.0)
+    assert state.penetration_rate == 0.0
+    assert math.isnan(state.specific_energy)
+
+
+@pytest.mark.parametrize(
+    ("faults", "compare"),
+    [
+        (Disturbances(hardness=3.0), "slower"),
+        (Disturbances(worn_factor=5.0), "slower"),
+        (Disturbances(progress=0.2), "slower"),
+        (Disturbances(torque_factor=3.0), "harder to turn"),
+        (Disturbances(extra_torque=0.02), "harder to turn"),
+        (Disturbances(gravel_torque=0.04), "harder to turn"),
+        (Disturbances(protrusion=2e-4), "harder to turn"),
+    ],
+)
+def test_each_disturbance_acts(faults, compare):
+    states, torques = [], []
+    for acting in (UNDISTURBED, faults):
+        drill = Drill(bit=BitParameters())
+        drill.run(0.5, energy=0.15)
+        states.append(drill.run(1.0, energy=0.15, faults=acting))
+        torques.append(drill.rotor.state.work.resisted)
+        energy = drill.rotor.state.work
+        assert abs(energy.residual) < 1e-12
+    if compare == "slower":
+        assert states[1].penetration_rate < 0.7 * states[0].penetration_rate
+    else:
+        assert torques[1] > 1.3 * torques[0]
+
+
+def test_rock_that_protrudes_into_the_flutes_screws_the_tool_in():
+    quiet, screwed = Drill(bit=BitParameters()), Drill(bit=BitParameters())
+    for drill in (quiet, screwed):
+        drill.run(0.5)
+    quiet.run(1.0)
+    screwed.run(1.0, faults=Disturbances(protrusion=1e-4))
+    turns = [drill.rotor.state.turned for drill in (quiet, screwed)]
+    rates = [drill.borehole.state.penetration_rate for drill in (quiet, screwed)]
+    assert turns[1] < turns[0]
+    assert rates[1] / turns[1] > 1.2 * rates[0] / turns[0]
+
+
+def test_a_bit_walks_sideways_only_until_the_hole_guides_it():
+    drill = Drill(bit=BitParameters())
+    walking = drill.run(0.5, energy=0.15, faults=Disturbances(side_walk=1e-3))
+    assert walking.side_offset == pytest.approx(0.5e-3)
+    straight = Drill(bit=BitParameters()).run(0.5, energy=0.15)
+    assert walking.depth < straight.depth
+    drill.borehole._depth = drill.borehole._tip = radius_of(ROCK.hole_area)
+    guided = drill.run(0.1, energy=0.15, faults=Disturbances(side_walk=1e-3))
+    assert guided.side_offset == walking.side_offset
+
+
+@settings(max_examples=25)
+@given(
+    weight=st.floats(0.5, 80.0),
+    energy=st.floats(0.0, 0.5),
+    name=st.sampled_from(["regolith", "chalk", "limestone", "sandstone", "basalt"]),
+    hardness=st.floats(1.0, 5.0),
+)
+def test_harder_rock_is_never_faster_and_the_account_closes(weight, energy, name, hardness):
+    soft, hard = Drill(name, BitParameters()), Drill(name, BitParameters())
+    soft.run(0.05, weight, energy)
+    hard.run(0.05, weight, energy, faults=Disturbances(hardness=hardness))
+    # A rotor that stalls in one and not in the other is another matter.
+    if soft.rotor.state.rate > 0.0 and hard.rotor.state.rate >= soft.rotor.state.rate:
+        turned = hard.rotor.state.angle / soft.rotor.state.angle
+        assert hard.borehole.state.depth <= soft.borehole.state.depth * turned * (1.0 + 1e-9)
+    for drill in (soft, hard):
+        state, work = drill.borehole.state, drill.rotor.state.work
+        assert abs(work.residual) <= 1e-12 * max(work.drive, 1e-6)
+        assert 0.0 <= state.filling <= 1.0
+        assert state.bit_wear >= 0.0
+        assert min(state.bit_temperature, state.rock_temperature) >= 293.15
+
+
+def test_a_copy_goes_on_alike_and_leaves_the_original_alone():
+    drill = Drill(bit=BitParameters())
+    drill.run(0.2, energy=0.15)
+    before = drill.borehole.state
+    other = copy.deepcopy(drill)
+    ahead = other.run(0.2, energy=0.15)
+    assert drill.borehole.state == before
+    assert drill.run(0.2, energy=0.15) == ahead

@@ -1,0 +1,184 @@
+"""Strata are checked, found by name, file or text, and their presets lie in published ranges."""
+
+import dataclasses
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpud_sim.drilling.rocks import ROCKS
+from rpud_sim.drilling.strata import (
+    Layer,
+    Strata,
+    StrataParameters,
+    find_strata,
+    preset_layer,
+    read_strata,
+    uniform_strata,
+)
+from rpud_sim.foundation.quantities import ParameterError
+
+EXAMPLE = Path(__file__).parents[2] / "config" / "strata_example.yaml"
+
+
+@pytest.mark.parametrize("name", ROCKS)
+def test_a_preset_lies_in_the_published_ranges(name):
+    rock = ROCKS[name]
+    assert rock.ranges.keys() == rock.sources.keys()
+    for value, (least, greatest) in rock.ranges.items():
+        assert least <= rock.properties[value] <= greatest
+        assert rock.sources[value]
+
+
+def test_the_sandstone_is_that_of_the_paper_and_harder_rocks_follow():
+    sandstone = preset_layer("sandstone")
+    assert (sandstone.strength, sandstone.density) == (75e6, 2360.0)
+    energies = [ROCKS[name].properties["specific_energy"] for name in ROCKS]
+    assert list(ROCKS) == ["regolith", "chalk", "limestone", "sandstone", "basalt"]
+    assert energies == sorted(energies)
+
+
+def test_the_specific_energy_of_a_rock_is_its_strength():
+    for name, rock in ROCKS.items():
+        if name != "regolith":
+            assert rock.properties["specific_energy"] == rock.properties["strength"]
+
+
+def test_a_boundary_belongs_to_the_layer_below():
+    strata = read_strata(EXAMPLE)
+    assert [layer.name for layer in strata.layers] == ["regolith", "sandstone", "crust"]
+    found = [strata.number_at(depth) for depth in (0.0, 0.00999, 0.01, 0.03, 5.0)]
+    assert found == [0, 0, 1, 2, 2]
+    assert [strata.end_of(number) for number in range(3)] == [0.01, 0.03, math.inf]
+    assert strata.layers[1].strength == 60e6
+    assert strata.layers[1].abrasiveness == preset_layer("sandstone").abrasiveness
+
+
+def test_strata_are_found_by_the_name_of_a_rock_by_path_and_by_text():
+    assert find_strata("basalt") == Strata((preset_layer("basalt"),))
+    example = find_strata(str(EXAMPLE))
+    assert example == read_strata(EXAMPLE)
+    assert StrataParameters(str(EXAMPLE)).found == example
+    assert StrataParameters().found is None
+
+
+LAYERS = st.builds(
+    Layer,
+    name=st.text(max_size=20).filter(str.isprintable),
+    specific_energy=st.floats(1e3, 1e12),
+    strength=st.floats(1e2, 1e12),
+    threshold_energy=st.floats(0.0, 1e3),
+    abrasiveness=st.floats(0.0, 10.0),
+    density=st.floats(10.0, 1e5),
+    friction=st.floats(0.0, 2.0),
+)
+
+
+@given(st.lists(st.tuples(LAYERS, st.floats(1e-4, 1.0)), min_size=1, max_size=5), st.booleans())
+def test_the_text_of_strata_gives_the_same_strata(drawn, ends):
+    depth, layers = 0.0, []
+    for layer, thickness in drawn:
+        layers.append(dataclasses.replace(layer, depth_from=depth))
+        depth += thickness
+    strata = Strata(tuple(layers), depth if ends else math.inf)
+    written = strata.to_text()
+    assert "\n" not in written
+    assert find_strata(written) == strata
+
+
+@pytest.mark.parametrize("energy", [1e3, 75e6, 1e12])
+def test_a_uniform_rock_is_as_strong_as_its_specific_energy(energy):
+    (layer,) = uniform_strata(energy).layers
+    assert (layer.specific_energy, layer.strength) == (energy, energy)
+    assert (layer.threshold_energy, layer.abrasiveness) == (0.0, 0.0)
+
+
+FULL = (
+    "specific_energy: 1.0e6, strength: 1.0e6, threshold_energy: 0.0, abrasiveness: 1.0, "
+    "density: 2000.0, friction: 0.5"
+)
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("[]", "FILE is not a file of strata: it holds no mapping"),
+        ("rocks: []", "FILE: line 1: 'rocks' is not one of layers, bottom"),
+        ("layers: {}", "FILE: line 1: layers = {} is not a list"),
+        ("layers: []", "FILE: layers = [] has no layer; at least one is needed"),
+        ("layers:\n- 3", "FILE: line 2: layer 1: 3 is not a mapping"),
+        (
+            "layers:\n- {rock: basalt}",
+            "FILE: line 2: layer 1: depth_from is missing; its range is [0, 10000] m",
+        ),
+        (
+            "layers:\n- {depth_from: 0, rock: bassalt}",
+            "FILE: line 2: layer 1: rock = 'bassalt' is unknown; did you mean basalt?",
+        ),
+        (
+            "layers:\n- {depth_from: 0, rock: chalk}\n- {depth_from: 1, rock: chalk, strenght: 1}",
+            "FILE: line 3: layer 2: strenght is unknown; did you mean strength?",
+        ),
+        (
+            "layers:\n- {depth_from: 0, rock: chalk, strength: -1.0}",
+            "FILE: line 2: layer 1: strength = -1 Pa is outside its range [100, 1e+12] Pa",
+        ),
+        (
+            "layers:\n- {depth_from: 0, rock: chalk, density: .nan}",
+            "FILE: line 2: layer 1: density = nan kg/m^3 is outside its range [10, 100000] kg/m^3",
+        ),
+        (
+            "layers:\n- {depth_from: 0, name: x, strength: 1.0e6}",
+            "FILE: line 2: layer 1: specific_energy is missing, and so is a rock that would give "
+            "it; its range is [1000, 1e+12] J/m^3",
+        ),
+        (
+            f"layers:\n- {{depth_from: 0, {FULL}}}",
+            "FILE: line 2: layer 1: name is missing, and so is a rock that would give it",
+        ),
+        (
+            'layers:\n- {depth_from: 0, rock: chalk, name: "a\\nb"}',
+            r"FILE: line 2: layer 1: name = 'a\nb' is not printable text of at most 60 letters",
+        ),
+        (
+            "layers:\n- {depth_from: 0.01, rock: chalk}",
+            "FILE: layer 1 (chalk): depth_from = 0.01 m is not 0 m, where the first layer begins",
+        ),
+        (
+            "layers:\n- {depth_from: 0, rock: chalk}\n- {depth_from: 0, rock: basalt}",
+            "FILE: layer 2 (basalt): depth_from = 0 m is not below 0 m, where the one above begins",
+        ),
+        (
+            "layers: [{depth_from: 0, rock: chalk}]\nbottom: 0",
+            "FILE: bottom = 0 m is outside its range (0, 10000] m",
+        ),
+        (
+            "layers:\n- {depth_from: 0, rock: chalk}\n- {depth_from: 1, rock: chalk}\nbottom: 0.5",
+            "FILE: bottom = 0.5 m is not below 1 m, where the last layer begins",
+        ),
+    ],
+)
+def test_a_file_that_cannot_be_used_says_why_in_one_line(tmp_path, written, said):
+    file = tmp_path / "strata.yaml"
+    file.write_text(written)
+    with pytest.raises(ParameterError) as caught:
+        read_strata(file)
+    assert str(caught.value) == said.replace("FILE", str(file))
+
+
+@pytest.mark.parametrize(
+    ("choice", "said"),
+    [
+        ("bassalt", "strata = 'bassalt' is neither a file nor a rock; did you mean basalt?"),
+        ("/nowhere.yaml", "/nowhere.yaml: No such file or directory"),
+        ("{layers: 3}", "strata: layers = 3 is not a list"),
+        ("{layers: [", "strata is not YAML: "),
+    ],
+)
+def test_an_unknown_choice_says_why(choice, said):
+    with pytest.raises(ParameterError) as caught:
+        StrataParameters(choice)
+    assert str(caught.value).startswith(said)
+    assert "\n" not in str(caught.value)
