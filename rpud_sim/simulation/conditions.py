@@ -131,7 +131,7 @@ def check_honoured(fault: Fault, configuration: Configuration) -> None:
         FaultError: with the reason.
     """
     actuator = configuration.actuator
-    no_rock = configuration.rock.rock_model == "none" and not configuration.strata.strata
+    no_rock = configuration.rock.rock_model == "none" and configuration.drilling.layers is None
     drilling = configuration.parameters.regime == "drilling"
     reason = ""
     if fault.kind == "resonance_drift":

@@ -2,13 +2,15 @@
 
 import copy
 import dataclasses
+import json
 
 import pytest
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.simulation import Simulation, to_configuration
+from rpud_sim.simulation import Simulation, to_configuration, to_settings
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.run import Beginning
 
 SECOND = 1_000_000_000
 ROTATING = {"rotation_model": "friction_drive", "strata": "sandstone"}
@@ -102,6 +104,16 @@ def test_hard_rock_slows_the_drilling_in_strata():
     simulation.inject(Fault("hard_rock", magnitude=3.0))
     simulation.advance_to(2 * SECOND)
     assert simulation.penetration_rate < 0.5 * before
+
+
+def test_a_journal_has_the_layers_of_a_file(tmp_path):
+    file = tmp_path / "strata.yaml"
+    file.write_text("layers: [{depth_from: 0, rock: chalk}, {depth_from: 1.0e-3, rock: basalt}]")
+    beginning = Beginning.drawn(to_settings({**ROTATING, "strata": str(file)}))
+    file.unlink()
+    again = Beginning.from_journal(json.loads(json.dumps(beginning.to_journal())))
+    assert again.settings == beginning.settings
+    assert again.settings.configuration.strata.found.layers[1].name == "basalt"
 
 
 def test_strata_that_cannot_be_used_are_refused_with_the_configuration():
