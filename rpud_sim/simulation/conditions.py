@@ -144,9 +144,11 @@ def check_honoured(fault: Fault, configuration: Configuration) -> None:
     elif fault.kind == "generator_lock_loss" and actuator.generator != "tracking":
         reason = f"needs generator = tracking, which is {actuator.generator}"
     elif no_rock and fault.kind in ("hard_rock", "choking"):
-        reason = "needs a rock_model, which is none"
+        reason = "needs a rock_model, which is none, or strata"
     elif no_rock and drilling and fault.kind == "drill_tool_binding":
-        reason = "acts on the progress while drilling and needs a rock_model, which is none"
+        reason = (
+            "acts on the progress while drilling and needs a rock_model, which is none, or strata"
+        )
     elif fault.channel == "rotation" and configuration.rotation.rotation_model == "none":
         reason = "needs a rotation_model, which is none"
     elif fault.channel == "mount" and not configuration.has_feed:

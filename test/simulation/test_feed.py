@@ -337,3 +337,18 @@ def test_force_control_by_the_feed_is_stable_where_the_theory_says_so(stiffness,
         assert errors[-20:].max() < 0.2 * errors[:20].max()
     else:
         assert errors[-20:].max() > 3.0 * errors[:20].max()
+
+
+def test_the_accounts_close_in_strata_with_rotation_and_through_a_fault():
+    simulation = made(**ARM, strata="sandstone", rotation_model="friction_drive", initial_feed=3e-3)
+    simulation.apply(Feed("rate", 2e-3))
+    energy, feed = residuals(simulation, (100 * MILLISECOND,))
+    simulation.inject(Fault("choking"))
+    more, fed = residuals(simulation, (250 * MILLISECOND, 300_700_000))
+    energy, feed = energy + more, feed + fed
+    assert simulation.depth > 0.0
+    assert feed.penetration_work > 0.0
+    assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-11
+    rotor = simulation.process.rotation.work
+    assert rotor.drive > 0.0
+    assert abs(rotor.residual) < 1e-12
