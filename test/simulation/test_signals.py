@@ -11,12 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rpud_sim.drilling.feed import RATE
 from rpud_sim.drilling.mount import MountState
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.drilling.rotor import RotorState
 from rpud_sim.model.segment import IMPACT
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.channels import CHANNELS
+from rpud_sim.simulation.commands import Feed
+from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.faults import KINDS, Fault
 from rpud_sim.simulation.ledger import FaultLedger, FaultRecord
 from rpud_sim.simulation.process_fields import process_fields
@@ -73,6 +76,26 @@ def run():
         ]
     messages["contact_force"] = [(fields.stamp_of(one) - ORIGIN, one) for one in impacts]
     assert len(impacts) > 20
+    return {**messages, **_slow_processes(times)}
+
+
+def _slow_processes(times):
+    """The messages of rotation and mount of a drill whose feed moves."""
+    drill = to_configuration(
+        {
+            "rotation_model": "friction_drive",
+            "feed_model": "arm",
+            "rock_model": "specific_energy",
+            "initial_feed": 0.01,
+        }
+    )
+    simulation = Simulation(drill)
+    simulation.apply(Feed(RATE, 1e-3))
+    messages = {"rotation": [], "mount": []}
+    for time in times:
+        simulation.advance_to(time)
+        for channel, sent in messages.items():
+            sent.append((time, process_fields(channel, simulation.process, ORIGIN + time)))
     return messages
 
 
