@@ -11,34 +11,50 @@ from sample_bags import write_offline_bag
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.inspection.offline_bag import write_offline_bag as write_bag
 from rpud_sim.inspection.verify.recorded_journal import UnverifiableError
 from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation import preset
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario import parse_scenario
 
 DURATION = 0.33
 JOURNAL = "/rpud/journal"
+ARM = {
+    "feed_model": "arm",
+    "initial_feed": 0.005,
+    "rotation_model": "friction_drive",
+    "strata": "sandstone",
+}
+ON_ARM = ("borehole", "mount", "rotation")
 # Where a field of each type lies from the end of the message, or from its beginning [bytes].
 PLACES = {
     "actuator_state": -8,
+    "borehole": -8,
     "contact_force": -9,
     "drill_tool": -1,
     "faults": -8,
     "joint_states": -8,
+    "mount": -8,
     "nodal_plane": -8,
     "reacting_force": -8,
+    "rotation": -1,
     "trajectory": -8,
     "waveform": -8,
     "wrench": -32,
 }
 FIELDS = {
     "actuator_state": "temperature",
+    "borehole": "rock_temperature",
     "contact_force": "energy_transferred",
     "drill_tool": "in_contact",
     "faults": "forgotten",
     "joint_states": "effort[2]",
+    "mount": "slip",
     "nodal_plane": "velocity",
     "reacting_force": "force",
+    "rotation": "slipping",
     "trajectory": "drill_tool_sine[",
     "waveform": "reacting_force[",
     "wrench": "wrench.force.z",
@@ -60,6 +76,14 @@ def bag(tmp_path_factory):
         "scenario",
     )
     write_offline_bag(path, preset("drilling"), DURATION, 0.2, scenario, 11)
+    return path
+
+
+@pytest.fixture(scope="module")
+def arm_bag(tmp_path_factory):
+    """Return the bag of a drill that rotates on an arm in a rock."""
+    path = tmp_path_factory.mktemp("arm") / "bag"
+    write_bag(path, Beginning(to_settings(ARM)), 0.1)
     return path
 
 
@@ -100,14 +124,15 @@ def test_an_offline_bag_is_proved(bag):
     verification = verify(bag)
     assert verification.proved
     assert (verification.warnings, verification.simulated) == ((), round(DURATION * 1e9))
-    assert set(verification.topics) == {f"/rpud/{name}" for name in PROVED}
+    assert set(verification.topics) == {f"/rpud/{name}" for name in PROVED if name not in ON_ARM}
     held = [m for m in messages_of(bag) if m.topic not in (JOURNAL, "/rpud/status")]
     assert totals(verification) == (len(held), 0, 0, 0)
     assert set(verification.lost.values()) == {0}
 
 
 @pytest.mark.parametrize("topic", PROVED)
-def test_one_flipped_bit_is_named(bag, tmp_path, topic):
+def test_one_flipped_bit_is_named(request, tmp_path, topic):
+    bag = request.getfixturevalue("arm_bag" if topic in ON_ARM else "bag")
     number = 2
     original = messages_of(bag, {f"/rpud/{topic}"})[number]
     change = numbered(topic, number, lambda m: [flipped(m.data, PLACES[topic])])
@@ -296,7 +321,8 @@ def test_a_topic_that_was_never_heard_is_missing_too(longer_bag, tmp_path):
 
 def test_messages_under_way_when_a_recorder_is_closed_are_not_missing(longer_bag, tmp_path):
     """Each topic ends a little before the other, and the drill goes on."""
-    ends = {f"/rpud/{name}": 3.5 - 0.03 * i for i, name in enumerate((*PROVED, "status"))}
+    names = [name for name in (*PROVED, "status") if name not in ON_ARM]
+    ends = {f"/rpud/{name}": 3.5 - 0.03 * i for i, name in enumerate(names)}
 
     def change(message):
         return [message.data] if message.log_time / 1e9 < ends.get(message.topic, 0.1) else []
