@@ -22,7 +22,8 @@ class Topic:
         frame: of the header; empty if there is no header.
         complete: whether each message counts, not only the last.
         proved: whether a bag's journal determines every bit of its messages.
-        model: parameter that switches on what it carries; empty if it is always published.
+        models: sets of parameters, each of which switches on what it carries; empty if it is always
+            published.
     """
 
     type: str
@@ -31,7 +32,7 @@ class Topic:
     frame: str = MOUNT_FRAME
     complete: bool = True
     proved: bool = True
-    model: str = ""
+    models: tuple[tuple[str, ...], ...] = ()
 
     def is_offered(self, values: Mapping[str, Any]) -> bool:
         """Return whether a drill publishes it.
@@ -39,24 +40,32 @@ class Topic:
         Args:
             values: of the drill's parameters by name.
         """
-        return not self.model or values[self.model] not in ("", "none")
+        on = [all(values[name] not in ("", "none") for name in choice) for choice in self.models]
+        return not on or any(on)
 
 
 # Reliable publishers match reliable and best-effort subscribers. The depth allows a slow subscriber
 # to fall behind by about a second at the greatest telemetry rate.
 TOPICS: Mapping[str, Topic] = {
     "actuator_state": Topic("rpud_msgs/msg/ActuatorState", 1000, frame=NODAL_PLANE_FRAME),
-    "borehole": Topic("rpud_msgs/msg/Borehole", 1000, frame=TOOL_TIP_FRAME, model="strata"),
+    "borehole": Topic(
+        "rpud_msgs/msg/Borehole",
+        1000,
+        frame=TOOL_TIP_FRAME,
+        models=(("strata",), ("rotation_model", "rock_model")),
+    ),
     "contact_force": Topic("rpud_msgs/msg/ContactForce", 2000, frame=TOOL_TIP_FRAME),
     "drill_tool": Topic("rpud_msgs/msg/DrillTool", 1000, frame=TOOL_TIP_FRAME),
     "faults": Topic("rpud_msgs/msg/Faults", 1, latched=True, complete=False),
     "joint_states": Topic("sensor_msgs/msg/JointState", 1000),
     # A recorder that starts late gets all entries up to this number.
     "journal": Topic("rpud_msgs/msg/JournalEntry", 1000, latched=True, proved=False),
-    "mount": Topic("rpud_msgs/msg/Mount", 1000, model="feed_model"),
+    "mount": Topic("rpud_msgs/msg/Mount", 1000, models=(("feed_model",),)),
     "nodal_plane": Topic("rpud_msgs/msg/NodalPlane", 1000, frame=NODAL_PLANE_FRAME),
     "reacting_force": Topic("rpud_msgs/msg/ReactingForce", 1000),
-    "rotation": Topic("rpud_msgs/msg/Rotation", 1000, frame=TOOL_TIP_FRAME, model="rotation_model"),
+    "rotation": Topic(
+        "rpud_msgs/msg/Rotation", 1000, frame=TOOL_TIP_FRAME, models=(("rotation_model",),)
+    ),
     "status": Topic("rpud_msgs/msg/Status", 1, latched=True, complete=False, proved=False),
     "trajectory": Topic("rpud_msgs/msg/Trajectory", 40),
     "waveform": Topic("rpud_msgs/msg/Waveform", 40),

@@ -50,3 +50,11 @@ def test_a_topic_is_there_while_its_model_is_on_and_has_no_place_without(topic):
     assert set(TOPICS) - set(offered_topics(off)) == set(MODELS)
     on = {**off, MODELS[topic]: VALUES[MODELS[topic]]}
     assert set(offered_topics(on)) - set(offered_topics(off)) == {topic}
+
+
+def test_a_tool_that_rotates_in_one_rock_has_a_borehole_too(tmp_path):
+    values = {"rotation_model": "friction_drive", "rock_model": "specific_energy"}
+    with arrays(tmp_path, **values) as bag:
+        assert (bag.arrays("/rpud/borehole")["depth"][-1]) > 0.0
+    assert verify(tmp_path / "bag").proved
+    assert {"rotation", "borehole"} <= set(offered_topics(to_settings(values).values()))
