@@ -61,7 +61,7 @@ def source_digest() -> str:
     """Return a digest of the sources of the results; it changes between versions as well."""
     package = Path(rpud_sim.__file__).parent
     digest = hashlib.sha256()
-    for folder in ("foundation", "model", "simulation"):
+    for folder in ("foundation", "model", "drilling", "simulation"):
         for source in sorted((package / folder).glob("**/*.py")):
             digest.update(source.relative_to(package).as_posix().encode() + b"\0")
             digest.update(hashlib.sha256(source.read_bytes()).digest())

@@ -20,7 +20,13 @@ def copy(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "source", ["model/segment.py", "simulation/actuator.py", "foundation/quantities.py"]
+    "source",
+    [
+        "model/segment.py",
+        "drilling/rotor.py",
+        "simulation/actuator.py",
+        "foundation/quantities.py",
+    ],
 )
 def test_a_change_of_a_source_changes_the_digest(copy, source):
     before = source_digest()
