@@ -150,7 +150,7 @@ KINDS: Mapping[str, Kind] = {
         True,
         "the bit walks sideways until its hole guides it",
         _above_zero("m/s", "rate at which the bit walks", 0.1),
-        2e-4,
+        5e-4,
     ),
     "feed_stall": Kind(True, "the drive of the feed stands still"),
     "arm_slip": Kind(
@@ -163,7 +163,7 @@ KINDS: Mapping[str, Kind] = {
         True,
         "the bit is worn",
         Quantity("", "factor on the area of its wear flats", 1.0, 1e4, exclusive=True),
-        10.0,
+        3.0,
     ),
     "off": Kind(False, "nothing is published"),
     "stuck": Kind(False, "the values last published are repeated with new stamps"),
