@@ -32,6 +32,8 @@ FEED = Feed("rate", 1.9e-4)  # that the healthy drill keeps up with
 COLUMNS = ("torque", "rate of penetration", "percussion", "weight on bit", "current")
 # Kinds of which the cause remains when the fault has ended.
 LEFT_BEHIND = ("bit_walk", "choking")
+# Kinds of the feed: the force that they took comes back slowly.
+FED = ("feed_stall", "arm_slip")
 
 
 def signatures():
@@ -115,5 +117,9 @@ def test_a_fault_has_its_signature_and_its_end_brings_the_torque_back(kind):
     radius = radius_of(DRILL.rock.hole_area)
     sharp = cut(bit, preset_layer("sandstone"), radius, after["weight on bit"], bit.bit_wear_flat)
     assert after["torque"] == pytest.approx(sharp.cutting_torque + sharp.friction_torque, rel=0.1)
-    if kind not in LEFT_BEHIND:
+    if kind in FED:
+        mount = simulation.process.mount
+        assert mount.rate == pytest.approx(FEED.value)
+        assert simulation.advance_to(simulation.time + SECOND).process.mount.slip == mount.slip
+    elif kind not in LEFT_BEHIND:
         assert after["rate of penetration"] > 0.8 * before["rate of penetration"]
