@@ -38,7 +38,7 @@ def test_without_a_magnitude_a_fault_has_its_kind_s_default_inside_the_range(kin
         assert (quantity is None) == (fault.magnitude == 0.0)
 
 
-@pytest.mark.parametrize("kind", ["free_mass_jammed", "off", "stuck", "garbage"])
+@pytest.mark.parametrize("kind", ["free_mass_jammed", "feed_stall", "off", "stuck", "garbage"])
 def test_a_kind_without_magnitude_takes_what_nobody_filled_and_nothing_else(kind):
     channel = "" if KINDS[kind].physical else "wrench"
     assert Fault(kind, channel, 0.0) == Fault(kind, channel, math.nan)
@@ -148,11 +148,10 @@ def test_a_fault_does_not_change():
 
 
 def test_the_documentation_names_every_kind_with_its_default_and_every_channel():
-    rows = {
-        cells[1].strip(" `"): cells[2:]
-        for line in DOCUMENTATION.read_text().splitlines()
-        if len(cells := line.split("|")) > 3
-    }
+    rows = {}
+    for line in DOCUMENTATION.read_text().splitlines():
+        if len(cells := line.split("|")) > 3:
+            rows.setdefault(cells[1].strip(" `"), cells[2:])  # later tables are of signatures
     assert {*KINDS, *CHANNELS} <= {*rows}
     for name, kind in KINDS.items():
         meaning = rows[name][0]

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from rpud_sim.foundation.yaml_files import MOST_BYTES
 from rpud_sim.simulation.channels import CHANNELS
+from rpud_sim.simulation.conditions import check_honoured
+from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 from rpud_sim.simulation.scenario import (
     GREATEST_SEED,
@@ -49,6 +51,15 @@ def test_the_example_can_be_read():
     assert len(scenario.faults) == 6
     onsets = [scheduled.onset for scheduled in scenario.faults]
     assert onsets == sorted(onsets)
+
+
+def test_the_example_on_an_arm_can_be_honoured_there():
+    values = {"strata": "sandstone", "rotation_model": "friction_drive", "feed_model": "arm"}
+    configuration = to_configuration(values)
+    scenario = read_scenario(EXAMPLE.with_name("faults_on_an_arm.yaml"))
+    assert len(scenario.faults) == 8
+    for scheduled in scenario.faults:
+        check_honoured(scheduled.fault, configuration)
 
 
 def test_times_are_exact_and_faults_are_in_their_order(file):

@@ -9,10 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rock import RockParameters
+from rpud_sim.drilling.rotor import RotationParameters
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 from rpud_sim.simulation.sampling import Times
@@ -27,7 +29,14 @@ RESONANT = ActuatorParameters(actuator_model="resonance", generator="tracking")
 FIXED = dataclasses.replace(RESONANT, generator="fixed")
 FULL = Configuration(actuator=RESONANT, rock=SANDSTONE)
 HOT = dataclasses.replace(RESONANT, heating=True, heat_capacity=0.01)
-PHYSICAL = [name for name, kind in KINDS.items() if kind.physical]
+ON_AN_ARM = dataclasses.replace(
+    FULL,
+    rotation=RotationParameters(rotation_model="friction_drive"),
+    mount=MountParameters(feed_model="arm", initial_feed=0.005),
+)
+# Faults of the arm, the rotation and the hole, and all others of the drill.
+SLOW = [*KINDS][[*KINDS].index("binding") : [*KINDS].index("off")]
+PHYSICAL = [name for name, kind in KINDS.items() if kind.physical and name not in SLOW]
 
 
 def scheduled(kind, onset, clear=None, magnitude=math.nan, channel=""):
@@ -109,6 +118,58 @@ def test_where_a_caller_stops_changes_no_bit(regime, actuator, faults, given_com
     for one, other in zip(run([]), run(stops), strict=True):
         assert len(one) == len(other)
         assert np.all(one == other) if isinstance(one, np.ndarray) else one == other
+
+
+@settings(max_examples=5)
+@given(
+    st.lists(st.sampled_from(SLOW), min_size=1, max_size=4, unique=True),
+    st.lists(moments, max_size=10),
+)
+def test_on_an_arm_too_where_a_caller_stops_changes_no_bit(kinds, stops):
+    faults = scenario(*(scheduled(kind, 7_654_321, 55 * MILLISECOND) for kind in kinds))
+
+    def run(times):
+        simulation = Simulation(ON_AN_ARM, scenario=faults)
+        simulation.apply(Feed("rate", 1e-3))
+        for time in sorted({*times, END}):
+            block = simulation.advance_to(time)
+        assert simulation.drain_refusals() == []
+        return block.open_segment.tolist(), repr(simulation.process), spans(simulation)
+
+    assert run([]) == run(stops)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in SLOW if kind not in ("feed_stall", "arm_slip")])
+def test_a_fault_of_rotation_and_hole_leaves_the_bits_of_the_percussion(kind):
+    configuration = dataclasses.replace(ON_AN_ARM, mount=MountParameters())
+    plain, faulty = Simulation(configuration), Simulation(configuration)
+    faulty.inject(Fault(kind))
+    for end in (50 * MILLISECOND, 200 * MILLISECOND):
+        one, other = plain.advance_to(end), faulty.advance_to(end)
+    assert one.open_segment.tolist() == other.open_segment.tolist()
+    assert (one.impacts == other.impacts).all()
+    assert plain.process != faulty.process
+
+
+@pytest.mark.parametrize(
+    ("kind", "seen"),
+    [
+        ("choking", lambda process: process.borehole.packed_cuttings),
+        ("worn_bit", lambda process: process.borehole.bit_wear),
+        ("arm_slip", lambda process: -process.mount.slip),
+        ("binding", lambda process: process.rotation.stalled),
+        ("bit_walk", lambda process: process.borehole.side_offset),
+        ("feed_stall", lambda process: process.mount.rate == 0.0),
+    ],
+)
+def test_what_also_arises_by_itself_shows_in_the_ground_truth(kind, seen):
+    plain, faulty = Simulation(ON_AN_ARM), Simulation(ON_AN_ARM)
+    for simulation in (plain, faulty):
+        simulation.apply(Feed("rate", 1e-3))
+        simulation.advance_to(50 * MILLISECOND)
+    faulty.inject(Fault(kind, "", 10.0 if kind == "binding" else math.nan))
+    found = [seen(each.advance_to(150 * MILLISECOND).process) for each in (plain, faulty)]
+    assert found[1] > found[0]
 
 
 @given(st.lists(st.integers(1, SECOND), max_size=5, unique=True))
@@ -269,7 +330,8 @@ def test_the_kinds_that_are_honoured_follow_the_configuration():
     assert "drill_tool_binding" in simulation.honoured_kinds()
     simulation.configure(Configuration(preset("free").replace(regime="drilling")))
     assert "drill_tool_binding" not in simulation.honoured_kinds()
-    assert Simulation(FULL).honoured_kinds() == tuple(KINDS)
+    assert {*Simulation(FULL).honoured_kinds()} == {*KINDS} - {*SLOW}
+    assert Simulation(ON_AN_ARM).honoured_kinds() == tuple(KINDS)
 
 
 @pytest.mark.parametrize(
