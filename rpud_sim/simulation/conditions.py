@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable
 
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
@@ -22,7 +23,6 @@ class Conditions:
 
     Args:
         parameters: in force, always inside their ranges.
-        load_spring_rate: k_1 without a binding, with which the load spring pushes [N/m].
         jammed: whether the free mass is wedged to the drill tool.
         specific_energy_factor: on the specific energy of the rock.
         progress_factor: on the progress into the rock, 0 to 1.
@@ -30,10 +30,11 @@ class Conditions:
         preload_factor: on the commanded weight on bit, 0 to 1.
         lock_lost: whether a tracking generator does not track.
         disturbances: of the slow processes around the percussion.
+        load_spring_rate: k_1 without a binding, with which the load spring pushes [N/m]; that of
+            the parameters if not given.
     """
 
     parameters: Parameters
-    load_spring_rate: float
     jammed: bool = False
     specific_energy_factor: float = 1.0
     progress_factor: float = 1.0
@@ -41,6 +42,11 @@ class Conditions:
     preload_factor: float = 1.0
     lock_lost: bool = False
     disturbances: Disturbances = UNDISTURBED
+    load_spring_rate: float = math.nan
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.load_spring_rate):
+            object.__setattr__(self, "load_spring_rate", self.parameters.load_spring_rate)
 
 
 def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
@@ -125,7 +131,7 @@ def check_honoured(fault: Fault, configuration: Configuration) -> None:
         FaultError: with the reason.
     """
     actuator = configuration.actuator
-    no_rock = configuration.rock.rock_model == "none"
+    no_rock = configuration.rock.rock_model == "none" and configuration.drilling.layers is None
     drilling = configuration.parameters.regime == "drilling"
     reason = ""
     if fault.kind == "resonance_drift":

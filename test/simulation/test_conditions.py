@@ -1,5 +1,6 @@
 """What faults make of the drill; whatever comes together, the drill can still be computed."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rpud_sim.drilling.inputs import UNDISTURBED
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.conditions import (
@@ -70,28 +72,46 @@ def under(*faults, **parameters):
     return conditions(Parameters(**parameters), faults)
 
 
+def on_percussion(*faults, **parameters):
+    """The conditions without those of the slow processes."""
+    found = under(*faults, **parameters)
+    bound = found.parameters.load_spring_rate
+    return dataclasses.replace(found, disturbances=UNDISTURBED, load_spring_rate=bound)
+
+
 def test_each_kind_acts_where_it_should():
-    assert under(Fault("free_mass_jammed")) == Conditions(Parameters(), jammed=True)
-    assert under(Fault("lost_preload", "", 0.25)) == Conditions(Parameters(), preload_factor=0.75)
-    assert under(Fault("hard_rock", "", 4.0)) == Conditions(
+    assert on_percussion(Fault("free_mass_jammed")) == Conditions(Parameters(), jammed=True)
+    assert on_percussion(Fault("lost_preload", "", 0.25)) == Conditions(
+        Parameters(), preload_factor=0.75
+    )
+    assert on_percussion(Fault("hard_rock", "", 4.0)) == Conditions(
         Parameters(), specific_energy_factor=4.0
     )
-    assert under(Fault("resonance_drift", "", -300.0)) == Conditions(
+    assert on_percussion(Fault("resonance_drift", "", -300.0)) == Conditions(
         Parameters(), resonance_offset=-300.0
     )
-    assert under(Fault("choking", "", 0.75)) == Conditions(
+    assert on_percussion(Fault("choking", "", 0.75)) == Conditions(
         Parameters(drill_tool_restitution=0.25), progress_factor=0.25
     )
-    assert under(Fault("restitution_loss", "", 0.5), actuator_restitution=0.5) == Conditions(
-        Parameters(actuator_restitution=0.25, drill_tool_restitution=0.5)
-    )
-    assert under(Fault("load_spring_binding", "", 4.0)) == Conditions(
+    assert on_percussion(
+        Fault("restitution_loss", "", 0.5), actuator_restitution=0.5
+    ) == Conditions(Parameters(actuator_restitution=0.25, drill_tool_restitution=0.5))
+    assert on_percussion(Fault("load_spring_binding", "", 4.0)) == Conditions(
         Parameters(load_spring_rate=8000.0, rpud_damping_ratio=0.875)
     )
-    assert under(Fault("drill_tool_binding", "", 4.0)) == Conditions(
+    assert on_percussion(Fault("drill_tool_binding", "", 4.0)) == Conditions(
         Parameters(restoring_spring_rate=8000.0, drill_tool_damping_ratio=0.875),
         progress_factor=0.25,
     )
+
+
+def test_the_slow_processes_know_their_faults():
+    assert under(Fault("lost_preload", "", 0.25)).disturbances.preload_factor == 0.75
+    assert under(Fault("hard_rock", "", 4.0)).disturbances.hardness == 4.0
+    assert under(Fault("choking", "", 0.75)).disturbances.clearing == 0.25
+    # The load spring pushes as before, while the RPUD binds in its guide.
+    assert under(Fault("load_spring_binding", "", 4.0)).load_spring_rate == 2000.0
+    assert under(Fault("free_mass_jammed")).disturbances == UNDISTURBED
 
 
 def test_faults_combine():
