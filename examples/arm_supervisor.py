@@ -88,7 +88,12 @@ class ArmSupervisor(Node):
         self._states = self.create_publisher(DiagnosticArray, "supervisor/state", LATCHED)
         self._feeds = self.create_publisher(Feed, "command/feed", 10)
         self._drives = self.create_publisher(Drive, "command/drive", 10)
-        heard = {"wrench": WrenchStamped, "rotation": Rotation, "mount": Mount, "borehole": Borehole}
+        heard = {
+            "wrench": WrenchStamped,
+            "rotation": Rotation,
+            "mount": Mount,
+            "borehole": Borehole,
+        }
         for topic, kind in heard.items():
             self.create_subscription(kind, topic, self._listener(topic, len(heard)), 1000)
         self._search = self.create_timer(0.05, self._on_search)
@@ -182,7 +187,7 @@ class ArmSupervisor(Node):
         return depth >= self._depth
 
     def _jammed(self, now):
-        """Clear the hole if the torque has been too high for a while, and return whether it does."""
+        """Clear the hole after too much torque for a while, and return whether it does."""
         rotation = self._latest["rotation"]
         if not (rotation.torque > TORQUE or rotation.stalled):
             self._turned_freely = now
