@@ -12,7 +12,7 @@ from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.recent import RecentDrilling
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.drilling.rotor import Resistance, RotorState, RotorWork
-from rpud_sim.drilling.strata import Layer, Strata
+from rpud_sim.drilling.strata import Layer, Strata, inclusion_in
 
 AMBIENT_TEMPERATURE = 293.15  # K
 
@@ -84,6 +84,8 @@ class Borehole:
         self._layer = 0
         self._through = False
         self._wear_flat = bit.bit_wear_flat
+        self._worn_factor = 1.0  # of a fault in the last step
+        self._clogged = 0.0  # by a fault in the last step
         self._side_offset = 0.0
         self._owed = 0.0  # energy that the free mass took back from the drill tool [J]
         self._work = RotorWork()  # of the rotation up to the last step
@@ -124,8 +126,8 @@ class Borehole:
         screw = self._screw_torque(disturbances)
         done = NO_CUT
         if in_rock and not self._through:
-            done = self._cut(self._strata.layers[self._layer], weight_on_bit, disturbances)
-        flutes = self._cuttings.torque(self._tip)
+            done = self._cut(self._layer_under(disturbances), weight_on_bit, disturbances)
+        flutes = self._cuttings.torque(self._tip, disturbances.clogged)
         bound = (disturbances.torque_factor - 1.0) * (
             done.cutting_torque + done.friction_torque + flutes
         )
@@ -173,6 +175,7 @@ class Borehole:
         self._warm(interval, absorbed, density_layer)
         self._energy += weight_on_bit * (self._depth - start) + impact_energy + resisted
         self._recent.add(interval, self._depth, self._energy)
+        self._worn_factor, self._clogged = disturbances.worn_factor, disturbances.clogged
         self._known_state = None
 
     def _cut(self, layer: Layer, weight_on_bit: float, disturbances: Disturbances) -> Cut:
@@ -189,6 +192,12 @@ class Borehole:
                 self._bit, layer, self._radius, weight, flat, disturbances.hardness
             )
         return self._last_cut
+
+    def _layer_under(self, disturbances: Disturbances) -> Layer:
+        """Return the layer at the bottom, or the stone in it that is harder."""
+        layer = self._strata.layers[self._layer]
+        strength = disturbances.inclusion_strength
+        return inclusion_in(layer, strength) if strength > layer.strength else layer
 
     def _engagement(self, disturbances: Disturbances) -> float:
         """Return the share of the flutes' depth into which rock protrudes."""
@@ -236,11 +245,12 @@ class Borehole:
         # A worn bit spreads the same blow over a larger area.
         flat = self._wear_flat * disturbances.worn_factor
         blunt = max(flat / self._bit.bit_wear_flat, 1.0) if self._bit.bit_wear_flat > 0.0 else 1.0
-        held_up = disturbances.progress * self._cuttings.clearance(self._tip) * self._spread()
+        clearance = self._cuttings.clearance(self._tip, disturbances.clogged)
+        held_up = disturbances.progress * clearance * self._spread()
         turns = turned / (2.0 * math.pi)
         left = 1.0  # of the step
         while left > 0.0:
-            layer = self._strata.layers[self._layer]
+            layer = self._layer_under(disturbances)
             breaking = max(energy - impacts * layer.threshold_energy * hardness * blunt, 0.0)
             deeper = self._breaking_share * breaking
             deeper /= layer.specific_energy * hardness * self._area
@@ -278,16 +288,18 @@ class Borehole:
 
     def _state(self) -> BoreholeState:
         new, blunt = self._bit.bit_wear_flat, self._bit.bit_blunt_flat
+        worn = min(self._wear_flat * self._worn_factor, max(self._area, new))
+        filling = self._cuttings.filling(self._tip, self._clogged)
         return BoreholeState(
             depth=self._depth,
             penetration_rate=self._recent.penetration_rate,
             layer="" if self._through else self._strata.layers[self._layer].name,
             specific_energy=self._recent.specific_energy(self._area),
-            packed_cuttings=self._cuttings.volume,
-            bit_wear=(self._wear_flat - new) / (blunt - new),
+            packed_cuttings=filling * self._bit.flute_area * self._tip,
+            bit_wear=(worn - new) / (blunt - new),
             bit_temperature=self._bit_heat.temperature,
             rock_temperature=self._rock_heat.temperature,
-            filling=self._cuttings.filling(self._tip),
+            filling=filling,
             side_offset=self._side_offset,
             broken_through=self._through,
         )

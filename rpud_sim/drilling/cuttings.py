@@ -34,32 +34,35 @@ class Cuttings:
         self._bit = bit
         self.volume = 0.0
 
-    def filling(self, depth: float) -> float:
+    def filling(self, depth: float, clogged: float = 0.0) -> float:
         """Return the share of the flutes that is full, from 0 to 1.
 
         Args:
             depth: of the tool in the hole [m].
+            clogged: share of their free room that a fault clogs, 0 to 1.
         """
         if depth <= 0.0:
             return 0.0
-        return min(self.volume / (self._bit.flute_area * depth), 1.0)
+        full = min(self.volume / (self._bit.flute_area * depth), 1.0)
+        return full + clogged * (1.0 - full)
 
-    def clearance(self, depth: float) -> float:
+    def clearance(self, depth: float, clogged: float = 0.0) -> float:
         """Return the factor on the progress: 1 up to the choke, falling to 0 with full flutes.
 
         Args:
             depth: of the tool in the hole [m].
+            clogged: share of their free room that a fault clogs, 0 to 1.
         """
         choke = self._bit.cuttings_choke
-        return min((1.0 - self.filling(depth)) / (1.0 - choke), 1.0)
+        return min((1.0 - self.filling(depth, clogged)) / (1.0 - choke), 1.0)
 
-    def torque(self, depth: float) -> float:
+    def torque(self, depth: float, clogged: float = 0.0) -> float:
         """Return the torque that resists the rotation [N m].
 
         It is proportional to the depth of the tool in the hole [m], and to f / (1 - f) of the
         filling f: equal to ``flute_torque`` times depth with half-full flutes (assumed).
         """
-        full = min(self.filling(depth), FULLEST)
+        full = min(self.filling(depth, clogged), FULLEST)
         return self._bit.flute_torque * depth * full / (1.0 - full)
 
     def step(

@@ -33,6 +33,8 @@ class Disturbances:
         hardness: factor on the specific energy of the rock.
         progress: factor on the progress into the rock, 0 to 1.
         clearing: factor on the transport of cuttings, 0 to 1; the progress follows.
+        clogged: share of the free room in the flutes that cuttings clog, 0 to 1.
+        inclusion_strength: of a stone below the bit that is harder than the layer [Pa]; 0 for none.
         torque_factor: on the torque that resists rotation.
         extra_torque: that resists rotation in the flutes [N m].
         feed_stalled: whether the drive of the feed stands still.
@@ -48,6 +50,8 @@ class Disturbances:
     hardness: float = 1.0
     progress: float = 1.0
     clearing: float = 1.0
+    clogged: float = 0.0
+    inclusion_strength: float = 0.0
     torque_factor: float = 1.0
     extra_torque: float = 0.0
     feed_stalled: bool = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
+import functools
 import json
 import math
 from collections.abc import Mapping
@@ -135,6 +136,27 @@ def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
     if not (isinstance(rock, str) and rock in ROCKS):
         raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
     return Layer(name=rock, depth_from=depth_from, **ROCKS[rock].properties)
+
+
+@functools.lru_cache(maxsize=64)
+def inclusion_in(layer: Layer, strength: float) -> Layer:
+    """Return the rock of a stone in a layer, nowhere softer than the layer.
+
+    Its specific energy is its strength, as Teale (1965) found, and its threshold energy that of
+    basalt in proportion to the strength (assumed).
+
+    Args:
+        layer: around the stone.
+        strength: of the stone [Pa].
+    """
+    basalt = ROCKS["basalt"].properties
+    threshold = basalt["threshold_energy"] * strength / basalt["strength"]
+    return dataclasses.replace(
+        layer,
+        strength=max(strength, layer.strength),
+        specific_energy=max(strength, layer.specific_energy),
+        threshold_energy=max(threshold, layer.threshold_energy),
+    )
 
 
 def uniform_strata(specific_energy: float) -> Strata:

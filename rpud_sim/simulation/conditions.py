@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterable
 
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
+from rpud_sim.drilling.strata import Strata
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.configuration import Configuration
@@ -15,6 +16,23 @@ from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 # A binding raises the damping ratio up to this. The closed forms of the paper need less than
 # critical damping, which is 1.
 MOST_DAMPING_RATIO = 0.99
+
+
+# Field of ``Disturbances`` that a kind sets to its magnitude.
+_DISTURBED_BY = {
+    "binding": "extra_torque",
+    "hard_inclusion": "inclusion_strength",
+    "corkscrewing": "protrusion",
+    "gravel_in_flutes": "gravel_torque",
+    "bit_walk": "side_walk",
+    "feed_stall": "feed_stalled",
+    "arm_slip": "arm_slip_rate",
+    "worn_bit": "worn_factor",
+}
+# Kinds that need a rotation, a hole and a feed.
+_TURNING = ("binding", "gravel_in_flutes", "corkscrewing")
+_DRILLED = (*_TURNING, "hard_inclusion", "bit_walk", "worn_bit")
+_FED = ("feed_stall", "arm_slip")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,6 +79,7 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
     load_spring = restoring_spring = restitution = drill_tool_restitution = 1.0
     specific_energy = progress = binding = clearing = preload = 1.0
     offset = 0.0
+    slow = UNDISTURBED
     for fault in faults:
         magnitude = fault.magnitude
         if fault.kind == "free_mass_jammed":
@@ -85,6 +104,8 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
             offset += magnitude
         elif fault.kind == "restitution_loss":
             restitution *= magnitude
+        else:
+            slow = _disturbed(slow, fault)
     wanted = {
         "load_spring_rate": parameters.load_spring_rate * load_spring,
         "rpud_damping_ratio": _bound(parameters.rpud_damping_ratio, load_spring),
@@ -105,13 +126,24 @@ def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
         resonance_offset=offset,
         preload_factor=preload,
         lock_lost=lock_lost,
-        disturbances=Disturbances(
+        disturbances=dataclasses.replace(
+            slow,
             hardness=specific_energy,
             progress=binding,
             clearing=clearing,
+            clogged=1.0 - clearing,
             preload_factor=preload,
         ),
     )
+
+
+def _disturbed(disturbances: Disturbances, fault: Fault) -> Disturbances:
+    """Return disturbances with those of one more fault of the slow processes; others add none."""
+    field = _DISTURBED_BY.get(fault.kind)
+    if field is None:
+        return disturbances
+    value = True if KINDS[fault.kind].magnitude is None else fault.magnitude
+    return dataclasses.replace(disturbances, **{field: max(getattr(disturbances, field), value)})
 
 
 def _bound(damping_ratio: float, factor: float) -> float:
@@ -131,7 +163,9 @@ def check_honoured(fault: Fault, configuration: Configuration) -> None:
         FaultError: with the reason.
     """
     actuator = configuration.actuator
-    no_rock = configuration.rock.rock_model == "none" and configuration.drilling.layers is None
+    no_rotation = configuration.rotation.rotation_model == "none"
+    layers = configuration.drilling.layers
+    no_rock = configuration.rock.rock_model == "none" and layers is None
     drilling = configuration.parameters.regime == "drilling"
     reason = ""
     if fault.kind == "resonance_drift":
@@ -147,12 +181,28 @@ def check_honoured(fault: Fault, configuration: Configuration) -> None:
         reason = "needs a rock_model, which is none"
     elif no_rock and drilling and fault.kind == "drill_tool_binding":
         reason = "acts on the progress while drilling and needs a rock_model, which is none"
-    elif fault.channel == "rotation" and configuration.rotation.rotation_model == "none":
+    elif no_rotation and (fault.kind in _TURNING or fault.channel == "rotation"):
         reason = "needs a rotation_model, which is none"
-    elif fault.channel == "mount" and not configuration.has_feed:
+    elif not configuration.has_feed and (fault.kind in _FED or fault.channel == "mount"):
         reason = "needs a feed_model, which is none"
+    elif fault.kind in _DRILLED:
+        reason = _lacking_rock(fault, layers, no_rotation)
     if reason:
         raise FaultError(f"{fault} cannot be honoured: it {reason}")
+
+
+def _lacking_rock(fault: Fault, layers: Strata | None, no_rotation: bool) -> str:
+    """Return why a fault of the hole would have no effect; empty if it has one."""
+    if layers is None:
+        return "needs strata, or a rotation_model with a rock_model"
+    if fault.kind == "hard_inclusion":
+        softest = min(layer.strength for layer in layers.layers)
+        if fault.magnitude <= softest:
+            return f"is not harder than any layer: the softest has a strength of {softest:g} Pa"
+    blows_all_count = not any(layer.threshold_energy for layer in layers.layers)
+    if fault.kind == "worn_bit" and no_rotation and blows_all_count:
+        return "needs a rotation_model, or strata with a threshold_energy"
+    return ""
 
 
 def honoured_kinds(configuration: Configuration) -> tuple[str, ...]:

@@ -64,6 +64,10 @@ def _share(description: str) -> Quantity:
     return Quantity("", description, 0.0, 1.0, exclusive=True)
 
 
+def _above_zero(unit: str, description: str, greatest: float) -> Quantity:
+    return Quantity(unit, description, 0.0, greatest, exclusive=True)
+
+
 def _binding(description: str) -> Quantity:
     return Quantity("", description, 1.0, 1e3, exclusive=True)
 
@@ -117,6 +121,49 @@ KINDS: Mapping[str, Kind] = {
     ),
     "generator_lock_loss": Kind(
         True, "the generator tracks no more and runs at the commanded frequency"
+    ),
+    "binding": Kind(
+        True,
+        "friction along the tool in its hole resists the rotation",
+        _above_zero("N m", "torque of the friction", 100.0),
+        0.05,
+    ),
+    "hard_inclusion": Kind(
+        True,
+        "the bit meets a stone that is harder than its layer",
+        _above_zero("Pa", "strength of the stone", 1e9),
+        2e8,
+    ),
+    "corkscrewing": Kind(
+        True,
+        "rock protrudes into the flutes, along which the tool screws itself in",
+        _above_zero("m", "height of the rock that protrudes", 0.1),
+        1e-4,
+    ),
+    "gravel_in_flutes": Kind(
+        True,
+        "gravel in the flutes resists the rotation once in each turn",
+        _above_zero("N m", "greatest torque in a turn", 100.0),
+        0.05,
+    ),
+    "bit_walk": Kind(
+        True,
+        "the bit walks sideways until its hole guides it",
+        _above_zero("m/s", "rate at which the bit walks", 0.1),
+        2e-4,
+    ),
+    "feed_stall": Kind(True, "the drive of the feed stands still"),
+    "arm_slip": Kind(
+        True,
+        "the host of the arm slips away from the rock",
+        _above_zero("m/s", "rate at which the host slips", 0.1),
+        2e-4,
+    ),
+    "worn_bit": Kind(
+        True,
+        "the bit is worn",
+        Quantity("", "factor on the area of its wear flats", 1.0, 1e4, exclusive=True),
+        10.0,
     ),
     "off": Kind(False, "nothing is published"),
     "stuck": Kind(False, "the values last published are repeated with new stamps"),

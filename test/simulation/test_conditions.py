@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.drilling.inputs import UNDISTURBED
+from rpud_sim.drilling.inputs import Disturbances
 from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.conditions import (
@@ -59,13 +59,18 @@ def any_parameters(draw):
     )
 
 
+def healthy(parameters, **changes):
+    """Conditions with parameters, and with the load spring rate of the drill's default."""
+    return Conditions(parameters, **{"load_spring_rate": Parameters().load_spring_rate, **changes})
+
+
 def test_without_faults_nothing_changes():
-    assert conditions(preset("free"), ()) == Conditions(preset("free"))
+    assert conditions(preset("free"), ()) == healthy(preset("free"))
 
 
 def test_signal_faults_leave_the_drill_as_it_is():
     signals = [Fault(name, "wrench") for name, kind in KINDS.items() if not kind.physical]
-    assert conditions(preset("drilling"), signals) == Conditions(preset("drilling"))
+    assert conditions(preset("drilling"), signals) == healthy(preset("drilling"))
 
 
 def under(*faults, **parameters):
@@ -80,38 +85,49 @@ def on_percussion(*faults, **parameters):
 
 
 def test_each_kind_acts_where_it_should():
-    assert on_percussion(Fault("free_mass_jammed")) == Conditions(Parameters(), jammed=True)
-    assert on_percussion(Fault("lost_preload", "", 0.25)) == Conditions(
-        Parameters(), preload_factor=0.75
+    assert under(Fault("free_mass_jammed")) == healthy(Parameters(), jammed=True)
+    assert under(Fault("lost_preload", "", 0.25)) == healthy(
+        Parameters(), preload_factor=0.75, disturbances=Disturbances(preload_factor=0.75)
     )
-    assert on_percussion(Fault("hard_rock", "", 4.0)) == Conditions(
-        Parameters(), specific_energy_factor=4.0
+    assert under(Fault("hard_rock", "", 4.0)) == healthy(
+        Parameters(), specific_energy_factor=4.0, disturbances=Disturbances(hardness=4.0)
     )
-    assert on_percussion(Fault("resonance_drift", "", -300.0)) == Conditions(
+    assert under(Fault("resonance_drift", "", -300.0)) == healthy(
         Parameters(), resonance_offset=-300.0
     )
-    assert on_percussion(Fault("choking", "", 0.75)) == Conditions(
-        Parameters(drill_tool_restitution=0.25), progress_factor=0.25
+    assert under(Fault("choking", "", 0.75)) == healthy(
+        Parameters(drill_tool_restitution=0.25),
+        progress_factor=0.25,
+        disturbances=Disturbances(clearing=0.25, clogged=0.75),
     )
-    assert on_percussion(
-        Fault("restitution_loss", "", 0.5), actuator_restitution=0.5
-    ) == Conditions(Parameters(actuator_restitution=0.25, drill_tool_restitution=0.5))
-    assert on_percussion(Fault("load_spring_binding", "", 4.0)) == Conditions(
+    assert under(Fault("restitution_loss", "", 0.5), actuator_restitution=0.5) == healthy(
+        Parameters(actuator_restitution=0.25, drill_tool_restitution=0.5)
+    )
+    assert under(Fault("load_spring_binding", "", 4.0)) == healthy(
         Parameters(load_spring_rate=8000.0, rpud_damping_ratio=0.875)
     )
-    assert on_percussion(Fault("drill_tool_binding", "", 4.0)) == Conditions(
+    assert under(Fault("drill_tool_binding", "", 4.0)) == healthy(
         Parameters(restoring_spring_rate=8000.0, drill_tool_damping_ratio=0.875),
         progress_factor=0.25,
+        disturbances=Disturbances(progress=0.25),
     )
 
 
-def test_the_slow_processes_know_their_faults():
-    assert under(Fault("lost_preload", "", 0.25)).disturbances.preload_factor == 0.75
-    assert under(Fault("hard_rock", "", 4.0)).disturbances.hardness == 4.0
-    assert under(Fault("choking", "", 0.75)).disturbances.clearing == 0.25
-    # The load spring pushes as before, while the RPUD binds in its guide.
-    assert under(Fault("load_spring_binding", "", 4.0)).load_spring_rate == 2000.0
-    assert under(Fault("free_mass_jammed")).disturbances == UNDISTURBED
+@pytest.mark.parametrize(
+    ("fault", "disturbances"),
+    [
+        (Fault("binding", "", 0.3), Disturbances(extra_torque=0.3)),
+        (Fault("hard_inclusion", "", 1e8), Disturbances(inclusion_strength=1e8)),
+        (Fault("corkscrewing", "", 3e-4), Disturbances(protrusion=3e-4)),
+        (Fault("gravel_in_flutes", "", 0.1), Disturbances(gravel_torque=0.1)),
+        (Fault("bit_walk", "", 1e-3), Disturbances(side_walk=1e-3)),
+        (Fault("feed_stall"), Disturbances(feed_stalled=True)),
+        (Fault("arm_slip", "", 1e-3), Disturbances(arm_slip_rate=1e-3)),
+        (Fault("worn_bit", "", 4.0), Disturbances(worn_factor=4.0)),
+    ],
+)
+def test_a_fault_of_the_hole_or_the_feed_leaves_the_percussion_as_it_is(fault, disturbances):
+    assert under(fault) == healthy(Parameters(), disturbances=disturbances)
 
 
 def test_faults_combine():
@@ -175,6 +191,8 @@ FULL = {
     "actuator_model": "resonance",
     "generator": "tracking",
     "rock_model": "specific_energy",
+    "rotation_model": "friction_drive",
+    "feed_model": "arm",
 }
 
 
@@ -191,6 +209,20 @@ FULL = {
         ("hard_rock", {"rock_model": "none"}, "needs a rock_model, which is none"),
         ("choking", {"rock_model": "none"}, "needs a rock_model, which is none"),
         ("drill_tool_binding", {"rock_model": "none"}, "acts on the progress while drilling"),
+        ("binding", {"rotation_model": "none"}, "needs a rotation_model, which is none"),
+        ("gravel_in_flutes", {"rotation_model": "none"}, "needs a rotation_model, which is none"),
+        ("corkscrewing", {"rotation_model": "none"}, "needs a rotation_model, which is none"),
+        ("binding", {"rock_model": "none"}, "needs strata, or a rotation_model with a rock_model"),
+        ("hard_inclusion", {"rotation_model": "none"}, "needs strata, or a rotation_model with"),
+        ("bit_walk", {"rock_model": "none"}, "needs strata, or a rotation_model with"),
+        (
+            "worn_bit",
+            {"rotation_model": "none", "strata": "regolith"},
+            "needs a rotation_model, or strata with a threshold_energy",
+        ),
+        ("hard_inclusion", {"strata": "basalt"}, "is not harder than any layer: the softest has "),
+        ("feed_stall", {"feed_model": "none"}, "needs a feed_model, which is none"),
+        ("arm_slip", {"feed_model": "none"}, "needs a feed_model, which is none"),
     ],
 )
 def test_a_fault_without_effect_is_refused_with_the_reason(kind, lacking, reason):
@@ -203,6 +235,11 @@ def test_a_bound_bit_needs_no_rock_before_drilling():
     check_honoured(Fault("drill_tool_binding"), to_configuration({"regime": "free"}))
 
 
+@pytest.mark.parametrize("kind", ["hard_rock", "choking", "drill_tool_binding", "hard_inclusion"])
+def test_strata_are_a_rock(kind):
+    check_honoured(Fault(kind), to_configuration({"strata": "sandstone"}))
+
+
 def test_the_kinds_that_a_drill_honours():
     assert honoured_kinds(to_configuration(FULL)) == tuple(KINDS)
     refused = {
@@ -211,5 +248,13 @@ def test_the_kinds_that_a_drill_honours():
         "hard_rock",
         "choking",
         "drill_tool_binding",
+        "binding",
+        "hard_inclusion",
+        "corkscrewing",
+        "gravel_in_flutes",
+        "bit_walk",
+        "feed_stall",
+        "arm_slip",
+        "worn_bit",
     }
     assert {*honoured_kinds(to_configuration({}))} == {*KINDS} - refused
