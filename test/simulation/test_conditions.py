@@ -1,6 +1,5 @@
 """What faults make of the drill; whatever comes together, the drill can still be computed."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -75,13 +74,6 @@ def test_signal_faults_leave_the_drill_as_it_is():
 
 def under(*faults, **parameters):
     return conditions(Parameters(**parameters), faults)
-
-
-def on_percussion(*faults, **parameters):
-    """The conditions without those of the slow processes."""
-    found = under(*faults, **parameters)
-    bound = found.parameters.load_spring_rate
-    return dataclasses.replace(found, disturbances=UNDISTURBED, load_spring_rate=bound)
 
 
 def test_each_kind_acts_where_it_should():
