@@ -37,7 +37,6 @@ GENTLE = 0.6  # share of the weight on bit after a disturbance
 
 TORQUE = 0.06  # above which the hole is cleared [N m]; the rotor stalls at 0.1
 SLOW = 0.8e-3  # rate of penetration below which the hole is cleared [m/s]
-RESUMED = 0.6e-3  # rate of penetration above which it presses harder again [m/s]
 LOADED = 100_000_000  # of high torque before it is a reason [ns]
 SETTLING = 1_200_000_000  # after which the rate of penetration says something [ns]
 TURNING = 300_000_000  # of the tool above the hole, to throw off the cuttings [ns]
@@ -166,7 +165,7 @@ class ArmSupervisor(Node):
         progress = self._latest["borehole"].penetration_rate
         if self._finished(now) or self._jammed(now):
             return 0.0
-        if now - self._since > SETTLING and progress > RESUMED:
+        if now - self._since > SETTLING and progress > SLOW:
             self._change(State.DRILLING, now, f"{6e4 * progress:.0f} mm/min is good")
         return self._press(GENTLE * self._weight)
 
