@@ -95,7 +95,8 @@ def test_the_bag_has_every_topic_with_its_type(bag):
     types, heard = bag
     assert TYPES.items() <= types.items()
     assert all(heard[topic] for topic in TYPES)
-    assert set(types) - set(TYPES) == {"/rpud/command/weight_on_bit", "/rpud/command/drive"}
+    commands = {"command/weight_on_bit", "command/drive", "command/feed", "joint_commands"}
+    assert set(types) - set(TYPES) == {f"/rpud/{name}" for name in commands}
 
 
 def test_the_bag_has_every_sample_and_every_impact_from_the_first_on(bag):
