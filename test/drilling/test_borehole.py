@@ -201,6 +201,19 @@ def test_choking_raises_the_torque_and_holds_up_the_progress_and_retracting_clea
     assert drill.rotor.state.torque == 0.0
 
 
+def test_the_state_includes_what_a_fault_adds_and_its_end_takes_it_away():
+    drill = Drill(bit=BitParameters(bit_wear_rate=0.0))
+    healthy = drill.run(0.5, energy=0.15)
+    assert healthy.bit_wear == 0.0
+    state = drill.run(STEP, faults=Disturbances(clogged=0.9, worn_factor=10.0))
+    assert state.bit_wear == pytest.approx(1.0)
+    assert state.filling > 0.9
+    assert state.packed_cuttings > 2.0 * healthy.packed_cuttings
+    state = drill.run(STEP)
+    assert state.bit_wear == 0.0
+    assert state.packed_cuttings == pytest.approx(healthy.packed_cuttings, rel=0.15)
+
+
 def test_a_blunt_bit_wears_on_by_the_work_of_its_friction():
     bit = BitParameters(flute_area=1.0, bit_wear_rate=1e-7)
     drill = Drill(bit=bit)
@@ -242,6 +255,8 @@ def test_rate_and_specific_energy_are_those_of_the_last_second():
         (Disturbances(hardness=3.0), "slower"),
         (Disturbances(worn_factor=5.0), "slower"),
         (Disturbances(progress=0.2), "slower"),
+        (Disturbances(clogged=0.9), "slower"),
+        (Disturbances(inclusion_strength=2e8), "slower"),
         (Disturbances(torque_factor=3.0), "harder to turn"),
         (Disturbances(extra_torque=0.02), "harder to turn"),
         (Disturbances(gravel_torque=0.04), "harder to turn"),

@@ -14,6 +14,7 @@ from rpud_sim.drilling.strata import (
     Strata,
     StrataParameters,
     find_strata,
+    inclusion_in,
     preset_layer,
     read_strata,
     uniform_strata,
@@ -44,6 +45,22 @@ def test_the_specific_energy_of_a_rock_is_its_strength():
     for name, rock in ROCKS.items():
         if name != "regolith":
             assert rock.properties["specific_energy"] == rock.properties["strength"]
+
+
+@given(st.floats(1e6, 1e9), st.sampled_from([*ROCKS]))
+def test_an_inclusion_is_nowhere_softer_than_its_layer(strength, rock):
+    layer = preset_layer(rock, 0.01)
+    stone = inclusion_in(layer, strength)
+    assert stone.strength == max(strength, layer.strength)
+    assert stone.specific_energy >= max(strength, layer.specific_energy)
+    assert stone.threshold_energy >= layer.threshold_energy
+    assert (stone.name, stone.depth_from) == (layer.name, layer.depth_from)
+
+
+def test_an_inclusion_as_strong_as_basalt_is_as_hard_to_drill():
+    stone, basalt = inclusion_in(preset_layer("chalk"), 2e8), preset_layer("basalt")
+    for name in ("strength", "specific_energy", "threshold_energy"):
+        assert getattr(stone, name) == pytest.approx(getattr(basalt, name))
 
 
 def test_a_boundary_belongs_to_the_layer_below():
