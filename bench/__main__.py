@@ -25,7 +25,8 @@ from bench.ratios import FEWEST
 from bench.results import Part
 from bench.row import Row
 
-TELEMETRY_SECONDS = 20.0
+# How long nodes are listened to in these measurements [s].
+LISTENING: Mapping[str, float] = {"telemetry": 20.0, "arm": 60.0}
 MEASUREMENTS: Mapping[str, str] = {
     "engine": "bench.engine:engine",
     "sweeps": "bench.sweep:sweeps",
@@ -37,6 +38,7 @@ MEASUREMENTS: Mapping[str, str] = {
     "replay": "bench.replay:replay",
     "recorder": "bench.recorder:recorder",
     "telemetry": "bench.telemetry:telemetry",
+    "arm": "bench.arm:arm",
     "drills": "bench.drills:drills",
     "start": "bench.start:start",
     "watch": "bench.watch:watch",
@@ -107,12 +109,17 @@ def find_measurement(name: str) -> Callable[..., Iterable[Row]]:
     return found
 
 
-def run_measurements(names: Iterable[str], telemetry_seconds: float) -> int:
-    """Measure, print the table and what is missed; return the exit code."""
+def run_measurements(names: Iterable[str], listening: Mapping[str, float]) -> int:
+    """Measure, print the table and what is missed; return the exit code.
+
+    Args:
+        names: of the measurements.
+        listening: seconds for those that listen to nodes.
+    """
     keeper = Keeper()
     for name in names:
         print(f"measuring: {name}", file=sys.stderr)
-        arguments = (telemetry_seconds,) if name == "telemetry" else ()
+        arguments = (listening[name],) if name in listening else ()
 
         def rows(name: str = name, arguments: tuple[float, ...] = arguments) -> Iterable[Row]:
             return find_measurement(name)(*arguments)  # an import that fails is a part's failure
@@ -159,13 +166,14 @@ def main() -> int:
         metavar="NAME",
         help=f"of {', '.join(MEASUREMENTS)}; with --compare of {', '.join(WORKS)}; default: all",
     )
-    parser.add_argument(
-        "--telemetry-seconds",
-        type=float,
-        default=TELEMETRY_SECONDS,
-        metavar="S",
-        help="how long the node is listened to at each of its loads (%(default)g)",
-    )
+    for name, default in LISTENING.items():
+        parser.add_argument(
+            f"--{name}-seconds",
+            type=float,
+            default=default,
+            metavar="S",
+            help=f"how long {name} listens to a node at each of its loads (%(default)g)",
+        )
     parser.add_argument("--compare", metavar="BASE", help="commit to compare the work tree with")
     parser.add_argument(
         "--pairs",
@@ -190,9 +198,10 @@ def main() -> int:
         parser.error(f"--pairs is {arguments.pairs}; it must be at least {FEWEST}")
     if not 0.0 <= arguments.threshold < float("inf"):
         parser.error(f"--threshold is {arguments.threshold:g} %; it must be at least 0 %")
-    if not 0.0 < arguments.telemetry_seconds < float("inf"):
-        seconds = arguments.telemetry_seconds
-        parser.error(f"--telemetry-seconds is {seconds:g} s; it must be above 0 s")
+    listening = {name: getattr(arguments, f"{name}_seconds") for name in LISTENING}
+    for name, seconds in listening.items():
+        if not 0.0 < seconds < float("inf"):
+            parser.error(f"--{name}-seconds is {seconds:g} s; it must be above 0 s")
     if arguments.page:
         from bench.page import write_pages
 
@@ -201,7 +210,7 @@ def main() -> int:
         share = arguments.threshold / 100.0
         return run_comparison(arguments.compare, arguments.names, arguments.pairs, share)
     names = [name for name in MEASUREMENTS if not arguments.names or name in arguments.names]
-    return run_measurements(names, arguments.telemetry_seconds)
+    return run_measurements(names, listening)
 
 
 if __name__ == "__main__":

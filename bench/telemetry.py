@@ -52,7 +52,7 @@ def telemetry(seconds: float = SECONDS) -> Iterator[Row]:
     Args:
         seconds: of listening at each load.
     """
-    with _ros():
+    with ros():
         for name, parameters in LOADS.items():
             yield from _real_time(name, parameters, seconds)
         for name, parameters in LOADS.items():
@@ -60,7 +60,8 @@ def telemetry(seconds: float = SECONDS) -> Iterator[Row]:
 
 
 @contextlib.contextmanager
-def _ros() -> Iterator[None]:
+def ros() -> Iterator[None]:
+    """Initialise ROS, and shut it down."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         yield

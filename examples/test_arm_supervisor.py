@@ -71,7 +71,11 @@ def test_the_theory_says_that_its_force_control_is_stable(gains, stiffness):
 MUTANTS = {
     "presses too hard": ("self._press(self._weight)", "self._press(2 * self._weight)", "ARM-02"),
     "starts with a blow": ("START_WEIGHT = 8.0", "START_WEIGHT = 20.0", "ARM-03"),
-    "never clears": ("progress < SLOW:\n            self._change(State.CLEARING", "False:\n            self._change(State.CLEARING", "ARM-05"),
+    "turns without drawing back": (
+        'if self._latest["mount"].position > 0.0:',
+        "if False:",
+        "ARM-05",
+    ),
     "commands the feed too fast": ("TRAVEL = 0.04", "TRAVEL = 0.08", "ARM-10"),
 }
 
