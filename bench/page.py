@@ -19,6 +19,9 @@ _SPEED = re.compile(
     r"engine, (?P<regime>\w+): "
     r"(speed over that of (?P<other>.+)|simulated seconds per second, rpud_sim)"
 )
+_LATE = re.compile(
+    r"telemetry, default: lateness of (blocks|(a|an ordinary) bare timer.*), p99[.]9"
+)
 _PROFILE = re.compile(r"profile, (?P<command>[^:]+): (?P<place>.+)")
 _MARKED = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
 
@@ -76,12 +79,30 @@ def profiles(parts: Sequence[Part]) -> Iterator[str]:
         yield f"| {command} | {', '.join(shares)} |"
 
 
+def lateness(parts: Sequence[Part]) -> Iterator[str]:
+    """Yield the latest blocks of a node at its defaults, and bare timers of the same minutes."""
+    found = [row for row in results.rows_of(parts) if _LATE.fullmatch(row.name)]
+    if not found:
+        yield "Not measured yet."
+        return
+    yield "| 99.9 % are not later | ms |"
+    yield "|---|---|"
+    for row in found:
+        what = row.name.split("lateness of ")[1].removesuffix(", p99.9")
+        yield f"| {what} | {number(row.median)} |"
+    for part in parts:
+        if part.measurement == "telemetry" and part.stolen is not None:
+            took = f"{part.stolen:.0f} % of the processor time"
+            yield from ("", f"Other virtual machines took {took} meanwhile.")
+
+
 SECTIONS: Mapping[str, Callable[[Sequence[Part]], Iterator[str]]] = {
     "goals": goals,
     "missed": missed,
     "machine": machine,
     "speed": speed,
     "profiles": profiles,
+    "lateness": lateness,
 }
 """Contents between markers such as ``<!-- figures: goals -->``."""
 

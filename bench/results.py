@@ -29,7 +29,8 @@ class Part:
         seconds: how long it took.
         rows: its figures.
         failure: why it ended early; empty if it did not.
-        stolen: share of the processor time that other virtual machines took [%].
+        stolen: share of the processor time that other virtual machines took [%]; None if it was
+            not measured.
     """
 
     measurement: str
@@ -41,7 +42,7 @@ class Part:
     seconds: float
     rows: tuple[Row, ...]
     failure: str = ""
-    stolen: float = 0.0
+    stolen: float | None = None
 
 
 def write_parts(file: Path, parts: Sequence[Part]) -> None:
@@ -102,11 +103,12 @@ def heading(parts: Sequence[Part]) -> Iterator[str]:
     yield f"Commit: {', '.join(commits)}."
     loads = [each for part in parts for each in part.load]
     yield f"Load of the machine: {min(loads):.1f} to {max(loads):.1f}."
-    stolen = [part.stolen for part in parts]
-    yield (
-        "Other virtual machines took "
-        f"{min(stolen):.1f} to {max(stolen):.1f} % of the processor time of a measurement."
-    )
+    stolen = [part.stolen for part in parts if part.stolen is not None]
+    if stolen:
+        yield (
+            "Other virtual machines took "
+            f"{min(stolen):.1f} to {max(stolen):.1f} % of the processor time of a measurement."
+        )
 
 
 def table(rows: Sequence[Row]) -> Iterator[str]:
