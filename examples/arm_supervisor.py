@@ -81,7 +81,8 @@ class ArmSupervisor(Node):
         self._turned_freely = 0  # stamp at which the torque was last low [ns]
         self._integral = 0.0  # part of the rate of the feed [m/s]
         self._arm_force = 0.0  # mean [N]
-        self._home = None  # position of the feed before the hole [m]
+        self._home = 0.0  # position of the feed before the hole [m]
+        self._began = 0  # stamp of the first period [ns]
         self._period = 0  # number of the last one
         self._latest = {}  # message of each topic
         self._states = self.create_publisher(DiagnosticArray, "supervisor/state", LATCHED)
@@ -117,8 +118,8 @@ class ArmSupervisor(Node):
     def _decide(self, now):
         """Change the state if there is a reason, and command."""
         mount = self._latest["mount"]
-        if self._home is None:
-            self._home = mount.feed
+        if not self._began:
+            self._began, self._home = now, mount.feed
         force = abs(self._latest["wrench"].wrench.force.z)
         self._arm_force += SMOOTHING * (force - self._arm_force)
         if self._arm_force > ARM_FORCE and self._state not in (State.LEAVING, State.DONE):
@@ -220,7 +221,8 @@ class ArmSupervisor(Node):
         message = DiagnosticArray(status=[status])
         message.header.stamp = stamp(now)
         self._states.publish(message)
-        self.get_logger().info(f"{state.value} at {now / 1e9:.2f} s: {reason}")
+        after = (now - (self._began or now)) / 1e9
+        self.get_logger().info(f"{state.value} after {after:.2f} s: {reason}")
 
 
 def nanoseconds(time):

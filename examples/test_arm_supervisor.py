@@ -30,6 +30,7 @@ def start(drill, supervisor=SUPERVISOR, **parameters):
 
 @pytest.mark.timeout(300)
 def test_it_drills_three_strata_and_clears_choking_and_an_inclusion(drill):
+    drill.listen("supervisor/state", "diagnostic_msgs/msg/DiagnosticArray")
     start(drill)
     drill.step(10.0)
     drill.inject("choking", magnitude=0.9, duration=3.0)
