@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import importlib
+import math
 import os
 import sys
 from collections.abc import Sequence
@@ -183,6 +184,11 @@ def _figures(
     figures["energy_account"] = account.to_dict()
     if (feed := mean_feed_account(ensemble.feed_accounts)) is not None:
         figures["feed_account"] = feed.to_dict(account.weight_on_bit_work)
+    if works := ensemble.rotor_works:
+        figures["rotation_account"] = {
+            name: math.fsum(getattr(work, name) for work in works) / len(works)
+            for name in dataclasses.asdict(works[0])
+        }
     figures["regime"] = configuration.parameters.regime
     figures["repeat"] = arguments.repeat
     figures["seed"] = arguments.seed

@@ -100,6 +100,10 @@ class RotorWork:
     faults: float = 0.0
     kinetic: float = 0.0
 
+    def to_dict(self) -> dict[str, float]:
+        """Return the terms and the residual by name, ready for JSON [J]."""
+        return {**dataclasses.asdict(self), "residual": self.residual}
+
     @property
     def resisted(self) -> float:
         """Work against everything that resists the rotation [J]."""

@@ -275,8 +275,11 @@ def _range(key: str) -> str:
 class StrataParameters(ParameterGroup):
     """Choice of the strata.
 
+    A file is read when this is made, and its content in one line takes the place of its path. So
+    journals and bags have the layers, and need the file no more.
+
     Attributes:
-        found: the strata; None if none are chosen. A file is read once, when this is made.
+        found: the strata; None if none are chosen.
 
     Raises:
         ParameterError: if the strata cannot be used.
@@ -290,6 +293,9 @@ class StrataParameters(ParameterGroup):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        object.__setattr__(self, "found", find_strata(self.strata) if self.strata else None)
+        found = find_strata(self.strata) if self.strata else None
+        object.__setattr__(self, "found", found)
+        if found and not (self.strata in ROCKS or self.strata.lstrip().startswith("{")):
+            object.__setattr__(self, "strata", found.to_text())
 
     found: ClassVar[Strata | None]

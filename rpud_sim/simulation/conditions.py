@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable
 
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
@@ -40,7 +41,6 @@ class Conditions:
 
     Args:
         parameters: in force, always inside their ranges.
-        load_spring_rate: k_1 without a binding, with which the load spring pushes [N/m].
         jammed: whether the free mass is wedged to the drill tool.
         specific_energy_factor: on the specific energy of the rock.
         progress_factor: on the progress into the rock, 0 to 1.
@@ -48,10 +48,11 @@ class Conditions:
         preload_factor: on the commanded weight on bit, 0 to 1.
         lock_lost: whether a tracking generator does not track.
         disturbances: of the slow processes around the percussion.
+        load_spring_rate: k_1 without a binding, with which the load spring pushes [N/m]; that of
+            the parameters if not given.
     """
 
     parameters: Parameters
-    load_spring_rate: float
     jammed: bool = False
     specific_energy_factor: float = 1.0
     progress_factor: float = 1.0
@@ -59,6 +60,11 @@ class Conditions:
     preload_factor: float = 1.0
     lock_lost: bool = False
     disturbances: Disturbances = UNDISTURBED
+    load_spring_rate: float = math.nan
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.load_spring_rate):
+            object.__setattr__(self, "load_spring_rate", self.parameters.load_spring_rate)
 
 
 def conditions(parameters: Parameters, faults: Iterable[Fault]) -> Conditions:
@@ -172,9 +178,11 @@ def check_honoured(fault: Fault, configuration: Configuration) -> None:
     elif fault.kind == "generator_lock_loss" and actuator.generator != "tracking":
         reason = f"needs generator = tracking, which is {actuator.generator}"
     elif no_rock and fault.kind in ("hard_rock", "choking"):
-        reason = "needs a rock_model, which is none"
+        reason = "needs a rock_model, which is none, or strata"
     elif no_rock and drilling and fault.kind == "drill_tool_binding":
-        reason = "acts on the progress while drilling and needs a rock_model, which is none"
+        reason = (
+            "acts on the progress while drilling and needs a rock_model, which is none, or strata"
+        )
     elif no_rotation and (fault.kind in _TURNING or fault.channel == "rotation"):
         reason = "needs a rotation_model, which is none"
     elif not configuration.has_feed and (fault.kind in _FED or fault.channel == "mount"):

@@ -15,6 +15,7 @@ from queue import Empty, SimpleQueue
 import numpy as np
 from numba.core import event
 
+from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.compile import compilation_notice
 from rpud_sim.model.engine import EngineError
@@ -53,6 +54,7 @@ class Ensemble:
         accounts: the energy account of each member.
         real_time_factor: simulated seconds over wall seconds, over all members.
         feed_accounts: the account of feed and mount of each member; none without a feed.
+        rotor_works: energies of the rotor of each member; none without rotation.
     """
 
     phases: tuple[float, ...]
@@ -60,6 +62,7 @@ class Ensemble:
     accounts: tuple[EnergyAccount, ...]
     real_time_factor: float
     feed_accounts: tuple[FeedAccount, ...] = ()
+    rotor_works: tuple[RotorWork, ...] = ()
 
     def mean(self) -> Figures:
         """Return the mean of each figure over the members; None where no member has it."""
@@ -286,7 +289,7 @@ def _stretch_by_stretch(
     if configuration.rock.rock_model != "none" or configuration.strata.strata:
         figures["depth"] = run.depth
         figures["penetration_rate"] = run.depth / statistics.duration
-    return Member(figures, statistics.account, feed=statistics.feed)
+    return Member(figures, statistics.account, feed=statistics.feed, rotation=statistics.rotation)
 
 
 def run_ensemble(
@@ -325,6 +328,7 @@ def run_ensemble(
     members: list[Figures] = []
     accounts: list[EnergyAccount] = []
     feeds: list[FeedAccount] = []
+    rotors: list[RotorWork] = []
     started = time.perf_counter()
     found = run_members(configuration, duration, phases, report, scenario, True, threads, planned)
     with contextlib.closing(found):
@@ -336,7 +340,11 @@ def run_ensemble(
             accounts.append(member.account)
             if member.feed is not None:
                 feeds.append(member.feed)
+            if member.rotation is not None:
+                rotors.append(member.rotation)
     wall = time.perf_counter() - started
     simulated = round(duration * SECOND) / SECOND * len(members)
     speed = simulated / wall if wall > 0.0 else math.inf
-    return Ensemble(tuple(phases), tuple(members), tuple(accounts), speed, tuple(feeds))
+    return Ensemble(
+        tuple(phases), tuple(members), tuple(accounts), speed, tuple(feeds), tuple(rotors)
+    )

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rpud_sim.drilling.rock import Progress
+from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.energy import RpudConstants
@@ -56,12 +57,14 @@ class Member:
         account: its energy account; None if it failed, or if nobody asked for accounts.
         failure: why it failed; None if it did not.
         feed: its account of feed and mount; None without a feed.
+        rotation: energies of its rotor; None without rotation.
     """
 
     figures: Figures
     account: EnergyAccount | None = None
     failure: EngineError | None = None
     feed: FeedAccount | None = None
+    rotation: RotorWork | None = None
 
 
 class _Room(threading.local):

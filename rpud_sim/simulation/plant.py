@@ -66,7 +66,7 @@ class Plant:
         self.time = 0
         self.weight_on_bit = parameters.weight_on_bit
         self.progress = Progress(configuration.rock)
-        self._conditions = Conditions(parameters, parameters.load_spring_rate)
+        self._conditions = Conditions(parameters)
         self._hardness = 1.0
         self.process = Process(configuration.drilling, self._surroundings())
         if (weight := self.process.weight_on_bit) is not None:
@@ -83,7 +83,7 @@ class Plant:
             position = nodal_plane_position(self._set_aside(), 0)
             self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
         self._load_spring: LoadSpring | None = None
-        if (mount := self.process.state.mount) is not None:
+        if (mount := self.process.mount) is not None:
             self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
         self._in_force = (self._drill, *self._commands())
 
@@ -178,7 +178,7 @@ class Plant:
         self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
         if self.process.in_contact is not in_contact:
             self._drill = self._derived()
-        if self._load_spring and (mount := self.process.state.mount) is not None:
+        if self._load_spring and (mount := self.process.mount) is not None:
             self._load_spring.step(mount, self._pushing_rate(), position)
 
     def _pushing_rate(self) -> float:

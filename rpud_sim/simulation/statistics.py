@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from rpud_sim.drilling.rotor import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.energy import DRILL_TOOL_DAMPER, IMPACTS, RELEASE, TERMS
 from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT, EVENT_DRILL_TOOL_IMPACT, EVENT_RELEASE
@@ -138,6 +139,7 @@ class Statistics:
         self._duration = 0
         self._electrical = 0.0
         self._feed: FeedAccount | None = None
+        self._rotation: RotorWork | None = None
         self._tally = empty_tallies(1)
         self._classes = np.zeros(CLASSES, np.int64)
         self._part = np.zeros(PART_ROOM)
@@ -157,12 +159,19 @@ class Statistics:
         """The account of feed and mount of the blocks so far; None without a feed."""
         return self._feed
 
+    @property
+    def rotation(self) -> RotorWork | None:
+        """Energies of the rotor from time zero to the last block; None without rotation."""
+        return self._rotation
+
     def add(self, block: Block) -> None:
         """Add what happened in a block."""
         # The first segment began before this block, except at time zero.
         counts = block.start == 0 and not self._begun
         self.note_part(block.start, block.end, block.electrical_energy)
         self._feed = sum_accounts((self._feed, block.feed))
+        rotor = block.process.rotation
+        self._rotation = rotor.work if rotor else None
         add_block(
             block.rpud,
             block.covering,

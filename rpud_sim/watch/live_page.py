@@ -195,7 +195,7 @@ class _Page:
                 for each in drawn
             ],
             "names": [each.figure.name for each in drawn],
-            "needed": [_NEEDED.get(each.plot.heading, "") for each in drawn],
+            "needed": [_NEEDED.get(each.plot.title, "") for each in drawn],
             "namespace": printable(self._drill.namespace),
         }
 

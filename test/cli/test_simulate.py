@@ -294,3 +294,27 @@ def test_a_long_compilation_is_told(simulate, monkeypatch):
     monkeypatch.setattr(ensemble, "compile_members", compiling)
     code, _, errors = simulate("--duration", 0.1)
     assert (code, errors) == (0, "rpud simulate: it is compiled\n")
+
+
+def test_a_command_file_feeds_the_drill(figures, tmp_path):
+    file = tmp_path / "commands.yaml"
+    file.write_text("commands:\n- {time: 0.1, feed: {rate: 2.0e-3}}\n")
+    words = ("--duration", 0.3, "--set", "feed_model=arm", "--set", "arm_stiffness=0")
+    still = ("--set", "initial_feed=0.002", "--set", "drive_enabled=false")
+    fed = figures(*words, *still, "--commands", file)
+    account = fed["feed_account"]
+    # 2 mm and 0.4 mm more on the load spring of 2000 N/m.
+    assert account["feed_work"] == pytest.approx(0.5 * 2000.0 * (0.0024**2 - 0.002**2), rel=0.01)
+    assert abs(account["residual"]) < 1e-9
+    assert fed["mount"]["feed_model"] == "arm"
+    assert "feed_account" not in figures("--duration", 0.1)
+
+
+def test_a_command_that_the_drill_cannot_take_is_one_line(simulate, tmp_path):
+    file = tmp_path / "commands.yaml"
+    file.write_text("commands:\n- {time: 0.1, feed: {rate: 2.0e-3}}\n")
+    code, _, errors = simulate("--duration", 0.3, "--commands", file)
+    assert code == 2
+    assert errors.splitlines() == [
+        "rpud simulate: a feed cannot be commanded with feed_model = none"
+    ]

@@ -15,6 +15,7 @@ from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
 from rpud_sim.drilling.rock import Progress, RockParameters
 from rpud_sim.drilling.rotor import RotationParameters, Rotor
 from rpud_sim.drilling.strata import Layer, Strata, find_strata, uniform_strata
+from rpud_sim.foundation.parameters import quantities
 from rpud_sim.model.segment import IMPACT
 
 ROCK = RockParameters()
@@ -331,3 +332,43 @@ def test_a_copy_goes_on_alike_and_leaves_the_original_alone():
     ahead = other.run(0.2, energy=0.15)
     assert drill.borehole.state == before
     assert drill.run(0.2, energy=0.15) == ahead
+
+
+ENDS = [
+    (group, name, end)
+    for group in (BitParameters, RotationParameters, Layer)
+    for name, quantity in quantities(group).items()
+    for end in (quantity.minimum, quantity.maximum)
+]
+
+
+@pytest.mark.parametrize(("group", "name", "end"), ENDS)
+def test_it_drills_with_each_parameter_at_the_ends_of_its_range(group, name, end):
+    values = {BitParameters: {}, RotationParameters: {}, Layer: {}}
+    values[group][name] = end
+    if name == "bit_wear_flat":
+        values[group]["bit_blunt_flat"] = 1e-2
+        values[group][name] = min(end, 9e-3)
+    elif name == "bit_blunt_flat":
+        values[group]["bit_wear_flat"] = 0.0
+    elif name == "depth_from":
+        values[group][name] = 0.0
+    strata = Strata((Layer("one", **values[Layer]), Layer("two", 2e-5)), bottom=1e-2)
+    borehole = Borehole(BitParameters(**values[BitParameters]), strata, ROCK)
+    rotor = Rotor(dataclasses.replace(DRIVE, **values[RotationParameters]))
+    faults = Disturbances(protrusion=1e-4, gravel_torque=1e-3, torque_factor=2.0, clearing=0.0)
+    for step in range(60):
+        weight, acting = 30.0 * (step % 3), faults if step % 2 else UNDISTURBED
+        resistance = borehole.resistance(weight, True, acting)
+        state = rotor.step(STEP, 1.0 + step / 60, resistance, acting)
+        blow = Percussion(step % 2, 0.2 * (step % 2), 1.0, True)
+        borehole.step(STEP, blow, state, weight, None, acting)
+        found = [
+            value for value in dataclasses.astuple(borehole.state) if not isinstance(value, str)
+        ]
+        assert all(math.isfinite(value) or math.isnan(value) for value in found)
+        assert math.isfinite(state.rate)
+        assert math.isfinite(state.angle)
+        work = state.work
+        size = abs(work.drive) + work.resisted + work.kinetic + abs(work.slip)
+        assert abs(work.residual) <= 1e-9 * size

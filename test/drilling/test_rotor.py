@@ -226,6 +226,13 @@ def test_gravel_resists_once_in_its_period_and_in_a_hole_alone():
     assert Rotor(DRIVE).step(1e-3, 1.0, Resistance(), gravel).torque == 0.0
 
 
+def test_the_account_by_name_has_all_terms_and_the_residual():
+    work = turn(1.0, 0.05).state.work
+    account = work.to_dict()
+    assert account.pop("residual") == work.residual
+    assert RotorWork(**account) == work
+
+
 def test_a_new_rotor_is_at_rest_and_has_done_no_work():
     state = Rotor(DRIVE).state
     assert (state.angle, state.rate, state.work) == (0.0, 0.0, RotorWork())

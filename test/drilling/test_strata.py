@@ -81,6 +81,17 @@ def test_strata_are_found_by_the_name_of_a_rock_by_path_and_by_text():
     assert StrataParameters().found is None
 
 
+def test_the_content_of_a_file_takes_the_place_of_its_path(tmp_path):
+    file = tmp_path / "strata.yaml"
+    file.write_text("layers: [{depth_from: 0, rock: chalk, strength: 5.0e6}]\nbottom: 0.1")
+    chosen = StrataParameters(str(file))
+    file.unlink()
+    assert StrataParameters(chosen.strata) == chosen
+    assert StrataParameters(chosen.strata).found == chosen.found
+    assert chosen.found.bottom == 0.1
+    assert StrataParameters("chalk").strata == "chalk"
+
+
 LAYERS = st.builds(
     Layer,
     name=st.text(max_size=20).filter(str.isprintable),

@@ -423,7 +423,7 @@ def test_a_change_that_cannot_be_is_named(make, reason):
     [
         ("[]", "is not a scenario"),
         ("commands: 3", "commands = 3 is not a list"),
-        ("commands: [{time: 1}]", "command 1: it needs a time, and weight_on_bit or drive"),
+        ("commands: [{time: 1}]", "command 1: it needs a time, and weight_on_bit, drive or feed"),
         ("commands: [{time: -1, weight_on_bit: 2}]", "command 1: time = -1 s is outside"),
         ("commands: [{time: 1, weight_on_bit: -2}]", "weight_on_bit = -2 N is outside"),
         ("commands: [{time: 1, weigth: 2}]", "'weigth' is not one of"),

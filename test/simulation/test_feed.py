@@ -8,15 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.inspection.offline_bag import write_offline_bag
-from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation import Fault, Feed, Simulation, WeightOnBit, to_configuration
-from rpud_sim.simulation.changes import Planned, apply_change, read_commands
+from rpud_sim.simulation.changes import Planned, read_commands
 from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount
-from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
@@ -222,7 +219,7 @@ def test_an_inactive_drill_does_not_feed():
     assert simulation.process.mount.feed == 0.0
 
 
-# ---- journal, checkpoints, bags
+# ---- journal and checkpoints
 
 
 def started(values=DRILLS):
@@ -256,32 +253,6 @@ def test_messages_are_the_same_one_by_one_and_together():
     found = [repr(each) for each in one.advance_to(300 * MILLISECOND)]
     together = [repr(each) for each in one_by_one(other.advance_together(300 * MILLISECOND))]
     assert together == found
-
-
-PLANNED = (
-    Planned(0, Feed("rate", 3e-3)),
-    Planned(123_456_789, Feed("position", 2e-3)),
-    Planned(250 * MILLISECOND, Feed("rate", -2e-3)),
-)
-
-
-def test_a_bag_of_a_feed_is_proved_and_its_run_is_that_of_the_figures(tmp_path):
-    values = {**ARM, "initial_feed": 5e-4, "rock_model": "specific_energy"}
-    beginning = Beginning(to_settings(values), 0.3)
-    write_offline_bag(tmp_path / "bag", beginning, 0.4, planned=PLANNED)
-    verification = verify(tmp_path / "bag")
-    assert verification.first_difference is None
-    assert not any(counts.missing for counts in verification.topics.values())
-    run = Run(beginning)
-    run.begin(0)
-    for planned in PLANNED:
-        list(run.advance_to(planned.delay))
-        apply_change(run, planned.change)
-    list(run.advance_to(400 * MILLISECOND))
-    ensemble = run_ensemble(beginning.settings.configuration, 0.4, [0.3], planned=PLANNED)
-    assert ensemble.members[0]["depth"] == run.simulation.depth
-    [feed], [energy] = ensemble.feed_accounts, ensemble.accounts
-    assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-12
 
 
 def test_a_command_file_holds_feeds(tmp_path):
@@ -366,3 +337,18 @@ def test_force_control_by_the_feed_is_stable_where_the_theory_says_so(stiffness,
         assert errors[-20:].max() < 0.2 * errors[:20].max()
     else:
         assert errors[-20:].max() > 3.0 * errors[:20].max()
+
+
+def test_the_accounts_close_in_strata_with_rotation_and_through_a_fault():
+    simulation = made(**ARM, strata="sandstone", rotation_model="friction_drive", initial_feed=3e-3)
+    simulation.apply(Feed("rate", 2e-3))
+    energy, feed = residuals(simulation, (100 * MILLISECOND,))
+    simulation.inject(Fault("choking"))
+    more, fed = residuals(simulation, (250 * MILLISECOND, 300_700_000))
+    energy, feed = energy + more, feed + fed
+    assert simulation.depth > 0.0
+    assert feed.penetration_work > 0.0
+    assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-11
+    rotor = simulation.process.rotation.work
+    assert rotor.drive > 0.0
+    assert abs(rotor.residual) < 1e-12

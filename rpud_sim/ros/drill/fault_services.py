@@ -20,6 +20,7 @@ from rpud_sim.ros.requests import StoppedError
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.faults import FaultError
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.topics import TOPICS
 
 
 class FaultServices:
@@ -73,7 +74,8 @@ class FaultServices:
 
         with contextlib.suppress(StoppedError):  # without a run there are no faults
             self._host.request(act)
-        response.channels = list(CHANNELS)
+        values = self._host.settings.values()
+        response.channels = [name for name in CHANNELS if TOPICS[name].is_offered(values)]
         return response
 
     def _on_engage(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

@@ -6,10 +6,15 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from rpud_sim.ros.drill.drilling import Drilling
+from rpud_sim.simulation.configuration import Settings
 
 
 class DrillHost(Protocol):
     """Interface of the node for its services."""
+
+    @property
+    def settings(self) -> Settings:
+        """Settings of the node."""
 
     @property
     def drilling(self) -> Drilling | None:

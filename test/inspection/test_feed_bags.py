@@ -1,0 +1,89 @@
+"""Bags of drills on a feed are proved, and forked in the middle of a motion."""
+
+import pytest
+
+import rpud_sim.bag
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.inspection.forked_bag import write_fork
+from rpud_sim.inspection.offline_bag import write_offline_bag
+from rpud_sim.inspection.verify.verification import verify
+from rpud_sim.simulation import Feed
+from rpud_sim.simulation.changes import Changes, Planned, apply_change, parameter_changes
+from rpud_sim.simulation.configuration import to_settings
+from rpud_sim.simulation.ensemble import run_ensemble
+from rpud_sim.simulation.run import Beginning, Run
+
+MILLISECOND = 1_000_000
+VALUES = {"feed_model": "arm", "initial_feed": 5e-4, "rock_model": "specific_energy"}
+PLANNED = (
+    Planned(0, Feed("rate", 3e-3)),
+    Planned(123_456_789, Feed("position", 2e-3)),
+    Planned(250 * MILLISECOND, Feed("rate", -2e-3)),
+)
+
+
+BEGINNING = Beginning(to_settings(VALUES), 0.3)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bags") / "bag"
+    write_offline_bag(path, BEGINNING, 0.4, planned=PLANNED)
+    return path
+
+
+def proved(path):
+    verification = verify(path)
+    return verification.first_difference is None and not any(
+        counts.missing for counts in verification.topics.values()
+    )
+
+
+def test_a_bag_of_a_feed_is_proved(bag):
+    assert proved(bag)
+
+
+def test_the_figures_are_those_of_the_run_in_the_bag():
+    beginning = BEGINNING
+    run = Run(beginning)
+    run.begin(0)
+    for planned in PLANNED:
+        list(run.advance_to(planned.delay))
+        apply_change(run, planned.change)
+    list(run.advance_to(400 * MILLISECOND))
+    ensemble = run_ensemble(beginning.settings.configuration, 0.4, [0.3], planned=PLANNED)
+    assert ensemble.members[0]["depth"] == run.simulation.depth
+    [feed], [energy] = ensemble.feed_accounts, ensemble.accounts
+    assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-12
+
+
+def held(path, since):
+    with rpud_sim.bag.open(path) as bag:
+        return [
+            (message.log_time, message.topic, message.data)
+            for message in bag.messages()
+            if message.log_time > since
+        ]
+
+
+@pytest.mark.parametrize("at", [0.0567, 0.15, 0.3])
+def test_a_fork_goes_on_with_the_same_bits(bag, tmp_path, at):
+    write_fork(bag, tmp_path / "fork", at)
+    since = round(at * 1000 * MILLISECOND)
+    assert held(tmp_path / "fork", since) == held(bag, since)
+    assert proved(tmp_path / "fork")
+
+
+def test_a_fork_with_feeds_of_its_own_is_proved(bag, tmp_path):
+    changes = Changes(
+        planned=(Planned(0, Feed("rate", -5e-3)), Planned(90 * MILLISECOND, Feed("rate", 5e-3))),
+        replaces_commands=True,
+    )
+    fork = write_fork(bag, tmp_path / "fork", 0.1, 0.3, changes)
+    assert fork.warnings == ()
+    assert proved(tmp_path / "fork")
+
+
+def test_a_fork_of_a_feed_takes_no_weight_on_bit(bag, tmp_path):
+    with pytest.raises(ParameterError, match="weight_on_bit cannot be commanded with feed_model"):
+        write_fork(bag, tmp_path / "fork", 0.1, 0.1, parameter_changes({"weight_on_bit": 5.0}))
