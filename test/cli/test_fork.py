@@ -63,7 +63,7 @@ def test_what_a_repeat_refuses_is_one_line_each(bag, tmp_path, rpud):
     assert code == 0
     assert err.endswith(
         "rpud fork: refused at 0.11 s: hard_rock cannot be honoured: it needs a rock_model, "
-        "which is none\n"
+        "which is none, or strata\n"
     )
 
 
