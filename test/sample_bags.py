@@ -22,7 +22,7 @@ from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.scenario import Scenario
 from rpud_sim.simulation.together import Entry
-from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.simulation.topics import TOPICS, offered_topics
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -30,6 +30,10 @@ STRING_DEFINITION = "string data\n"
 SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 
+# Topics of a drill with the default parameters whose every bit a proof compares.
+PLAIN_PROVED = tuple(
+    name for name, topic in offered_topics(Settings().values()).items() if topic.proved
+)
 TALK = Topic("/rpud/talk", STRING, STRING_HASH, (QosProfile(),))
 CHAT = Topic(
     "/rpud/chat",

@@ -4,13 +4,14 @@ import pytest
 from drill_client import Client, contents, nanoseconds, stamps
 from rpud_msgs.msg import Drive, Result, Status, WeightOnBit
 from rpud_msgs.srv import ResetSimulation, RestoreSimulation, SaveSimulation
+from sample_bags import PLAIN_PROVED
 from std_srvs.srv import SetBool
 from support import Process
 
 import rpud_sim.bag
 from rpud_sim.inspection.forked_bag import write_fork
 from rpud_sim.inspection.verify.installed_types import installed_codec
-from rpud_sim.inspection.verify.verification import PROVED, verify
+from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.topics import TOPICS
 
 OPTIONS = {
@@ -45,7 +46,7 @@ def used(start_module_drill, tmp_path_factory):
     folder = tmp_path_factory.mktemp("checkpoints")
     drill = start_module_drill("/rpud", **OPTIONS)
     with Process("rpud", "record", "--out", folder / "bag") as recorder, Client() as client:
-        for topic in PROVED:
+        for topic in PLAIN_PROVED:
             recorder.wait_for_line(f"subscribed /rpud/{topic} ")
         heard = use(client)
         drill.interrupt()
@@ -167,7 +168,9 @@ def held(bag, skipped=0):
 
     Those of the first `skipped` nanoseconds are left out: the latched ones of a fork.
     """
-    codecs = {f"/rpud/{name}": installed_codec(TOPICS[name].type) for name in (*PROVED, "journal")}
+    codecs = {
+        f"/rpud/{name}": installed_codec(TOPICS[name].type) for name in (*PLAIN_PROVED, "journal")
+    }
     with rpud_sim.bag.open(bag) as opened:
         found = list(opened.messages(codecs.keys(), skipped))
     return [(m.topic, codecs[m.topic].without_padding(m.data)) for m in found]

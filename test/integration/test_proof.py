@@ -14,6 +14,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rpud_msgs.msg import Drive, Status, WeightOnBit
 from rpud_msgs.srv import ResetSimulation
+from sample_bags import PLAIN_PROVED
 from std_srvs.srv import SetBool
 from support import Process
 
@@ -23,7 +24,7 @@ from rpud_sim.bag.definitions import find_definition
 from rpud_sim.inspection.forked_bag import write_fork
 from rpud_sim.inspection.rebuild import rebuild
 from rpud_sim.inspection.verify.installed_types import installed_codec
-from rpud_sim.inspection.verify.verification import PROVED, verify
+from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.topics import TOPICS
 
 JOURNAL = "/rpud/journal"
@@ -74,7 +75,7 @@ def use(client, recorder):
 
     statuses = client.status
     change(Transition.TRANSITION_CONFIGURE)
-    for topic in PROVED:
+    for topic in PLAIN_PROVED:
         recorder.wait_for_line(f"subscribed /rpud/{topic} ")
         client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
     change(ACTIVATE)
@@ -117,7 +118,7 @@ def test_it_is_proved(bag):
     verification = verify(bag)
     assert verification.proved, verification.first_difference
     assert verification.warnings == ()
-    assert {name.removeprefix("/rpud/") for name in verification.topics} == set(PROVED)
+    assert {name.removeprefix("/rpud/") for name in verification.topics} == set(PLAIN_PROVED)
     for name, counts in verification.topics.items():
         assert counts.equal > 0
         assert (counts.different, counts.unexpected) == (0, 0)
@@ -257,7 +258,7 @@ def test_a_recorder_that_is_started_after_a_reset(process, start_drill, connect,
     client.step(0.4)
     client.reset()
     recorder = process("rpud", "record", "--out", tmp_path / "bag")
-    for topic in (*PROVED, "journal"):
+    for topic in (*PLAIN_PROVED, "journal"):
         recorder.wait_for_line(f"subscribed /rpud/{topic} ")
         client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
     client.step(1.5)
@@ -291,7 +292,9 @@ def test_a_fork_without_a_change_is_the_rest_of_a_run(bag, place, run):
 
 def comparable(path, skipped=0):
     """Return the messages without their paddings, after the first `skipped` nanoseconds."""
-    codecs = {f"/rpud/{name}": installed_codec(TOPICS[name].type) for name in (*PROVED, "journal")}
+    codecs = {
+        f"/rpud/{name}": installed_codec(TOPICS[name].type) for name in (*PLAIN_PROVED, "journal")
+    }
     with rpud_sim.bag.open(path) as opened:
         found = list(opened.messages(codecs.keys(), skipped))
     return [(m.topic, codecs[m.topic].without_padding(m.data)) for m in found]
