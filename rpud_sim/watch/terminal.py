@@ -49,7 +49,7 @@ class TerminalView(App[None]):
     ENABLE_COMMAND_PALETTE = False
     CSS = """
     Screen { background: ansi_default; color: ansi_default; }
-    #hint { height: auto; min-height: 1; max-height: 8; }
+    #hint { height: auto; min-height: 1; max-height: 4; }
     #keys { height: 1; text-style: reverse; }
     #prompt { height: 1; display: none; }
     #label { width: auto; text-style: bold; }

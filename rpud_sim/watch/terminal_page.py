@@ -261,7 +261,12 @@ def _outcome_lines(outcome: Outcome, face: Face) -> list[Line]:
 
 
 def _last_lines(parts: Sequence[Sequence[Line]], room: int) -> list[Line]:
-    """Return the last lines of all parts, and blank ones for the rest of the room."""
+    """Return the last lines of all parts, and blank ones for the rest of the room.
+
+    If the last part alone is too long, its first line stays: it says what was refused.
+    """
+    if parts and len(parts[-1]) > room > 1:
+        return [parts[-1][0], *parts[-1][1 - room :]]
     lines = [each for part in parts[-room:] for each in part][-room:]
     return lines + [line()] * (room - len(lines))
 
