@@ -59,8 +59,13 @@ def _talk(node: Node, weight_on_bit: float, telemetry_rate: int, sample_rate: in
             publisher.publish(message)
             unacknowledged[name] += 1
             if unacknowledged[name] >= TOPICS[name].depth:
-                for each in publishers.values():
-                    each.wait_for_all_acked(Duration(seconds=_PATIENCE))
+                try:
+                    for each in publishers.values():
+                        each.wait_for_all_acked(Duration(seconds=_PATIENCE))
+                except RuntimeError:  # RCLError, where a signal came meanwhile
+                    if rclpy.ok():
+                        raise
+                    return
                 unacknowledged = dict.fromkeys(publishers, 0)
 
 

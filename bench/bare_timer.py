@@ -1,7 +1,8 @@
 """How late this machine wakes a Python thread that waits for every default period and does nothing.
 
-Runs until SIGINT, and then prints the quantiles of its lateness [ms] as JSON. As a process of its
-own beside the node it has the same minutes: the same neighbours, and the same listener.
+Prints a line when it begins. Runs until SIGINT, and then prints the quantiles of its lateness [ms]
+as JSON. As a process of its own beside the node it has the same minutes: the same neighbours, and
+the same listener.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ def main(priority: int) -> None:
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     schedule_thread(priority)
     lateness = Lateness()
+    print("begun", flush=True)
     due = time.monotonic_ns()
     while not stop.is_set():
         due += round(PERIOD * SECOND)

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 
 import rclpy
 from rclpy.node import Node
+from rpud_msgs.msg import Result
+from rpud_msgs.srv import ResetSimulation
 
 from bench.hearing import Hearing
 from rpud_sim.ros.drill.publishers import DIAGNOSTICS
@@ -93,6 +95,21 @@ class Talk:
         if not self.hearing.take_until(lambda: self.hearing.messages["waveform"] > 0, _STARTING):
             raise RuntimeError(f"nothing was heard within {_STARTING:g} s")
         self.listen(seconds)
+
+    def reset(self) -> None:
+        """Let the drill begin again: its counts of blocks are those from now on.
+
+        Raises:
+            RuntimeError: if it does not.
+        """
+        client = self.node.create_client(ResetSimulation, "simulation/reset")
+        client.wait_for_service(_STARTING)
+        answer = client.call_async(ResetSimulation.Request())
+        rclpy.spin_until_future_complete(self.node, answer, timeout_sec=_STARTING)
+        self.node.destroy_client(client)
+        reply = answer.result()
+        if reply is None or reply.result.result != Result.RESULT_OK:
+            raise RuntimeError(f"the drill has not begun again: {reply}")
 
     def listen(self, seconds: float) -> None:
         """Hear what comes for some time."""

@@ -42,6 +42,7 @@ class Collector:
         time: of the drill, for messages without a stamp [ns].
         published: by topic, number of the drill's latest message, as the drill says.
         subscribers: by topic, number of subscriptions that the drill reaches, as it says.
+        publishers: by topic of commands, number of publishers that reach the drill, as it says.
         acknowledged: whether all subscribers have all messages, as the drill says.
 
     Args:
@@ -54,6 +55,7 @@ class Collector:
         self.time = 0
         self.published: Mapping[str, int] = {}
         self.subscribers: Mapping[str, int] = {}
+        self.publishers: Mapping[str, int] = {}
         self.acknowledged = False
         self._context = context
         self._source = f"{drill_name}: messages"
@@ -207,6 +209,7 @@ class Collector:
                     values = {each.key: each.value for each in status.values}
                     self.published = _numbers(values["published"])
                     self.subscribers = _numbers(values["subscribers"])
+                    self.publishers = _numbers(values["publishers"])
                     self.acknowledged = values["acknowledged"] == "True"
         self._diagnostics.forget(len(self._diagnostics))
 

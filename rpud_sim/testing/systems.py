@@ -102,7 +102,7 @@ class Systems:
             if silent:
                 return f"does not subscribe to {', '.join(silent)}"
             if not self.connected() or not (hears or calm()):
-                return "is not connected to the drill"
+                return f"is not connected to the drill{self._on_topics()}"
             if not _is_ready(system, ready):
                 return f"has not printed {ready!r}" if isinstance(ready, str) else "is not ready"
             return ""
@@ -119,26 +119,15 @@ class Systems:
         return system
 
     def connected(self) -> bool:
-        """Return whether the drill reaches every subscriber that there is, and hears everybody."""
-        node, collector = self._collector.node, self._collector
-        if not collector.subscribers:
-            return False
-        commanders = max(node.count_publishers(collector.resolve(name)) for name in COMMANDS)
-        status = collector.own("status").latest()
-        return (
-            all(
-                number >= node.count_subscribers(collector.resolve(name))
-                for name, number in collector.subscribers.items()
-            )
-            and status is not None
-            and status.commanders >= commanders
-        )
+        """Return whether the drill reaches every subscriber and every publisher reaches it."""
+        return bool(self._collector.subscribers) and not self._unconnected()
 
     def await_connections(self) -> None:
         """Wait until the drill reaches every subscriber that there is."""
         if not self._collector.until(self.connected, _CONNECTION, self.check, _POLL_PERIOD):
             raise LostMessagesError(
-                f"the drill does not reach every subscriber within {_CONNECTION:g} s"
+                f"the drill is not connected to every subscriber and publisher{self._on_topics()}"
+                f" within {_CONNECTION:g} s"
             )
 
     def await_answerers(self) -> None:
@@ -226,6 +215,23 @@ class Systems:
         return SystemUnderTestError(
             system.name, kind, f"{system.name} {what}, {when}\n{_last_lines(system)}"
         )
+
+    def _unconnected(self) -> list[str]:
+        """Return the topics with a subscriber or commander that is not connected to the drill."""
+        node, collector = self._collector.node, self._collector
+        lacking = [
+            name
+            for name, number in collector.subscribers.items()
+            if number < node.count_subscribers(collector.resolve(name))
+        ]
+        for name in COMMANDS:
+            if collector.publishers.get(name, 0) < node.count_publishers(collector.resolve(name)):
+                lacking.append(name)
+        return lacking
+
+    def _on_topics(self) -> str:
+        names = self._unconnected()
+        return f" on {', '.join(names)}" if names else ""
 
     def _subscribers(self, topic: str) -> set[bytes]:
         name = self._collector.resolve(topic)

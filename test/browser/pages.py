@@ -120,10 +120,20 @@ class BrowserPage:
         """Wait until an expression of JavaScript is true; Playwright's TimeoutError otherwise."""
         # Playwright's own wait compiles a text in the page, which the policy of our pages forbids.
         end = time.monotonic() + PATIENCE
-        while not self.tab.evaluate(condition):
+        while not self._is_true(condition):
             if time.monotonic() > end:
                 raise TimeoutError(f"after {PATIENCE} s it is still not true that {condition}")
             self.tab.wait_for_timeout(50)
+
+    def _is_true(self, condition: str) -> bool:
+        from playwright.sync_api import Error
+
+        try:
+            return bool(self.tab.evaluate(condition))
+        except Error as error:  # a page that loads again has no answer for a moment
+            if "Execution context was destroyed" not in str(error):
+                raise
+            return False
 
     def settle(self) -> None:
         """Wait until all is drawn: fonts, and Bokeh where the page has it."""

@@ -6,6 +6,7 @@ import time
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rpud_msgs.msg import ReactingForce, WeightOnBit
 from std_msgs.msg import Header
 
@@ -20,7 +21,10 @@ class Supervisor(Node):
         super().__init__("supervisor")
         self.force, self.weight = [], 10.0
         self.answers = self.create_publisher(Header, "supervisor/heartbeat", 10)
-        self.weights = self.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
+        quality = QoSProfile(depth=10)
+        if HOW == "unheard":
+            quality.reliability = ReliabilityPolicy.BEST_EFFORT
+        self.weights = self.create_publisher(WeightOnBit, "command/weight_on_bit", quality)
         self.create_subscription(ReactingForce, "reacting_force", self.hear, 1000)
 
     def hear(self, message):

@@ -162,6 +162,15 @@ def test_a_command_that_cannot_be_started_or_is_not_connected_is_told(drill):
         drill.start("sleep", "100", hears=("wrench",), timeout=0.1)
 
 
+def test_a_command_that_does_not_reach_the_drill_is_told_before_the_first_step(drill):
+    drill.press(10.0)  # that one publisher reaches it does not hide that another one does not
+    drill.step(0.1)
+    command = f"python supervisor.py unheard --ros-args -r __ns:={drill.namespace}"
+    expected = r"not connected to the drill on command/weight_on_bit within 5 s"
+    with pytest.raises(SystemUnderTestError, match=expected):
+        drill.start(command, hears=("reacting_force",), timeout=5.0)
+
+
 def test_the_test_itself_is_not_asked_for_answers(drill):
     supervise(drill, answers="command/weight_on_bit")
     assert drill._lockstep.answers.nodes == ["/rpud/supervisor"]

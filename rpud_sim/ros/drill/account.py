@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from rclpy.node import Node
 
@@ -60,6 +60,9 @@ class Account:
         self._command_topics = [
             [node.resolve_topic_name(topic) for topic in topics] for topics in _COMMAND_TOPICS
         ]
+        commands = {topic for topics in _COMMAND_TOPICS for topic in topics}
+        self._subscriptions = [each for each in node.subscriptions if each.topic in commands]
+        self._publishers_heard: Mapping[str, int] = {}
         self._last: Report | None = None
         self._blocks: list[Block] = []
         self._impact_delays = Lateness()
@@ -99,6 +102,18 @@ class Account:
         """Add the delays of impacts from their stamps until they were published [ns]."""
         for delay in delays:
             self._impact_delays.add(delay)
+
+    def publishers_heard(self) -> Mapping[str, int]:
+        """Return the number of publishers whose commands reach the node, by topic.
+
+        The graph names a publisher before its messages arrive.
+        """
+        return {each.topic: each.get_publisher_count() for each in self._subscriptions}
+
+    def publishers_changed(self) -> bool:
+        """Return whether these differ from those at the last call."""
+        before, self._publishers_heard = self._publishers_heard, self.publishers_heard()
+        return self._publishers_heard != before
 
     def due(self) -> bool:
         """Whether it is time for a full report."""
@@ -169,6 +184,7 @@ class Account:
             figures=figures,
             published=self._publishers.published,
             subscribers=self._publishers.subscribers(),
+            publishers=self.publishers_heard(),
             acknowledged=self._publishers.acknowledged(),
         )
         self._diagnostics_wait = True

@@ -234,7 +234,8 @@ class PacedRun:
             self.report()
         now = time.monotonic()
         if now >= self._clock_due:
-            if self._publishers.delivery_changed():  # a test waits for it
+            changed = self._account.publishers_changed()
+            if self._publishers.delivery_changed() or changed:  # a test waits for it
                 self.report()
             self._publishers.publish_clock(self._run.origin + self._run.time)
             self._clock_due = now + _STANDSTILL_PERIOD

@@ -70,6 +70,7 @@ class Report:
         figures: of the interval since the report before.
         published: messages by topic, the status of this report among them.
         subscribers: by topic.
+        publishers: whose commands reach the node, by topic.
         acknowledged: whether all reliable subscribers have every message.
     """
 
@@ -87,6 +88,7 @@ class Report:
     figures: Figures
     published: Mapping[str, int]
     subscribers: Mapping[str, int]
+    publishers: Mapping[str, int]
     acknowledged: bool
 
 
@@ -162,6 +164,7 @@ def report_to_diagnostics(
                 {
                     "published": _numbers(report.published),
                     "subscribers": _numbers(report.subscribers),
+                    "publishers": _numbers(report.publishers),
                     "acknowledged": report.acknowledged,
                 },
             ),

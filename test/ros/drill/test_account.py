@@ -3,6 +3,7 @@
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
+from support import until
 
 from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
@@ -148,6 +149,21 @@ def test_commanders_are_counted_on_the_topic_that_has_most(drill):
     assert drill.report().bookkeeping.commanders == 2
     for publisher in publishers:
         drill.node.destroy_publisher(publisher)
+
+
+def test_publishers_are_counted_for_each_command(drill):
+    from rpud_msgs.msg import Drive
+    from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
+
+    for kind, topic in ((WeightOnBitMessage, "weight_on_bit"), (Drive, "drive")):
+        drill.node.create_subscription(kind, f"command/{topic}", lambda _: None, 1)
+    account = Drill(drill.node).account
+    assert account.publishers_changed()  # since there was no call
+    assert not account.publishers_changed()
+    publisher = drill.node.create_publisher(Drive, "command/drive", 1)
+    until(account.publishers_changed)
+    assert account.publishers_heard() == {"command/weight_on_bit": 0, "command/drive": 1}
+    drill.node.destroy_publisher(publisher)
 
 
 def test_commanders_of_a_remapped_topic_are_counted():

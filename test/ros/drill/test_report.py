@@ -63,6 +63,7 @@ def made(**counts):
         figures={},
         published={"status": 5, "journal": 3},
         subscribers={"status": 2, "journal": 0},
+        publishers={"command/drive": 1, "command/feed": 0},
         acknowledged=True,
     )
 
@@ -116,6 +117,7 @@ def test_the_diagnostics_have_names_and_values():
     assert (messages.level, messages.message) == (DiagnosticStatus.WARN, "1 dropped")
     assert values["published"] == "status 5, journal 3"
     assert values["subscribers"] == "status 2, journal 0"
+    assert values["publishers"] == "command/drive 1, command/feed 0"
     assert values["acknowledged"] == "True"
     assert values["deadlines_missed"] == "4"
     assert values["requests_refused"] == "3"
