@@ -13,14 +13,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from rosbags.highlevel import AnyReader
-from sample_bags import (
-    CHAT,
-    START,
-    STRING_DEFINITION,
-    TALK,
-    serialized_string,
-    write_bag,
-)
+from sample_bags import CHAT, START, STRING_DEFINITION, TALK, serialized_string, write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagExistsError, BagFormatError, BagNotFoundError, BagWriter

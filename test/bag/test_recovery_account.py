@@ -6,13 +6,7 @@ from array import array
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
-from sample_bags import (
-    START,
-    STRING,
-    STRING_DEFINITION,
-    TALK,
-    serialized_string,
-)
+from sample_bags import START, STRING, STRING_DEFINITION, TALK, serialized_string
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagWriter
