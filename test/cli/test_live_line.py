@@ -1,4 +1,4 @@
-"""The live line of `rpud run` tells what the drill does, and fits the terminal."""
+"""The live line of `rpud run` shows what the drill does, and fits the terminal."""
 
 import dataclasses
 import io

@@ -100,7 +100,7 @@ def test_it_may_go_on_beyond_the_end_of_the_recorded_run(plain, tmp_path):
     write_offline_bag(whole, preset("drilling"), 0.5, 0.2, SCENARIO, 11)
     planes = {"/rpud/nodal_plane", "/rpud/contact_force"}
     rest = [each for each in held(whole, planes) if each[0] > 300 * MILLISECOND]
-    # A contact that had not ended at the instant is told after it.
+    # A contact that had not ended at the instant is published after it.
     assert [each for each in held(tmp_path / "fork", planes) if each[0] > 300 * MILLISECOND] == rest
 
 

@@ -233,7 +233,7 @@ def test_streams_have_no_gap_and_rebuild_each_other_at_rates_that_do_not_divide(
     assert times == [number * SECOND // 30 for number in numbers]
 
 
-def test_nobody_has_to_listen_and_late_listeners_hear_the_present(client):
+def test_the_drill_needs_no_subscriber_and_late_ones_get_the_present(client):
     """A listener that comes second hears what the first one hears, from then on."""
     early = client.listen("contact_force")
     client.until(lambda: len(early) >= 10)

@@ -230,7 +230,7 @@ def test_what_a_killed_recorder_has_flushed_is_recovered_without_a_gap(process, 
 
 
 def test_a_recorder_ends_with_the_one_that_holds_its_input_open(process, program, tmp_path):
-    # The shell is killed as it stands, so that only its end of the pipe tells the recorder.
+    # The shell is killed as it stands, so that the recorder notices it only by the closed pipe.
     parent = process(
         "bash",
         "-c",

@@ -177,7 +177,7 @@ def test_the_amplitude_sags_under_load_and_with_it_the_power():
     assert loaded.actuator.mechanical_work < 12.5
 
 
-# --- nothing depends on when it is asked ------------------------------------------------------
+# --- nothing depends on when it is read -------------------------------------------------------
 
 
 @settings(max_examples=5, deadline=None)

@@ -22,7 +22,7 @@ def made(timeout=0.0, ramp=0.5, active=True, **options):
 
 
 def go_on(simulation, control, time):
-    """Advance, and let act what shall act then; tell what ``act`` does."""
+    """Advance, and apply what is due; return what ``act`` does."""
     simulation.advance_to(time)
     return control.act()
 
