@@ -104,7 +104,7 @@ def test_it_may_go_on_beyond_the_end_of_the_recorded_run(plain, tmp_path):
     assert [each for each in held(tmp_path / "fork", planes) if each[0] > 300 * MILLISECOND] == rest
 
 
-def test_a_bag_that_ended_before_the_drill_tells_how_far(plain, tmp_path):
+def test_a_bag_that_ended_before_the_drill_is_forked_to_its_own_end(plain, tmp_path):
     """As after a crash of the recorder: no end in the journal, and the last blocks are missing."""
 
     def change(message):
@@ -126,7 +126,7 @@ def without_entry(source, out, number):
     return altered(source, out, change)
 
 
-def test_what_the_bag_cannot_tell_is_refused(used, plain, tmp_path):
+def test_what_the_bag_does_not_hold_is_refused(used, plain, tmp_path):
     path = used.path
     late = without_entry(path, tmp_path / "late", 0)
     with pytest.raises(ForkError, match="/rpud/journal: entries 0 to 0 of the journal are missing"):

@@ -101,7 +101,7 @@ def bag(tmp_path):
     return tmp_path / "bag"
 
 
-def test_what_is_said_is_recorded_replayed_and_heard(process, program, tmp_path):
+def test_published_messages_are_recorded_replayed_and_received(process, program, tmp_path):
     everything = ("--expect", f"{CONTACT_FORCE}=500", f"{STATUS}=1", f"{NODAL_PLANE}=400")
     listener = program("listener", *everything)
     listener.wait_for_line("listening")

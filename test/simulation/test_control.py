@@ -91,7 +91,7 @@ def test_activating_an_active_drill_leaves_its_commands():
     assert acting(simulation) == (20.0, 100.0)
 
 
-def test_lost_commands_ramp_down_are_told_once_and_come_back_whole():
+def test_lost_commands_ramp_down_are_reported_once_and_come_back_whole():
     simulation, control = made(timeout=0.1, ramp=0.2)
     assert not go_on(simulation, control, 100 * MILLISECOND)
     assert not control.commands_lost

@@ -170,7 +170,7 @@ def test_nothing_is_left_to_compile_once_a_drill_runs():
 
 
 @pytest.mark.parametrize("long", [True, False])
-def test_a_compilation_that_takes_long_is_told(monkeypatch, long):
+def test_a_compilation_that_takes_long_is_reported(monkeypatch, long):
     told = threading.Event()
 
     class Compiling(Statistics):
@@ -191,7 +191,7 @@ def test_a_compilation_that_takes_long_is_told(monkeypatch, long):
     assert lines == [compilation_notice()] * long
 
 
-def test_kernels_that_are_cached_are_not_told_however_busy_the_machine_is(monkeypatch):
+def test_cached_kernels_are_not_reported_however_busy_the_machine_is(monkeypatch):
     told = threading.Event()
 
     class Slow(Statistics):

@@ -212,7 +212,7 @@ def test_an_injected_fault_makes_room_for_a_scheduled_one_at_the_instant_of_its_
     assert len(simulation.faults.active) == 1
 
 
-def test_a_scheduled_fault_that_is_there_already_is_refused_and_told():
+def test_a_scheduled_fault_that_is_there_already_is_refused_and_reported():
     simulation = Simulation(
         Parameters(),
         scenario=scenario(
@@ -231,7 +231,7 @@ def test_a_scheduled_fault_that_is_there_already_is_refused_and_told():
     ]
 
 
-def test_a_scheduled_fault_that_has_lost_its_sense_is_refused_and_told():
+def test_a_scheduled_fault_that_is_no_longer_possible_is_refused_and_reported():
     free = Configuration(preset("free"))
     simulation = Simulation(free, scenario=scenario(scheduled("drill_tool_binding", SECOND)))
     simulation.configure(Configuration(preset("free").replace(regime="drilling")))

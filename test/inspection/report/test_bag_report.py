@@ -80,7 +80,7 @@ def test_the_page_of_an_hour_is_small(drilled):
     print(len(text.encode()))
 
 
-def test_parameters_and_journal_are_told(page):
+def test_parameters_and_journal_are_shown(page):
     assert "vibration_amplitude 3.5e-05" in page.text
     assert "inject" not in page.text
     assert '1.000000 end {"time": 1000000000}' in page.text

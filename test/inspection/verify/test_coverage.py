@@ -78,7 +78,7 @@ def test_messages_under_way_when_a_recorder_is_closed_are_not_missing(longer_bag
     assert verification.proved
 
 
-def test_a_topic_that_falls_silent_and_is_heard_again_is_missing_in_between(longer_bag, tmp_path):
+def test_a_topic_that_falls_silent_and_returns_is_missing_in_between(longer_bag, tmp_path):
     change = without("contact_force", after=1.0, before=3.0)
     verification = verify(altered(longer_bag, tmp_path / "bag", change))
     assert verification.proved

@@ -97,7 +97,7 @@ def test_other_parameters_in_the_journal_do_not_go_with_the_messages(bag, tmp_pa
     assert (verification.warnings, verification.other_versions) == ((), False)
 
 
-def test_other_versions_are_told(bag, tmp_path):
+def test_other_versions_are_reported(bag, tmp_path):
     def edit(content):
         content["made_by"]["numpy"] = "0.0.1"
 
