@@ -1,4 +1,4 @@
-"""Results of campaigns that nobody has flown: every expectation passed but those that are given."""
+"""Made-up results of campaigns: every expectation passed, except those that are given."""
 
 from rpud_sim.testing.campaign.outcome import COMPLETED, Outcome, system_verdict
 from rpud_sim.testing.campaign.results import FlownRun, results_of

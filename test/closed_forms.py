@@ -1,4 +1,4 @@
-"""The motions of a segment, written anew in plain NumPy, to check the engine against.
+"""The motions of a segment, written a second time in plain NumPy to check the engine against.
 
 Each oscillation is the real part of complex exponentials, so that a derivative is a factor.
 """

@@ -146,7 +146,7 @@ def main() -> None:
     kill = kill_recorder if arguments.live else kill_writer
     talker = None
     if arguments.live:
-        domain, _lock = claim_ros_domain()  # held until this ends: nobody else shall talk here
+        domain, _lock = claim_ros_domain()  # held to the end, for this process alone
         os.environ.update(ROS_DOMAIN_ID=str(domain), **LOOPBACK)
         program = str(HERE / "integration" / "talker.py")
         talker = subprocess.Popen(

@@ -1,4 +1,4 @@
-"""A monotonic clock that stands still until somebody sleeps or moves it."""
+"""A monotonic clock that stands still until a caller sleeps or moves it."""
 
 SECOND = 1_000_000_000
 

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeVar
 
 from ament_index_python.packages import get_package_share_directory
 
@@ -23,6 +23,8 @@ LOOPBACK = {
     "FASTRTPS_DEFAULT_PROFILES_FILE": str(_PROFILE),
 }
 """Environment of processes that talk over loopback alone, as env.bash sets it."""
+
+Value = TypeVar("Value")
 
 GRACE = 5.0  # seconds that a process has to obey a signal
 PATIENCE = 100.0
@@ -58,12 +60,20 @@ def real_time_permitted() -> bool:
         return not isinstance(pool.submit(attempt).exception(), PermissionError)
 
 
-def until(condition: Callable[[], object]) -> None:
-    """Wait for a condition, and fail if it does not come true."""
+def until(condition: Callable[[], Value]) -> Value:
+    """Wait until a condition is true, and return its value; fail if it never is."""
     deadline = time.monotonic() + PATIENCE
-    while not condition():
+    while not (value := condition()):
         assert time.monotonic() < deadline, "it did not come true"
-        time.sleep(0.01)
+        time.sleep(0.002)
+    return value
+
+
+def rpud(*words: object) -> subprocess.CompletedProcess[str]:
+    """Run a command of `rpud` in a process of its own to its end."""
+    return subprocess.run(
+        ["rpud", *map(str, words)], capture_output=True, text=True, timeout=110, check=False
+    )
 
 
 class Process:

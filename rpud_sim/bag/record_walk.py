@@ -137,7 +137,7 @@ class RecordWalk:
             self._counts[channel] = self._counts.get(channel, 0) + length // _ENTRY_SIZE
 
     def _complete_chunk(self) -> None:
-        """Add the chunk whose indexes have been passed; without them its content tells them."""
+        """Add the chunk whose indexes have been passed; without them its content shows them."""
         chunk, self._chunk = self._chunk, None
         if chunk is None:
             return

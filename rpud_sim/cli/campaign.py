@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.options import Number, pattern
+from rpud_sim.cli.options import Number, pattern, worker_count
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
 from rpud_sim.cli.tables import print_json, table
@@ -78,7 +77,7 @@ def test_campaign(arguments: argparse.Namespace) -> int:
             results, flown = run_campaign(
                 campaign,
                 out,
-                arguments.workers or len(os.sched_getaffinity(0)),
+                worker_count(arguments),
                 arguments.again,
                 bar.update,
             )

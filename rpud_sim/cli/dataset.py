@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.cli.options import Number, add_json_argument
+from rpud_sim.cli.options import (
+    add_json_argument,
+    add_scheduler_argument,
+    add_workers_argument,
+    worker_count,
+)
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
 from rpud_sim.cli.tables import print_json, table
-from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
@@ -23,8 +26,6 @@ if TYPE_CHECKING:
 HELP = "make labelled synthetic runs over faults, rocks, severities and seeds"
 EXAMPLE = "rpud dataset config/dataset_example.yaml --out datasets/first"
 DETAILS = "With --evaluate it judges two baseline detectors on a data set instead."
-
-_WORKERS = Quantity("", "processes", 1, 1024, whole=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,18 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="judge the baselines on the data set of this folder, and print a table",
     )
     where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        "--workers",
-        action=Number,
-        quantity=_WORKERS,
-        metavar="N",
-        help="processes on this machine (default: one for each of its cores)",
-    )
-    where.add_argument(
-        "--scheduler",
-        metavar="tcp://HOST:PORT",
-        help="run on the Dask cluster of this scheduler",
-    )
+    add_workers_argument(where)
+    add_scheduler_argument(where)
     add_json_argument(parser)
 
 
@@ -88,7 +79,7 @@ def _make(arguments: argparse.Namespace) -> int:
             result = make_dataset(
                 specification,
                 Path(arguments.out),
-                arguments.workers or len(os.sched_getaffinity(0)),
+                worker_count(arguments),
                 arguments.scheduler,
                 bar.update,
             )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shlex
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.options import Number, add_json_argument
+from rpud_sim.cli.options import Number, add_json_argument, add_workers_argument, worker_count
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
 from rpud_sim.cli.tables import print_json
@@ -26,7 +25,6 @@ HELP = "fit parameters, with intervals, to figures or data of a drill"
 EXAMPLE = "rpud fit config/fit_paper_drilling.yaml --out fits/drilling"
 DETAILS = "With --prove it fits synthetic drills instead, and counts how many intervals are right."
 
-_WORKERS = Quantity("", "processes", 1, 1024, whole=True)
 _DRILLS = Quantity("", "synthetic drills", 10, 100_000, whole=True)
 _PROOF = "proof.json"
 
@@ -42,13 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder for numbers, parameters and a page; finished runs of an earlier call are kept",
     )
-    parser.add_argument(
-        "--workers",
-        action=Number,
-        quantity=_WORKERS,
-        metavar="N",
-        help="processes on this machine (default: one for each of its cores)",
-    )
+    add_workers_argument(parser)
     parser.add_argument(
         "--prove",
         action=Number,
@@ -70,10 +62,6 @@ def run(arguments: argparse.Namespace) -> int:
         return (_prove if arguments.prove else _fit)(arguments, specification)
 
 
-def _workers(arguments: argparse.Namespace) -> int:
-    return arguments.workers or len(os.sched_getaffinity(0))
-
-
 def _fit(arguments: argparse.Namespace, specification: Specification) -> int:
     from rpud_sim.studies.fit.fit import most_simulations, run_fit
     from rpud_sim.studies.fit.fit_report import fit_content, write_fit
@@ -81,7 +69,7 @@ def _fit(arguments: argparse.Namespace, specification: Specification) -> int:
     started = time.perf_counter()
     out = Path(arguments.out)
     with progress_bar(" runs", most_simulations(specification)) as bar:
-        fit = run_fit(specification, out, _workers(arguments), bar.update)
+        fit = run_fit(specification, out, worker_count(arguments), bar.update)
     command = f"rpud fit {shlex.quote(arguments.targets)} --out DIR"
     write_fit(fit, out, command)
     if arguments.json:
@@ -100,7 +88,7 @@ def _prove(arguments: argparse.Namespace, specification: Specification) -> int:
     drills = arguments.prove
     out = Path(arguments.out)
     with progress_bar(" runs", proof_simulations(specification, drills) + drills) as bar:
-        folder = FitFolder(out, specification, _workers(arguments), bar.update)
+        folder = FitFolder(out, specification, worker_count(arguments), bar.update)
         with folder.held():
             proof = prove(folder, specification, drills, bar.update)
             content = json.dumps(proof.content(), indent=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import os
 import re
 from typing import Any, NoReturn, TypeVar
 
@@ -16,6 +17,8 @@ LONGEST = 1e9
 POSITIVE_SECONDS = Quantity("s", "a duration", 0.0, LONGEST, exclusive=True)
 SECONDS = Quantity("s", "a duration or an offset", 0.0, LONGEST)
 BYTES = Quantity("bytes", "a size", 1.0, 1e18, whole=True)
+
+_PROCESSES = Quantity("", "processes", 1, 1024, whole=True)
 
 _Options = TypeVar("_Options")
 
@@ -99,6 +102,31 @@ def add_bag_argument(parser: argparse.ArgumentParser) -> None:
 def add_json_argument(parser: argparse.ArgumentParser) -> None:
     """Declare --json."""
     parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def add_workers_argument(parser: argparse._ActionsContainer) -> None:
+    """Declare --workers of a study; ``worker_count`` reads it."""
+    parser.add_argument(
+        "--workers",
+        action=Number,
+        quantity=_PROCESSES,
+        metavar="N",
+        help="processes on this machine (default: one for each of its cores)",
+    )
+
+
+def add_scheduler_argument(parser: argparse._ActionsContainer) -> None:
+    """Declare --scheduler of a study."""
+    parser.add_argument(
+        "--scheduler",
+        metavar="tcp://HOST:PORT",
+        help="run on the Dask cluster of this scheduler",
+    )
+
+
+def worker_count(arguments: argparse.Namespace) -> int:
+    """Return the number of --workers; by default one for each core that this process may use."""
+    return arguments.workers or len(os.sched_getaffinity(0))
 
 
 def add_range_arguments(parser: argparse.ArgumentParser, verb: str, longest: float) -> None:

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import os
 import time
 from pathlib import Path
 
-from rpud_sim.cli.options import Number, add_json_argument
+from rpud_sim.cli.options import (
+    add_json_argument,
+    add_scheduler_argument,
+    add_workers_argument,
+    worker_count,
+)
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
 from rpud_sim.cli.tables import print_json
-from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
 HELP = "run a design of experiments over any parameters"
 EXAMPLE = "rpud sweep config/sweep.yaml --out sweeps/first"
-
-_WORKERS = Quantity("", "processes", 1, 1024, whole=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,18 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder for tables and a page; finished parts of an earlier call are kept",
     )
     where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        "--workers",
-        action=Number,
-        quantity=_WORKERS,
-        metavar="N",
-        help="processes on this machine (default: one for each of its cores)",
-    )
-    where.add_argument(
-        "--scheduler",
-        metavar="tcp://HOST:PORT",
-        help="run on the Dask cluster of this scheduler",
-    )
+    add_workers_argument(where)
+    add_scheduler_argument(where)
     add_json_argument(parser)
 
 
@@ -59,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
             result = run_sweep(
                 specification,
                 Path(arguments.out),
-                arguments.workers or len(os.sched_getaffinity(0)),
+                worker_count(arguments),
                 arguments.scheduler,
                 bar.update,
             )

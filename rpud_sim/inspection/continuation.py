@@ -32,7 +32,7 @@ class Continuation:
         warnings: refused changes, one line each.
 
     Raises:
-        ForkError: if the journal does not tell what followed.
+        ForkError: if the journal does not hold what followed.
     """
 
     def __init__(self, fork: Fork, changes: Changes, duration: float | None) -> None:

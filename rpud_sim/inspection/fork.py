@@ -69,7 +69,7 @@ def open_fork(
 
     Raises:
         BagError: if the bag cannot be read.
-        ForkError: if the bag cannot tell the state at that instant.
+        ForkError: if the bag does not hold the state at that instant.
         EngineError: if the simulation cannot go on.
     """
     with rpud_sim.bag.open(path) as bag:

@@ -76,7 +76,7 @@ def write_fork(
 
     Raises:
         BagError: if a bag cannot be read or written.
-        ForkError: if the bag cannot tell the state at that instant, or what followed.
+        ForkError: if the bag does not hold the state at that instant, or what followed.
         ParameterError: if a change at the instant is refused.
         EngineError: if the simulation cannot go on.
     """

@@ -1,4 +1,4 @@
-"""One run of a bag as its journal tells it: what came before, what changed it, and its end."""
+"""One run of a bag as its journal has it: what came before, what changed it, and its end."""
 
 from __future__ import annotations
 

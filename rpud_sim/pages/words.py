@@ -24,7 +24,7 @@ from rpud_sim.pages.plot import (
 
 _ZERO = 1e-9  # of the greatest value: what is smaller comes of rounding
 _WRITTEN_OUT = 1e7  # numbers below have no exponent
-_FEW = 12  # points up to which a line is told by its ends
+_FEW = 12  # points up to which a line is described by its ends
 
 
 def described(plot: Plot) -> Plot:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 CONNECT_TIMEOUT = 10.0  # s
-# How long a study waits for a scheduler that it has lost, which somebody restarts [s].
+# How long a study waits until a scheduler that it has lost is restarted [s].
 RESTART_TIMEOUT = 300.0
 # Chunks in flight for each thread of the cluster: one runs, one waits.
 _IN_FLIGHT = 2

@@ -224,7 +224,7 @@ class Drill:
 
         Args:
             topic: of any node; a relative name is one of the drill's namespace.
-            kind: type such as ``std_msgs/msg/String``; may be empty if somebody publishes it.
+            kind: type such as ``std_msgs/msg/String``; may be empty if a node publishes it.
 
         Raises:
             ParameterError: if the topic has no publisher, and no type is given.

@@ -1,5 +1,6 @@
 """Expectations over time, and verdicts on them from a bag or live."""
 
+from rpud_sim.verdicts.expectation import Expectation
 from rpud_sim.verdicts.expectation_files import read_expectations
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.units import ExpectationError
@@ -8,7 +9,6 @@ from rpud_sim.verdicts.vocabulary import (
     Active,
     Becomes,
     Cleared,
-    Expectation,
     Formula,
     Message,
     Onset,

@@ -93,7 +93,7 @@ def compared(
 
 
 class Atoms:
-    """Step functions and instants of what is not composed, in one recording.
+    """Step functions and instants of formulas without parts, in one recording.
 
     Args:
         record: of the signals.

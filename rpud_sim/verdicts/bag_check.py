@@ -6,10 +6,11 @@ import os
 from collections.abc import Iterable
 
 from rpud_sim.bag import open as open_bag
+from rpud_sim.verdicts.expectation import Expectation
 from rpud_sim.verdicts.names import DIAGNOSTICS, check_use, find_field
 from rpud_sim.verdicts.record import bag_namespace
 from rpud_sim.verdicts.units import ExpectationError
-from rpud_sim.verdicts.vocabulary import Compare, Expectation, Quantile, Says
+from rpud_sim.verdicts.vocabulary import Compare, Quantile, Says
 
 
 def check_bag(

@@ -10,10 +10,10 @@ import yaml
 
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.yaml_files import read_yaml_text, yaml_lines
+from rpud_sim.verdicts.expectation import Expectation
 from rpud_sim.verdicts.notation import Path as Place
 from rpud_sim.verdicts.notation import to_formula, to_plain
 from rpud_sim.verdicts.units import ExpectationError
-from rpud_sim.verdicts.vocabulary import Expectation
 
 _KEYS = ("name", "requirement", "expect")
 

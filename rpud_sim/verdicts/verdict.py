@@ -10,6 +10,7 @@ import numpy as np
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts.atoms import Atoms
+from rpud_sim.verdicts.expectation import Expectation
 from rpud_sim.verdicts.names import Field, unit_of
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.robustness import Evaluation
@@ -21,7 +22,6 @@ from rpud_sim.verdicts.vocabulary import (
     Compare,
     Count,
     Eventually,
-    Expectation,
     Formula,
     Implies,
     Not,

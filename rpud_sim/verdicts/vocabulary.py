@@ -13,8 +13,6 @@ from rpud_sim.simulation.faults import Fault
 from rpud_sim.verdicts.units import ExpectationError, parse_quantity
 
 OPERATORS = ("<", "<=", ">", ">=", "==", "!=")
-ALWAYS_NEEDED = ("journal", "status")
-"""Topics that each expectation needs: they show where runs begin, and how far they go."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -375,44 +373,6 @@ class Quantile(Formula):
         _check_operator(self.operator)
         if not 0.0 < self.share <= 1.0:
             raise ExpectationError(f"quantile = {self.share:g} is outside its range (0, 1]")
-
-
-@dataclasses.dataclass(frozen=True)
-class Expectation:
-    """Named formula that must hold from the beginning of a run.
-
-    Args:
-        name: for people.
-        formula: to hold.
-        requirement: its identifier; empty for none.
-    """
-
-    name: str
-    formula: Formula
-    requirement: str = ""
-
-    def __post_init__(self) -> None:
-        from rpud_sim.verdicts.names import check_formula  # it uses these classes
-
-        check_formula(self.formula)
-
-    @property
-    def topics(self) -> tuple[str, ...]:
-        """Topics that a record needs, in the order of their names."""
-        return tuple(sorted({*ALWAYS_NEEDED, *self.used_topics}))
-
-    @property
-    def used_topics(self) -> tuple[str, ...]:
-        """Topics that the formula names, in the order of their names."""
-        found = set()
-        for part in self.formula.walk():
-            if isinstance(part, (Compare, Says, Quantile)):
-                found.add(part.signal.topic)
-            elif isinstance(part, Message):
-                found.add(part.topic)
-            elif isinstance(part, (Active, Onset, Cleared)):
-                found.add("faults")
-        return tuple(sorted(found))
 
 
 def _check_some(formulas: tuple[Formula, ...]) -> None:

@@ -79,8 +79,8 @@ _UNMARKED = {"begin", "origin", "flush", "stop"}
 class Heard:
     """Latest values and series of one drill; not safe for threads by itself.
 
-    Messages that come before the journal has told the stamp of time zero are left out, but for the
-    latest status and faults, which are kept for that moment.
+    Messages before the journal's stamp of time zero are left out, except the latest status and
+    faults, which are kept for that moment.
     """
 
     def __init__(self) -> None:

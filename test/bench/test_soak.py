@@ -136,7 +136,7 @@ def test_a_process_that_ends_badly_fails(code, passed):
 
 
 def test_the_whole_runs_against_a_real_drill(process):
-    """A short run cannot tell the growth of memory, and a busy machine misses deadlines."""
+    """A short run cannot show the growth of memory, and a busy machine misses deadlines."""
     run = process(sys.executable, "-m", "bench.soak", "--duration", "3", cwd=ROOT)
     run.wait()
     rows = re.findall(r"^\| (ok|FAILED) +\| ([^|]+?) +\|", run.output, re.MULTILINE)

@@ -65,7 +65,7 @@ def browser(a_browser_is_there: None) -> Iterator[Browser]:
 
 @pytest.fixture
 def artefacts(request: pytest.FixtureRequest) -> Path:
-    """Folder of this test's screenshots; nobody has made it yet."""
+    """Folder of this test's screenshots, which does not exist yet."""
     name = request.config.getoption("rpud_artefacts")
     test = re.sub(r"[^\w.=+-]+", "_", request.node.nodeid.rpartition("browser/")[2])[-150:]
     if not name:

@@ -36,7 +36,7 @@ _LOCAL = ("", "127.0.0.1", "localhost")
 _SERIOUS = ("serious", "critical")
 _ALWAYS = ("landmark-one-main", "page-has-heading-one", "region")  # axe says moderate
 
-# An element with a text of its own, or with somebody who speaks for it, needs no other.
+# An element with a text of its own, or inside a described figure, needs no other.
 _UNDESCRIBED = """() => {
   const spoken = (e) => e.closest('[aria-hidden="true"], [role="presentation"], [role="none"]')
     || e.getAttribute('alt') !== null || e.getAttribute('aria-label')
@@ -108,7 +108,7 @@ class BrowserPage:
             self.off_machine.append(url)
 
     def _hear(self, message: ConsoleMessage) -> None:
-        # A browser asks for an icon that nobody offers; the page did not.
+        # Browsers request an icon by themselves; no page of ours has one.
         if message.type == "error" and not message.location["url"].endswith("/favicon.ico"):
             self.errors.append(message.text)
 
@@ -156,8 +156,8 @@ class BrowserPage:
         return path
 
     def assert_quiet(self) -> None:
-        """Fail where the console had an error, or where anything was asked of another machine."""
-        found = [*self.errors, *(f"asked of another machine: {url}" for url in self.off_machine)]
+        """Fail if the console had an error, or if the page sent a request to another machine."""
+        found = [*self.errors, *(f"request to another machine: {url}" for url in self.off_machine)]
         assert not found, "\n".join(found)
 
     def assert_fits(self) -> None:

@@ -1,8 +1,9 @@
 """The page of a drill on an arm in a real browser: its numbers, its plots, its feed."""
 
 import pytest
-from browser.test_live_page import exact, opened, text_has
-from support import Process
+from browser.live_page import exact, opened, served, text_has
+from drill_client import start_drill
+from support import PATIENCE
 
 from rpud_sim.ros.client import DrillClient
 
@@ -17,20 +18,19 @@ VALUES = {
 
 @pytest.fixture(scope="module")
 def drill():
-    words = [word for name, value in VALUES.items() for word in ("-p", f"{name}:={value}")]
-    with Process("drill_node", "--ros-args", "-r", f"__ns:={NAMESPACE}", *words) as running:
+    with start_drill(NAMESPACE, **VALUES) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
 def server(drill):
-    with Process("rpud", "watch", "--port", "0", "--namespace", NAMESPACE) as running:
-        yield running.wait_for_line(r"(http://[^/]+)/")[1]
+    with served(NAMESPACE) as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
 def client(drill):
-    with DrillClient(NAMESPACE, node_name="test_client", patience=100.0) as found:
+    with DrillClient(NAMESPACE, node_name="test_client", patience=PATIENCE) as found:
         yield found
 
 

@@ -75,7 +75,7 @@ def test_a_page_of_a_server_on_this_machine_passes(page_of):
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
             found = self.path == "/"
-            self.send_response(200 if found else 404)  # of an icon nobody speaks
+            self.send_response(200 if found else 404)  # the icon that browsers request
             self.end_headers()
             self.wfile.write(GOOD.encode() if found else b"")
 

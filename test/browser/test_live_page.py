@@ -1,12 +1,13 @@
 """The page of a running drill in a real browser: what it shows, what it does, what it survives."""
 
-import json
 import re
 from urllib.parse import quote
 
 import pytest
+from browser.live_page import exact, is_exact, opened, served, text_has, text_is
 from browser.pages import PHONE
-from support import Process
+from drill_client import start_drill
+from support import PATIENCE, Process
 
 from rpud_sim.ros.client import DrillClient
 
@@ -15,28 +16,19 @@ NAMESPACE = "/live_page"
 
 @pytest.fixture(scope="module")
 def drill():
-    with Process(
-        *(
-            "drill_node",
-            "--ros-args",
-            "-r",
-            f"__ns:={NAMESPACE}",
-            "-p",
-            "rock_model:=specific_energy",
-        )
-    ) as running:
+    with start_drill(NAMESPACE, rock_model="specific_energy") as running:
         yield running
 
 
 @pytest.fixture(scope="module")
 def server(drill):
-    with Process("rpud", "watch", "--port", "0", "--namespace", NAMESPACE) as running:
-        yield running.wait_for_line(r"(http://[^/]+)/")[1]
+    with served(NAMESPACE) as address:
+        yield address
 
 
 @pytest.fixture(scope="module")
 def client(drill):
-    with DrillClient(NAMESPACE, node_name="test_client", patience=100.0) as found:
+    with DrillClient(NAMESPACE, node_name="test_client", patience=PATIENCE) as found:
         yield found
 
 
@@ -45,7 +37,7 @@ def live(server, client, page_of):
     """Page of a drill that plays as at its start."""
     client.reset("all")
     client.play()
-    return opened(page_of, server)
+    return opened(page_of, server, NAMESPACE)
 
 
 _MOVES = """() => new Promise((done) => {
@@ -55,35 +47,6 @@ _MOVES = """() => new Promise((done) => {
   const count = () => (frames += 1) > 30 ? done(seen) : requestAnimationFrame(count);
   count();
 })"""
-
-
-def opened(page_of, server, namespace=NAMESPACE, **options):
-    page = page_of(f"{server}/drill?namespace={quote(namespace)}", **options)
-    page.until("Number(document.documentElement.dataset.frame) > 0")
-    return page
-
-
-def text_is(page, selector, text):
-    page.until(f"document.querySelector({json.dumps(selector)}).textContent === {json.dumps(text)}")
-
-
-def text_has(page, selector, pattern):
-    page.until(
-        f"new RegExp({json.dumps(pattern)}).test("
-        f"document.querySelector({json.dumps(selector)}).textContent)"
-    )
-
-
-def exact(page, path):
-    """Number behind a value of the page, in full precision."""
-    return float(page.tab.get_attribute(f'output[data-value="{path}"]', "data-exact"))
-
-
-def is_exact(page, path, value):
-    page.until(
-        f"Number(document.querySelector('output[data-value=\"{path}\"]').dataset.exact)"
-        f" === {value!r}"
-    )
 
 
 def test_numbers_on_the_page_are_those_on_the_topic(live, client):
@@ -202,7 +165,7 @@ def test_a_reloaded_page_and_a_second_one_show_the_same_past(live, server, page_
     live.until("rpudLive.tables[0].rows.length > 30")
     live.tab.reload()
     live.until("window.rpudLive && rpudLive.tables[0].rows.length > 30")
-    second = opened(page_of, server)
+    second = opened(page_of, server, NAMESPACE)
     second.until("rpudLive.tables[0].rows.length > 30")
     live.tab.get_by_label("weight on bit [N]").fill("17")
     live.tab.get_by_role("button", name="Press").click()
@@ -220,7 +183,9 @@ def test_the_page_is_accessible_and_asks_nothing_of_other_machines(
     server, client, page_of, width, scheme
 ):
     client.play()
-    page = opened(page_of, server, width=width, scheme=scheme, reduced_motion=width == PHONE)
+    page = opened(
+        page_of, server, NAMESPACE, width=width, scheme=scheme, reduced_motion=width == PHONE
+    )
     page.until("rpudLive.tables[0].rows.length > 20")
     text_has(page, "#section-text", "free mass at")
     if width == PHONE:
@@ -245,10 +210,10 @@ def test_a_hostile_namespace_stays_text(server, page_of, namespace):
 
 
 def test_a_drill_may_come_later_vanish_and_return(server, page_of):
-    page = opened(page_of, server, namespace="/comes_later")
+    page = opened(page_of, server, "/comes_later")
     text_has(page, "#banner", "searching")
     for run in ("run 1", "run 2"):
-        with Process("drill_node", "--ros-args", "-r", "__ns:=/comes_later"):
+        with start_drill("/comes_later"):
             text_has(page, "#banner", f"^connected.*{run}")
             page.until("rpudLive.tables[0].rows.length > 5")
         text_has(page, "#banner", "^vanished")
@@ -256,9 +221,8 @@ def test_a_drill_may_come_later_vanish_and_return(server, page_of):
 
 
 def test_the_server_comes_back_and_the_page_goes_on(drill, page_of):
-    with Process("rpud", "watch", "--port", "0", "--namespace", NAMESPACE) as running:
-        base = running.wait_for_line(r"(http://[^/]+)/")[1]
-        page = opened(page_of, base)
+    with served(NAMESPACE) as base:
+        page = opened(page_of, base, NAMESPACE)
     text_has(page, "#banner", "has gone")
     port = re.search(r":(\d+)$", base)[1]
     with Process("rpud", "watch", "--port", port, "--namespace", NAMESPACE) as running:

@@ -83,7 +83,7 @@ def test_a_tolerance_has_three_ends(made, rpud):
     assert "figures differ by more than 20 %" in out
 
 
-def test_damage_is_told_and_ends_with_3(made, tmp_path, rpud):
+def test_damage_is_reported_and_ends_with_3(made, tmp_path, rpud):
     def change(message):
         broken = message.topic == "/rpud/reacting_force" and message.log_time == 10**9 // 2
         return [message.data[:20] if broken else message.data]

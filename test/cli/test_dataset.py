@@ -2,8 +2,6 @@
 
 import hashlib
 import json
-import subprocess
-import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from distributed import LocalCluster
+from support import rpud, until
 
 import rpud_sim.bag
 from rpud_sim.inspection.verify.verification import verify
@@ -43,21 +42,6 @@ SPECIFICATION = {
     ],
 }
 RUNS = 3 * (1 + 4)
-
-
-def rpud(*words):
-    return subprocess.run(
-        ["rpud", *map(str, words)], capture_output=True, text=True, timeout=110, check=False
-    )
-
-
-def wait_for(condition, timeout=60.0):
-    """Return what a condition gives as soon as it holds."""
-    deadline = time.monotonic() + timeout
-    while not (found := condition()):
-        assert time.monotonic() < deadline, "it did not come about"
-        time.sleep(0.002)
-    return found
 
 
 def contents(folder):
@@ -181,7 +165,7 @@ def test_a_fault_shows_in_the_features(made):
 def test_a_killed_call_goes_on_and_two_workers_give_the_same_bytes(spec, made, tmp_path, process):
     out = tmp_path / "out"
     killed = process("rpud", "dataset", spec, "--out", out, "--workers", "2")
-    wait_for(lambda: len(finished(out)) > 1)
+    until(lambda: len(finished(out)) > 1)
     killed.kill()
     kept = {path: (path / "run.json").stat().st_mtime_ns for path in finished(out)}
     assert 1 < len(kept) < RUNS

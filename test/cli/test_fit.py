@@ -1,10 +1,10 @@
 """`rpud fit`: what it prints, writes and refuses."""
 
 import json
-import subprocess
 
 import pytest
 import yaml
+from support import rpud
 
 TARGETS = {
     "parameters": {"regime": "drilling"},
@@ -23,12 +23,6 @@ TARGETS = {
         },
     ],
 }
-
-
-def rpud(*words):
-    return subprocess.run(
-        ["rpud", *map(str, words)], capture_output=True, text=True, timeout=110, check=False
-    )
 
 
 @pytest.fixture(scope="module")

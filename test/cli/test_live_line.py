@@ -1,4 +1,4 @@
-"""The live line of `rpud run` tells what the drill does, and fits the terminal."""
+"""The live line of `rpud run` shows what the drill does, and fits the terminal."""
 
 import dataclasses
 import io
@@ -73,7 +73,7 @@ def healthy():
     return Drill(rock_model="specific_energy").report()
 
 
-def test_it_tells_state_weight_on_bit_impacts_forces_depth_and_timing(healthy):
+def test_it_shows_state_weight_on_bit_impacts_forces_depth_and_timing(healthy):
     text = live_text(healthy)
     assert text.startswith("    0.1 s  running  10 N on bit  ")
     assert f"{healthy.figures['drill_tool_impact_rate']:.0f} impacts/s" in text
@@ -106,7 +106,7 @@ def test_a_jammed_drill_is_jammed_and_one_without_drive_has_no_impacts():
     assert "jammed" not in off
 
 
-def test_faults_and_refused_commands_and_requests_are_told():
+def test_faults_and_refused_commands_and_requests_are_reported():
     drill = Drill(rock_model="specific_energy")
     drill.simulation.inject(Fault("hard_rock"))
     drill.simulation.inject(Fault("off", "wrench"))

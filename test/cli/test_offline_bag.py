@@ -95,7 +95,7 @@ def test_every_topic_is_there_and_stamped_with_simulation_time(messages):
     for name, topic in messages.items():
         times = [time for time, _ in topic]
         assert times == sorted(times)
-        # An impact is told when its contact is over, a stream when its block is.
+        # An impact is published when its contact is over, a stream when its block is.
         longest = {"contact_force": 0.001, "waveform": 0.05, "trajectory": 0.06}
         allowed = longest.get(name.removeprefix("/rpud/"), 0.0) * SECOND
         for time, stamp in zip(times, stamps(topic), strict=True):
@@ -231,7 +231,7 @@ def test_faults_of_a_scenario_are_in_the_bag_with_what_they_do(tmp_path):
         return time.sec * SECOND + time.nanosec
 
     times, ledgers = zip(*found["faults"], strict=True)
-    # Three come and two go, each told at the end of the block in which it did.
+    # Three come and two go, each published at the end of its block.
     expected = [0.0, 0.1, 0.13, 0.2, 0.21, 0.3, 0.35]
     assert list(times) == [round(second * SECOND) for second in expected]
     last = {fault.kind: fault for fault in ledgers[-1].faults}

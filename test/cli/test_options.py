@@ -103,7 +103,7 @@ def test_a_duration_is_positive_and_no_eternity(record, option, value):
         record(f"{option}={value}")
 
 
-def test_words_for_ros_are_told_from_those_of_the_program():
+def test_words_for_ros_are_split_from_those_of_the_program():
     own, ros = split_ros_arguments(
         ["bag", "--ros-args", "-r", "__ns:=/a", "--", "--remap", "/a:=/b", "--ros-args", "-p", "x"]
     )

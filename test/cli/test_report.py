@@ -51,7 +51,7 @@ def test_json_is_one_object_and_what_is_left_out_is_named(tmp_path, rpud):
     }
 
 
-def test_what_is_damaged_is_left_out_and_all_else_is_told(tmp_path, rpud):
+def test_what_is_damaged_is_left_out_and_all_else_is_shown(tmp_path, rpud):
     path = write_damaged(tmp_path / "bag")
     code, out, err = rpud("report", path, "--out", tmp_path / "out.html", "--json")
     content = json.loads(out)

@@ -94,7 +94,7 @@ def test_the_score_of_each_reading_is_written_and_colored(made):
     assert "prefers-color-scheme:dark" in page
 
 
-def test_trends_that_nobody_doubts_are_found(made):
+def test_undisputed_trends_are_found(made):
     _, numbers = made
     verdicts = {
         (trend["parameter"], trend["output"]): trend["verdict"]

@@ -280,14 +280,14 @@ def test_a_scenario_that_cannot_be_used_is_refused_before_anything(
     assert not (tmp_path / "bag").exists()
 
 
-def test_an_unknown_parameter_is_told_which_there_are(simulate):
+def test_an_unknown_parameter_is_refused_with_the_known_ones(simulate):
     code, output, errors = simulate("--set", "wieght_on_bit=1")
     assert (code, output) == (2, "")
     said = "wieght_on_bit is not a parameter; did you mean weight_on_bit?"
     assert errors == f"rpud simulate: {said}\n"
 
 
-def test_a_long_compilation_is_told(simulate, monkeypatch):
+def test_a_long_compilation_is_reported(simulate, monkeypatch):
     def compiling(configuration, tell=lambda text: None, messages=False):
         tell("it is compiled")
 

@@ -1,15 +1,14 @@
-"""`rpud sweep`: the same bytes whatever happens to those who do the work."""
+"""`rpud sweep`: the same bytes whatever happens to its workers."""
 
 import json
 import os
 import signal
-import subprocess
-import time
 from pathlib import Path
 
 import pytest
 import yaml
 from distributed import LocalCluster
+from support import rpud, until
 
 from rpud_sim.pages.words import number
 from rpud_sim.simulation.statistics import FIGURES
@@ -24,21 +23,6 @@ SPECIFICATION = {
     "swept": {"weight_on_bit": {"minimum": 5.0, "maximum": 20.0}},
 }
 CHUNKS = 32
-
-
-def rpud(*words):
-    return subprocess.run(
-        ["rpud", *map(str, words)], capture_output=True, text=True, timeout=110, check=False
-    )
-
-
-def wait_for(condition, timeout=60.0):
-    """Return what a condition gives as soon as it holds."""
-    deadline = time.monotonic() + timeout
-    while not (found := condition()):
-        assert time.monotonic() < deadline, "it did not come about"
-        time.sleep(0.002)
-    return found
 
 
 def descendants(pid):
@@ -130,12 +114,12 @@ def test_any_point_can_be_simulated_again(made):
 def test_a_killed_worker_costs_its_own_chunk_alone(spec, made, tmp_path, process):
     out = tmp_path / "out"
     sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
-    wait_for(lambda: chunks(out))
-    victim, survivor = wait_for(lambda: len(found := workers(sweep.pid)) == 2 and sorted(found))
+    until(lambda: chunks(out))
+    victim, survivor = until(lambda: len(found := workers(sweep.pid)) == 2 and sorted(found))
     os.kill(victim, signal.SIGKILL)
     before = chunks(out)
     assert len(before) < CHUNKS
-    wait_for(lambda: len(found := workers(sweep.pid)) == 2 and victim not in found)
+    until(lambda: len(found := workers(sweep.pid)) == 2 and victim not in found)
     assert survivor in workers(sweep.pid)
     assert sweep.wait() == 0
     assert "64 run, 0 kept, 0 failed" in sweep.output
@@ -145,11 +129,11 @@ def test_a_killed_worker_costs_its_own_chunk_alone(spec, made, tmp_path, process
 def test_a_killed_sweep_goes_on_where_it_was(spec, made, tmp_path, process):
     out = tmp_path / "out"
     sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
-    wait_for(lambda: len(chunks(out)) > 1)
+    until(lambda: len(chunks(out)) > 1)
     begun = descendants(sweep.pid)
     assert len(begun) > 2
     sweep.kill()
-    wait_for(lambda: not any(map(alive, begun)))  # nobody works on for nobody
+    until(lambda: not any(map(alive, begun)))
     kept = {path: path.stat().st_mtime_ns for path in chunks(out)}
     assert 1 < len(kept) < CHUNKS
     again = rpud("sweep", spec, "--out", out, "--workers", 2, "--json")
@@ -180,12 +164,12 @@ def test_a_finished_sweep_is_not_run_again_and_another_is_refused(spec, made, tm
 def test_ctrl_c_ends_a_sweep_and_its_workers_without_a_trace(spec, tmp_path, process):
     out = tmp_path / "out"
     sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
-    wait_for(lambda: chunks(out))
+    until(lambda: chunks(out))
     begun = descendants(sweep.pid)
     os.killpg(sweep.pid, signal.SIGINT)
     assert sweep.wait() == 130
     assert "Traceback" not in sweep.output
-    wait_for(lambda: not any(map(alive, begun)))
+    until(lambda: not any(map(alive, begun)))
 
 
 @pytest.fixture
@@ -202,7 +186,7 @@ def test_a_cluster_gives_the_same_bytes_even_if_it_loses_a_worker(
     out = tmp_path / "out"
     assert cluster.scheduler_address.startswith("tcp://")
     sweep = process("rpud", "sweep", spec, "--out", out, "--scheduler", cluster.scheduler_address)
-    wait_for(lambda: chunks(out))
+    until(lambda: chunks(out))
     os.kill(cluster.workers[0].pid, signal.SIGKILL)
     assert len(chunks(out)) < CHUNKS
     assert sweep.wait(90.0) == 0

@@ -1,4 +1,4 @@
-"""`make fuzz`: long campaigns against the drill and with bags, and tables of what came of them.
+"""`make fuzz`: long campaigns against the drill and with bags, and tables of their results.
 
 Exit 1 if something did harm.
 """

@@ -1,4 +1,4 @@
-"""A campaign: many hostile inputs, one after another, and what came of them."""
+"""A campaign: many hostile inputs, one after another, and their results."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAGE = 4096
 
 @dataclasses.dataclass
 class Tally:
-    """What came of the inputs of one way."""
+    """Counts of the inputs of one way."""
 
     inputs: int = 0
     refused: int = 0
@@ -30,7 +30,7 @@ class Tally:
 
 @dataclasses.dataclass
 class Outcome:
-    """What came of a campaign."""
+    """Result of a campaign."""
 
     tallies: dict[str, Tally] = dataclasses.field(
         default_factory=lambda: {way: Tally() for way in WAYS}
@@ -78,7 +78,7 @@ def run(
 
 
 def send(drawn: random.Random, drill: Drill, way: str, tally: Tally) -> list[str]:
-    """Send one input; give what is wrong with what came of it."""
+    """Send one input; return what is wrong with its result."""
     before = drill.state()
     harms = []
     began = time.perf_counter()
@@ -106,7 +106,7 @@ def send(drawn: random.Random, drill: Drill, way: str, tally: Tally) -> list[str
 
 
 class Timekeeper:
-    """Adds up what the drill reports of its schedule, as a reset begins the counters anew.
+    """Adds up what the drill reports of its schedule, since a reset sets its counters to zero.
 
     Args:
         drill: that reports.

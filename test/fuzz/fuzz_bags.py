@@ -5,7 +5,7 @@
 
 Targets are `read`, `recover`, `metadata`, `losses` and `codec`. The first folder that is named
 keeps what was found interesting, begun with small valid inputs. What it finds becomes a test in
-test/bag/test_hostile.py. atheris is not among what `make` installs.
+one of test/bag/test_hostile_*.py. atheris is not among what `make` installs.
 """
 
 import contextlib

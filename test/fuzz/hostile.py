@@ -120,7 +120,7 @@ def yaml(random: random.Random, templates: tuple[str, ...], names: tuple[str, ..
 
 
 def scalar(random: random.Random) -> str:
-    """One scalar, or what stands in the place of one, as somebody may write it in YAML."""
+    """One scalar, or something else in its place, as YAML that a user may write."""
     return random.choice(
         (
             *("~", "null", "yes", "off", ".nan", "-.inf", ".inf", "1e400", "-0", "0x1F", "0o17"),

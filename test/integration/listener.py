@@ -1,4 +1,4 @@
-"""A program that listens to topics of /rpud and, when it is told to stop, prints what it heard.
+"""A program that listens to topics of /rpud and, when a signal stops it, prints what it received.
 
 The one line is `heard` and a JSON object: for each topic the messages as hexadecimal text. It
 prints `listening` when it is ready, and `heard enough` when each topic had as many messages as

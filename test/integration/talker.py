@@ -3,7 +3,7 @@
 `contact_force` is reliable, `nodal_plane` best effort and `status` latched. It prints `waiting`,
 waits until each has `--subscribers`, prints `talking`, publishes one status and then `--count` of
 the others at `--rate`, waits until reliable subscribers have them, prints `published N` and stays
-until it is told to stop.
+until a signal stops it.
 """
 
 import argparse

@@ -13,7 +13,7 @@ ACTIVATE = Transition.TRANSITION_ACTIVATE
 DEACTIVATE = Transition.TRANSITION_DEACTIVATE
 CLEANUP = Transition.TRANSITION_CLEANUP
 PARAMETERS = {"autostart": False, "start_paused": True, "publish_clock": True}
-# Elastic masses that nobody drives would bounce for ever.
+# Elastic masses without a drive would bounce for ever.
 INELASTIC = {"actuator_restitution": 0.8, "drill_tool_restitution": 0.8}
 WAITING = "waiting for the transitions configure and activate"
 WAYS = {

@@ -28,7 +28,7 @@ def recorded_impacts(path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_cleanly_and_the_end_is_heard(start_drill, connect, number):
+def test_a_signal_ends_it_cleanly_and_the_end_is_published(start_drill, connect, number):
     node = start_drill("/ending")
     client = connect("/ending")
     statuses, impacts = client.status, client.listen("contact_force")

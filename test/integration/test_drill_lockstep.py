@@ -56,7 +56,7 @@ def try_step(client, seconds):
     return client.call(StepSimulation, "simulation/step", request)
 
 
-def test_steps_add_up_to_the_nanosecond_and_all_that_happened_is_heard(client):
+def test_steps_add_up_to_the_nanosecond_and_all_that_happened_is_received(client):
     planes, impacts = map(client.listen_to_runs, ("nodal_plane", "contact_force"))
 
     def heard():
@@ -108,7 +108,7 @@ def test_a_run_to_a_time_that_is_too_far_away_is_refused(client):
 @pytest.mark.parametrize(
     "durability", [DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL]
 )
-def test_at_a_standstill_the_clock_goes_on_to_tell_the_time(client, durability):
+def test_at_a_standstill_the_clock_is_still_published(client, durability):
     client.reset()
     reached = client.step(0.25)
     clock = client.listen("/clock", QoSProfile(depth=100, durability=durability))
@@ -150,7 +150,7 @@ def test_it_plays_pauses_and_stops_with_the_results_of_the_standard(client):
     assert unknown.error_message == "state 9 is unknown"
 
 
-def test_a_pause_or_a_reset_ends_a_step_and_its_client_hears_of_it(client):
+def test_a_pause_or_a_reset_ends_a_step_and_its_client_gets_an_answer(client):
     for act, said in (
         (lambda: client.set_state(SimulationState.STATE_PAUSED), "the simulation was paused"),
         (client.reset, "the simulation was reset"),
@@ -261,7 +261,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not(client, sta
     assert Tape(connect("/seeded")).record(None) == first
 
 
-def test_a_signal_ends_a_step_and_its_client_hears_of_it(start_drill, connect):
+def test_a_signal_ends_a_step_and_its_client_gets_an_answer(start_drill, connect):
     process = start_drill("/ended", **PARAMETERS)
     client = connect("/ended")
     request = StepSimulation.Request(duration=duration(1e6))

@@ -216,7 +216,7 @@ def test_a_killed_drill_leaves_a_whole_bag_and_no_recorder(process, tmp_path):
 
 
 def has_ended(pid: str) -> bool:
-    """Whether a child of another process has ended, though nobody has asked for its exit code."""
+    """Whether a child of another process has ended, even if its parent has not waited for it."""
     state, *fields = Path("/proc", pid, "stat").read_text().rpartition(")")[2].split()
     return state == "Z" and int(fields[16]) <= 1  # its other threads may outlive the first one
 

@@ -45,7 +45,7 @@ def measured(client, clocks, ticks):
 
 
 @pytest.mark.parametrize(("factor", "ticks"), [(0.1, 8), (1.0, 50), (5.0, 250)])
-def test_time_goes_as_fast_as_it_is_told_to(client, factor, ticks):
+def test_time_passes_at_the_given_factor(client, factor, ticks):
     clocks, statuses = client.listen("/clock"), client.status
     set_factor(client, factor)
     client.until(lambda: statuses and statuses[-1].lag == 0.0)

@@ -35,7 +35,7 @@ def client(drill, connect):
 @pytest.mark.parametrize(
     "qos", [QoSProfile(depth=10), qos_profile_sensor_data], ids=["default", "sensor data"]
 )
-def test_every_sensor_is_heard_with_default_and_with_sensor_data_qos(client, qos):
+def test_every_sensor_is_received_with_default_and_with_sensor_data_qos(client, qos):
     heard = {topic: client.listen(topic, qos) for topic in TELEMETRY}
     client.until(lambda: all(len(messages) >= 5 for messages in heard.values()))
 
@@ -82,7 +82,7 @@ def test_telemetry_is_one_sample_of_one_motion_a_hundred_times_a_second(client):
         assert frames == {"rpud_mount"}
 
 
-def test_every_impact_is_heard_once_and_is_physical(client):
+def test_every_impact_is_received_once_and_is_physical(client):
     heard = client.listen("contact_force")
     client.until(lambda: len(heard) >= 400)
     sequences = [message.sequence for message in heard]
@@ -124,7 +124,7 @@ def test_the_status_is_latched_for_who_comes_late(client):
     assert second.commands_accepted == second.commands_rejected == second.messages_dropped == 0
 
 
-def test_the_diagnostics_tell_timing_and_commands(client):
+def test_the_diagnostics_show_timing_and_commands(client):
     heard = client.listen("/diagnostics")
 
     def ours():
@@ -233,7 +233,7 @@ def test_streams_have_no_gap_and_rebuild_each_other_at_rates_that_do_not_divide(
     assert times == [number * SECOND // 30 for number in numbers]
 
 
-def test_nobody_has_to_listen_and_late_listeners_hear_the_present(client):
+def test_the_drill_needs_no_subscriber_and_late_ones_get_the_present(client):
     """A listener that comes second hears what the first one hears, from then on."""
     early = client.listen("contact_force")
     client.until(lambda: len(early) >= 10)

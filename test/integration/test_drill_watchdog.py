@@ -15,7 +15,7 @@ def drill(start_module_drill):
         publish_clock=True,
         command_timeout=0.5,
         command_loss_ramp=0.4,
-        # Elastic masses that nobody drives would bounce for ever.
+        # Elastic masses without a drive would bounce for ever.
         actuator_restitution=0.8,
         drill_tool_restitution=0.8,
     )

@@ -1,4 +1,4 @@
-"""A bag without ROS and a recording of the node cannot be told apart by their topics."""
+"""A bag without ROS and a recording of the node have the same topics."""
 
 import itertools
 import time
@@ -7,9 +7,9 @@ import rpud_sim.bag
 
 
 def topics(path):
-    """Give the topics that hold messages; nobody commands the drill here.
+    """Return the topics that hold messages; the drill gets no commands here.
 
-    What a node tells of its own states is not among them: offline there is none.
+    The states of a node are not among them: offline there is no node.
     """
     with rpud_sim.bag.open(path) as bag:
         held = [summary for summary in bag.topics if summary.message_count]

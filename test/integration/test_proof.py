@@ -155,7 +155,7 @@ def test_one_flipped_bit_is_named(bag, tmp_path, topic):
     assert verification.topics[name].unexpected == 0
 
 
-def test_a_recorder_that_came_late_and_left_early_proves_what_it_heard(bag, tmp_path):
+def test_a_recorder_that_came_late_and_left_early_proves_what_it_received(bag, tmp_path):
     numbers = itertools.count()
 
     def part(message):
@@ -217,7 +217,7 @@ def beginnings(bag):
 
 
 @pytest.mark.parametrize("number", [-1, -2])
-def test_a_recorder_that_started_after_a_reset_proves_what_it_heard(bag, tmp_path, number):
+def test_a_recorder_that_started_after_a_reset_proves_what_it_received(bag, tmp_path, number):
     begin = beginnings(bag)[number] + 1
     verification = verify(from_a_late_recorder(bag, tmp_path / "bag", begin, published=True))
     assert verification.proved, verification

@@ -101,7 +101,7 @@ def bag(tmp_path):
     return tmp_path / "bag"
 
 
-def test_what_is_said_is_recorded_replayed_and_heard(process, program, tmp_path):
+def test_published_messages_are_recorded_replayed_and_received(process, program, tmp_path):
     everything = ("--expect", f"{CONTACT_FORCE}=500", f"{STATUS}=1", f"{NODAL_PLANE}=400")
     listener = program("listener", *everything)
     listener.wait_for_line("listening")
@@ -230,7 +230,7 @@ def test_what_a_killed_recorder_has_flushed_is_recovered_without_a_gap(process, 
 
 
 def test_a_recorder_ends_with_the_one_that_holds_its_input_open(process, program, tmp_path):
-    # The shell is killed as it stands, so that only its end of the pipe tells the recorder.
+    # The shell is killed as it stands, so that the recorder notices it only by the closed pipe.
     parent = process(
         "bash",
         "-c",

@@ -36,7 +36,7 @@ def manifests(path):
         return [manifest_from_record(record) for record in bag.records(MANIFEST)]
 
 
-def test_a_bag_tells_what_it_is_a_recording_of(process, tmp_path):
+def test_a_bag_holds_what_it_is_a_recording_of(process, tmp_path):
     scenario = tmp_path / "faults.yaml"
     scenario.write_text("faults:\n  - {kind: lost_preload, onset: 100.0}\n")
     settings = {"seed": 7.0, "gravity": 3.71, "regime": "drilling", "scenario": str(scenario)}
@@ -109,7 +109,7 @@ def test_a_topic_that_never_came_is_a_failure_with_the_nearest_name(process, tal
     )
 
 
-def test_a_publisher_that_is_there_and_not_heard_is_subscribed_again(process, tmp_path):
+def test_a_publisher_without_a_match_is_subscribed_again(process, tmp_path):
     # In another partition it is in the graph, and connected to no one.
     profile = tmp_path / "partition.xml"
     profile.write_text(

@@ -264,11 +264,11 @@ class Terminal:
         os.write(self.terminal, keys)
 
     def look(self):
-        """Take what it shows; tell whether it still runs."""
+        """Read what it shows; return whether it still runs."""
         while select.select([self.terminal], [], [], 0.01)[0]:
             try:
                 data = os.read(self.terminal, 4096)
-            except OSError:  # of a terminal that nobody has
+            except OSError:  # the other end of the terminal is closed
                 break
             self.shown += data.decode(errors="replace")
         if self.code is None:

@@ -119,8 +119,8 @@ def test_states_follow_each_other_and_steps_are_refused_unless_paused(client):
     assert unsupported == Result.RESULT_FEATURE_UNSUPPORTED
 
 
-def test_steps_as_an_action_tell_of_each_one(client, action):
-    # That the other side knows who listens to it shows in what it tells.
+def test_steps_as_an_action_report_each_one(client, action):
+    # Feedback arrives only when the server has discovered the subscription.
     warm = []
     client.until(lambda: result_of(client, accepted(client, action, 1, warm.append)) and warm)
     client.reset()
@@ -128,14 +128,14 @@ def test_steps_as_an_action_tell_of_each_one(client, action):
     end = result_of(client, accepted(client, action, 8, told.append))
     assert end.status == GoalStatus.STATUS_SUCCEEDED
     assert end.result.result.result == Result.RESULT_OK
-    # rclpy's client passes over what comes after it has heard of the end.
+    # rclpy's client drops feedback that arrives after the result.
     steps = [(it.feedback.completed_steps, it.feedback.remaining_steps) for it in told]
     assert steps == [(number, 8 - number) for number in range(1, len(told) + 1)]
     assert steps
     reached(client, 8 * SECOND // 100)
 
 
-def test_steps_as_an_action_can_be_cancelled_and_nobody_steps_meanwhile(client, action):
+def test_steps_as_an_action_can_be_cancelled_and_exclude_other_steps(client, action):
     told = []
     goal = accepted(client, action, 10**7, told.append)
     client.until(lambda: told)

@@ -99,9 +99,7 @@ def read_only(folder):
         path.chmod(path.stat().st_mode & ~0o222)
 
 
-def test_kernels_serve_a_copy_elsewhere_with_other_times_that_nobody_may_write_to(
-    package, tmp_path
-):
+def test_kernels_serve_a_read_only_copy_elsewhere_with_other_times(package, tmp_path):
     assert run(package) == COMPILED  # the rule once, for a literal, a byte and an int64
     assert len(list((package / "kernels").iterdir())) == 1
     elsewhere = tmp_path / "elsewhere"

@@ -1,4 +1,4 @@
-"""Colours can be told from their backgrounds, in both themes, and both have the same names."""
+"""Colours stand out from their backgrounds in both themes, and both themes have the same names."""
 
 import pytest
 

@@ -14,7 +14,7 @@ def words(*layers, y=FORCE, x=TIME, alt=""):
     return described(Plot("force", layers, alt, y, x)).alt
 
 
-def test_a_short_line_is_told_by_its_ends_and_a_long_one_by_its_extremes():
+def test_a_short_line_is_described_by_its_ends_and_a_long_one_by_its_extremes():
     x = np.array([1.0, 2.0, 3.0])
     assert words(Line("a", x, 10.0 * x)) == "a: 10 at 1 s, 30 at 3 s."
     x = np.linspace(0.0, 1.0, 100)
@@ -48,7 +48,7 @@ def test_rounding_is_no_extreme():
     assert words(Line("a", x, y)) == "a: 0 to 1."
 
 
-def test_bars_cells_bands_and_shaded_points_are_told():
+def test_bars_cells_bands_and_shaded_points_are_described():
     edges = np.arange(11.0)
     counts = np.array([0, 0, 1, 50, 50, 50, 1, 0, 0, 0.0])
     assert words(Bars("counts", edges, counts)) == "counts: 90 % between 3 and 6."

@@ -1,4 +1,4 @@
-"""What the wheels of ROS find in their environment when nobody has sourced env.bash."""
+"""What the wheels of ROS find in their environment without env.bash."""
 
 import os
 import subprocess

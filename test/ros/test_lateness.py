@@ -1,4 +1,4 @@
-"""Delays are told to within a few per cent, from as many as there may be."""
+"""Delays are reported to within a few per cent, however many there are."""
 
 import numpy as np
 import pytest

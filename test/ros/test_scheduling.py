@@ -43,7 +43,7 @@ def test_what_a_thread_starts_is_not_scheduled_so(thread):
     assert thread(start) == (os.SCHED_OTHER, 0)
 
 
-def test_where_it_is_not_permitted_the_reason_is_told(thread, monkeypatch):
+def test_where_it_is_not_permitted_the_reason_is_reported(thread, monkeypatch):
     def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
 

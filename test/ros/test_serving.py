@@ -42,7 +42,7 @@ def test_a_message_for_which_rclpy_raises_an_error_is_reported_in_one_line(kind)
         rclpy.try_shutdown()
 
 
-def test_a_thread_that_publishes_waits_a_moment_only_and_nobody_else_later():
+def test_switches_are_quick_inside_the_context_alone():
     before = sys.getswitchinterval()
     with quick_switches():
         assert sys.getswitchinterval() < 1e-3 < before

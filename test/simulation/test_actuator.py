@@ -177,7 +177,7 @@ def test_the_amplitude_sags_under_load_and_with_it_the_power():
     assert loaded.actuator.mechanical_work < 12.5
 
 
-# --- nothing depends on when it is asked ------------------------------------------------------
+# --- nothing depends on when it is read -------------------------------------------------------
 
 
 @settings(max_examples=5, deadline=None)
@@ -249,7 +249,7 @@ def test_a_tracking_generator_finds_a_resonance_and_loses_it_by_a_fault():
     assert simulation.actuator.frequency == pytest.approx(15_900.0, abs=3.0)
 
 
-def test_a_tracking_generator_stays_in_its_range_and_starts_anew_at_a_command():
+def test_a_tracking_generator_stays_in_its_range_and_restarts_at_a_command():
     actuator = Actuator(dataclasses.replace(TRACKING, tracking_range=50.0), AMPLITUDE, on())
     for number in range(1, 1001):
         actuator.step(number * TRACKING_INTERVAL, NOTHING._replace(envelope=1.0 - 5.0j))

@@ -127,7 +127,7 @@ def test_what_cannot_be_used_is_named(values, complaint):
     assert str(caught.value).startswith(complaint)
 
 
-def test_an_unknown_name_is_told_which_names_there_are():
+def test_an_unknown_name_is_refused_with_the_known_ones():
     with pytest.raises(ParameterError) as caught:
         to_parameters({"zzz": 1})
     for name in PARAMETERS:

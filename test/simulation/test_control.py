@@ -22,7 +22,7 @@ def made(timeout=0.0, ramp=0.5, active=True, **options):
 
 
 def go_on(simulation, control, time):
-    """Advance, and let act what shall act then; tell what ``act`` does."""
+    """Advance, and apply what is due; return what ``act`` does."""
     simulation.advance_to(time)
     return control.act()
 
@@ -91,7 +91,7 @@ def test_activating_an_active_drill_leaves_its_commands():
     assert acting(simulation) == (20.0, 100.0)
 
 
-def test_lost_commands_ramp_down_are_told_once_and_come_back_whole():
+def test_lost_commands_ramp_down_are_reported_once_and_come_back_whole():
     simulation, control = made(timeout=0.1, ramp=0.2)
     assert not go_on(simulation, control, 100 * MILLISECOND)
     assert not control.commands_lost

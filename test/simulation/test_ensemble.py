@@ -99,8 +99,8 @@ def test_members_without_a_figure_are_left_out_of_its_mean():
     ensemble = Ensemble((0.1, 0.2, 0.3), (member(None), member(2.0), member(4.0)), (), 1.0)
     assert ensemble.mean()["contact_force_mean"] == 3.0
     assert ensemble.standard_error()["contact_force_mean"] == pytest.approx(1.0)
-    nobody = Ensemble((0.1,), (member(None),), (), 1.0)
-    assert nobody.mean()["contact_force_mean"] is None
+    empty = Ensemble((0.1,), (member(None),), (), 1.0)
+    assert empty.mean()["contact_force_mean"] is None
 
 
 def test_one_member_has_its_own_figures_and_no_error():
@@ -170,7 +170,7 @@ def test_nothing_is_left_to_compile_once_a_drill_runs():
 
 
 @pytest.mark.parametrize("long", [True, False])
-def test_a_compilation_that_takes_long_is_told(monkeypatch, long):
+def test_a_compilation_that_takes_long_is_reported(monkeypatch, long):
     told = threading.Event()
 
     class Compiling(Statistics):
@@ -191,7 +191,7 @@ def test_a_compilation_that_takes_long_is_told(monkeypatch, long):
     assert lines == [compilation_notice()] * long
 
 
-def test_kernels_that_are_cached_are_not_told_however_busy_the_machine_is(monkeypatch):
+def test_cached_kernels_are_not_reported_however_busy_the_machine_is(monkeypatch):
     told = threading.Event()
 
     class Slow(Statistics):

@@ -39,7 +39,7 @@ def test_without_a_magnitude_a_fault_has_its_kind_s_default_inside_the_range(kin
 
 
 @pytest.mark.parametrize("kind", ["free_mass_jammed", "feed_stall", "off", "stuck", "garbage"])
-def test_a_kind_without_magnitude_takes_what_nobody_filled_and_nothing_else(kind):
+def test_a_kind_without_magnitude_accepts_the_default_of_a_message_alone(kind):
     channel = "" if KINDS[kind].physical else "wrench"
     assert Fault(kind, channel, 0.0) == Fault(kind, channel, math.nan)
     with pytest.raises(FaultError, match=r"has no magnitude, given 3$"):

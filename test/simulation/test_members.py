@@ -158,7 +158,7 @@ def test_threads_change_nothing(configuration, duration, threads):
     assert exact(found.members) == exact(run_ensemble(configuration, duration, phases).members)
 
 
-def test_nobody_s_members_are_run_when_the_first_are_enough():
+def test_closing_the_iterator_ends_the_runs():
     found = run_members(preset("drilling"), 15.0, [0.1] * 1000, threads=2)
     assert next(found).failure is None
     found.close()

@@ -189,7 +189,7 @@ def test_a_span_is_its_blocks(values, ends, scenario):
     assert account.residual == pytest.approx(0.0, abs=1e-6)
 
 
-def test_an_engine_that_fails_has_not_moved_and_tells_the_same():
+def test_an_engine_that_fails_has_not_moved_and_gives_the_same_error():
     seconds, fractions = np.zeros(4, np.int64), np.linspace(0.01, 0.04, 4)
     engines = [Engine(preset("drilling")) for _ in range(2)]
     for engine in engines:

@@ -23,7 +23,7 @@ def claims():
         each.release()
 
 
-def test_nobody_else_gets_a_claimed_domain(claims):
+def test_a_claimed_domain_is_exclusive(claims):
     domains = {claims() for _ in range(3)}
     assert len(domains) == 3
     other = subprocess.check_output([sys.executable, "-c", CLAIM], text=True)
@@ -38,7 +38,7 @@ def test_a_released_domain_is_free_again(claims):
     assert claims() == claim.domain
 
 
-def test_a_domain_in_which_somebody_is_without_a_lock_is_passed_over(claims):
+def test_a_domain_in_use_without_a_lock_is_skipped(claims):
     free = DomainClaim()
     free.release()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:

@@ -223,7 +223,7 @@ def test_what_the_drill_refuses_is_an_error_with_its_reason(drill):
     [
         (lambda drill: drill.latest("reacting_forc"), "did you mean reacting_force"),
         (lambda drill: drill.messages("waveform"), r"call listen\('waveform'\) first"),
-        (lambda drill: drill.listen("/nobody"), "no publisher on /nobody; give its type"),
+        (lambda drill: drill.listen("/silent"), "no publisher on /silent; give its type"),
         (lambda drill: drill.step(-1.0), "step = -1 s is outside its range"),
         (lambda drill: drill.step_until(lambda: 1, 0.0), "timeout = 0 s is outside its range"),
         (lambda drill: drill.with_answers("/a", count=0), "count = 0 is outside its range"),

@@ -44,7 +44,7 @@ def wheels(tmp_path_factory):
 def prefix(tmp_path_factory, wheels):
     """Install both wheels by pip into a new environment, beside links to all that they need.
 
-    The links lie where pip would put the files. To install ROS anew would take most of a minute.
+    The links lie where pip would put the files. To install ROS again would take most of a minute.
     """
     prefix = tmp_path_factory.mktemp("environment")
     venv.create(prefix, symlinks=True)

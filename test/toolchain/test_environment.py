@@ -66,7 +66,7 @@ def test_sourcing_survives_and_keeps_strict_options(shell):
 
 
 @shells
-def test_ros_stays_on_this_machine_unless_told_otherwise(shell):
+def test_ros_stays_on_this_machine_unless_set_otherwise(shell):
     script = '. "$ENV"; echo $ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE'
     assert run(shell, script).stdout == "42 SYSTEM_DEFAULT\n"
     own = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
@@ -74,7 +74,7 @@ def test_ros_stays_on_this_machine_unless_told_otherwise(shell):
 
 
 @shells
-def test_processes_find_each_other_quickly_unless_told_otherwise(shell):
+def test_processes_find_each_other_quickly_unless_set_otherwise(shell):
     script = '. "$ENV"; echo $FASTRTPS_DEFAULT_PROFILES_FILE'
     assert run(shell, script).stdout == f"{ROOT}/config/fastdds_loopback.xml\n"
     own = {"FASTRTPS_DEFAULT_PROFILES_FILE": "/my/profiles.xml"}

@@ -31,7 +31,7 @@ def assert_python_outside(result: subprocess.CompletedProcess) -> None:
 
 
 def assert_one_line(result: subprocess.CompletedProcess, text: str) -> None:
-    """Check that a failure is told in one line that has the text."""
+    """Check that a failure is one line that has the text."""
     assert result.returncode == 1
     assert result.stdout == ""
     assert result.stderr.startswith("rpud_sim: ")

@@ -60,7 +60,7 @@ def test_always_is_that_the_opposite_never_comes(record, formula):
 
 @given(formulas())
 def test_eventually_is_until_with_nothing_to_hold_before(record, formula):
-    # Until takes what is not there yet for unknown, eventually skips it.
+    # To until, missing values are unknown; eventually skips them.
     eventually = verdict(Eventually(formula), record)
     until = verdict(Until(Or((RUNNING, Not(RUNNING))), formula), record)
     if UNDECIDED not in (eventually.outcome, until.outcome):

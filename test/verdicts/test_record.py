@@ -311,7 +311,7 @@ def test_diagnostics_are_signals_by_name_and_key():
     )
 
 
-def test_two_drills_in_a_bag_must_be_told_apart(faulty_bag, tmp_path):
+def test_two_drills_in_a_bag_must_be_named(faulty_bag, tmp_path):
     path = tmp_path / "bag"
     with bags.open(faulty_bag) as reader, bags.BagWriter(path) as writer:
         for space in ("/one", "/two"):

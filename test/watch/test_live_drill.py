@@ -42,7 +42,7 @@ def outcome_of(live, name, **arguments):
     return settled()[0]
 
 
-def test_everything_is_heard_and_nothing_is_lost(live):
+def test_everything_is_received_and_nothing_is_lost(live):
     until(lambda: live.picture().section is not None and len(live.picture().series.rows) > 5)
     picture = live.picture()
     assert picture.connection.state == "connected"

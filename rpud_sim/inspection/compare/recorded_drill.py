@@ -158,7 +158,7 @@ def _manifest(bag: BagReader, damages: Damages, namespace: str) -> Manifest | No
 def _without_journal(
     bag: BagReader, namespace: str, manifest: Manifest | None, reason: str = ""
 ) -> RecordedDrill:
-    """Return a run whose time counts from the first stamp, since nothing tells its origin."""
+    """Return a run whose time counts from the first stamp, since its origin is unknown."""
     first = _first_stamp(bag, namespace)
     return RecordedDrill(
         os.fspath(bag.path),

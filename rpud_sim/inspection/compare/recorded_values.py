@@ -56,7 +56,7 @@ class RecordedValues:
         drill: the run.
         topics: arrays of each topic by its relative name: ``time`` is simulation time [s]; the
             others are columns, with NaN where a value is not usable.
-        faults: by their numbers; None if the bag does not tell.
+        faults: by their numbers; None if the bag has no topic of faults.
         damaged: amount and reason of the damaged parts that were skipped, by topic or record.
     """
 

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.studies.cluster import run_on_cluster
 from rpud_sim.studies.dataset.folder import DatasetFolder
 from rpud_sim.studies.dataset.recording import make_jobs, record
 from rpud_sim.studies.dataset.specification import Specification
-from rpud_sim.studies.processes import run_on_processes
+from rpud_sim.studies.workers import run_on_workers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,13 +60,12 @@ def make_dataset(
         missing = len(folder.runs) - len(finished)
         if missing:
             jobs = make_jobs(specification, folder.runs, finished)
-            if scheduler is None:
-                # Compiled here once: the workers then find the kernels in the cache.
+
+            def compile_first() -> None:
                 first = folder.runs[0].beginning(specification).settings.configuration
                 compile_kernels(first, messages=True)
-                outcomes = run_on_processes(record, jobs, min(workers, missing))
-            else:
-                outcomes = run_on_cluster(jobs, scheduler, record)
+
+            outcomes = run_on_workers(record, jobs, workers, scheduler, compile_first)
             with contextlib.closing(outcomes):
                 for job, recorded in outcomes:
                     folder.add(job, recorded)

@@ -144,7 +144,7 @@ def _contact(configuration: Configuration, item: Measure) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """Part of a run between two edges of windows [ns]; its block if somebody samples it."""
+    """Part of a run between two edges of windows [ns]; its block if it is sampled."""
 
     start: int
     end: int

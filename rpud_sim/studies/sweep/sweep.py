@@ -10,13 +10,12 @@ from typing import Any
 
 from rpud_sim.foundation.whole_folder import whole_file
 from rpud_sim.simulation.ensemble import compile_members
-from rpud_sim.studies.cluster import run_on_cluster
 from rpud_sim.studies.sweep.chunks import chunk_size, make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.folder import SweepFolder
-from rpud_sim.studies.sweep.processes import run_on_processes
 from rpud_sim.studies.sweep.specification import Specification
 from rpud_sim.studies.sweep.sweep_report import sweep_page
+from rpud_sim.studies.workers import run_on_workers
 
 REPORT = "report.html"
 
@@ -71,13 +70,12 @@ def run_sweep(
         if len(finished) < folder.manifest["chunks"]:
             design = design_points(specification)
             chunks = make_chunks(specification, design, finished)
-            if scheduler is None:
-                # Compiled here once: the workers then find the kernels in the cache.
+
+            def compile_first() -> None:
                 first = {name: values[0].item() for name, values in design.items()}
                 compile_members(specification.parameters(first))
-                outcomes = run_on_processes(chunks, workers)
-            else:
-                outcomes = run_on_cluster(chunks, scheduler, simulate)
+
+            outcomes = run_on_workers(simulate, chunks, workers, scheduler, compile_first)
             with contextlib.closing(outcomes):
                 for chunk, outcome in outcomes:
                     folder.add(chunk, outcome)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpud_sim.watch.recorded.recording import JumpFinder, Recording
+from rpud_sim.watch.recorded.jump_finder import JumpFinder
+from rpud_sim.watch.recorded.recording import Recording
 from rpud_sim.watch.recorded.signals import Signal
 from rpud_sim.watch.recorded.trace import EMPTY, GAP, Trace, envelope, usual
 

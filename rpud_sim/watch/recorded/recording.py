@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_left
-from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 import rpud_sim.bag
-from rpud_sim.bag import BagError, Message
+from rpud_sim.bag import BagError, Message, Piece
 from rpud_sim.bag.block_order import gathered_blocks
 from rpud_sim.bag.message_block import MessageBlock, joined
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.report.timeline import zero_stamp
-from rpud_sim.watch.recorded.clock import Clock, Jump, find_jumps
+from rpud_sim.watch.recorded.clock import Clock, Jump, JumpSearch, Series
+from rpud_sim.watch.recorded.kept_rows import KeptRows, PieceRows
 from rpud_sim.watch.recorded.signals import (
     TRAJECTORY,
     Rows,
     Signal,
+    clock_topics,
     namespace,
     topic_readers,
 )
@@ -32,11 +33,9 @@ SAMPLED = 48
 LATE = 0.5
 """Longest time from the stamp of a message to that of others that are logged before it [s]."""
 
-_KEPT = 200  # parts whose rows are kept
-_KEPT_VALUES = 4_000_000  # numbers of these
 _PROBED = 64  # further parts that are read to find jumps of clocks
 
-PieceRows = dict[str, Rows]
+_Read = TypeVar("_Read")
 
 
 class Recording:
@@ -81,12 +80,11 @@ class Recording:
             raise
         self.damages: dict[int, str] = {}
         self._lock = threading.Lock()
-        self._kept: OrderedDict[int, PieceRows] = OrderedDict()
-        self._kept_values = 0
+        self._kept = KeptRows()
         self._topics = frozenset(
             name for name, reader in self.readers.items() if reader.signals or reader.stamped
         )
-        self._clock_topics = self._choose_clock_topics()
+        self._clock_topics = clock_topics(self.readers)
         self._topics -= {
             name
             for name, reader in self.readers.items()
@@ -141,20 +139,19 @@ class Recording:
     def rows(self, number: int) -> PieceRows:
         """Return the rows of a part, by topic; none of a damaged one."""
         with self._lock:
-            if number in self._kept:
-                self._kept.move_to_end(number)
-                return self._kept[number]
+            if (kept := self._kept.find(number)) is not None:
+                return kept
             found = self._read(number)
             for drill in self._held_by:
                 if times := self._times(drill, found):
                     self._spans[drill][number] = times
-            self._keep(number, found)
+            self._kept.add(number, found)
             return found
 
     def messages(self, number: int, topics: Sequence[str]) -> list[Message]:
         """Return the messages of topics in a part; none of a damaged one."""
         with self._lock:
-            return self._messages(number, topics)
+            return self._undamaged(number, frozenset(topics), lambda piece: piece.read(topics))
 
     def pieces_between(self, drill: str, start: float, end: float) -> Iterator[int]:
         """Yield the numbers of parts that may hold what a drill did from ``start`` to ``end`` [s].
@@ -215,69 +212,36 @@ class Recording:
 
     def _read(self, number: int) -> PieceRows:
         by_topic: dict[str, list[MessageBlock]] = {}
-        for block in self._blocks(number, self._topics):
+        for block in self._undamaged(number, self._topics, self._blocks):
             by_topic.setdefault(block.topic, []).append(block)
         return {
             name: self.readers[name].read(blocks[0] if len(blocks) == 1 else joined(blocks))
             for name, blocks in by_topic.items()
         }
 
-    def _blocks(self, number: int, topics: frozenset[str]) -> list[MessageBlock]:
+    def _blocks(self, piece: Piece) -> Iterable[MessageBlock]:
+        if piece.blocks is not None:
+            return piece.blocks(self._topics)
+        return gathered_blocks(piece.read(self._topics))
+
+    def _undamaged(
+        self,
+        number: int,
+        topics: frozenset[str],
+        read: Callable[[Piece], Iterable[_Read]],
+    ) -> list[_Read]:
+        """Return what a part holds of some topics, up to its damage; note the damage."""
         piece = self.pieces[number]
-        found: list[MessageBlock] = []
+        found: list[_Read] = []
         if piece.topics.isdisjoint(topics):
             return found
         try:
-            # What is before the damage stays.
-            found.extend(
-                piece.blocks(topics) if piece.blocks else gathered_blocks(piece.read(topics))
-            )
+            found.extend(read(piece))  # what is before the damage stays
         except BagError as error:
             self.damages.setdefault(number, str(error))
         return found
 
-    def _messages(self, number: int, topics: Sequence[str] | frozenset[str]) -> list[Message]:
-        piece = self.pieces[number]
-        found: list[Message] = []
-        if piece.topics.isdisjoint(topics):
-            return found
-        try:
-            found.extend(piece.read(topics))  # what is before the damage stays
-        except BagError as error:
-            self.damages.setdefault(number, str(error))
-        return found
-
-    def _keep(self, number: int, found: PieceRows) -> None:
-        def size(rows: PieceRows) -> int:
-            return sum(len(each.stamps) * (2 + len(each.values)) for each in rows.values())
-
-        self._kept[number] = found
-        self._kept_values += size(found)
-        while len(self._kept) > 1 and (len(self._kept) > _KEPT or self._kept_values > _KEPT_VALUES):
-            _, dropped = self._kept.popitem(last=False)
-            self._kept_values -= size(dropped)
-
-    def _choose_clock_topics(self) -> dict[str, frozenset[str]]:
-        """Return the topics that show the time of each drill.
-
-        Blocks are logged long after their stamps, and latched messages may be old.
-        """
-        chosen: dict[str, frozenset[str]] = {}
-        for drill in {namespace(name) for name in self.readers}:
-            stamped = {
-                name: reader
-                for name, reader in self.readers.items()
-                if namespace(name) == drill and reader.stamped
-            }
-            groups = (
-                {name for name, each in stamped.items() if not each.latched and not each.block},
-                {name for name, each in stamped.items() if not each.latched},
-                set(stamped),
-            )
-            chosen[drill] = frozenset(next((group for group in groups if group), set()))
-        return chosen
-
-    def series(self, drill: str, found: PieceRows) -> tuple[np.ndarray, np.ndarray]:
+    def series(self, drill: str, found: PieceRows) -> Series:
         """Return stamps and log times of a drill's clock topics, in the order of the log times."""
         wanted = self._clock_topics[drill]
         parts = [rows for name, rows in found.items() if name in wanted]
@@ -303,9 +267,8 @@ class Recording:
 
     def _span(self, drill: str, number: int) -> tuple[float, float] | None:
         if number not in self._spans[drill]:
-            self.rows(number)
-            found = self._kept.get(number)
-            if number not in self._spans[drill] and found and (times := self._times(drill, found)):
+            found = self.rows(number)
+            if number not in self._spans[drill] and (times := self._times(drill, found)):
                 self._spans[drill][number] = times
         return self._spans[drill].get(number)
 
@@ -346,24 +309,20 @@ class Recording:
 
     def _find_clocks(self) -> None:
         """Set the clocks from the sampled parts, and search between these where a clock jumped."""
-        probes = [_PROBED]
+        search = JumpSearch(_PROBED)
         for drill, topics in self._clock_topics.items():
             if not topics:
                 continue
-            parts = [
-                (number, series)
-                for number in self.sample
-                if len((series := self.series(drill, self.rows(number)))[0])
-            ]
+
+            def series(number: int, drill: str = drill) -> Series:
+                return self.series(drill, self.rows(number))
+
+            read = ((number, series(number)) for number in self.sample)
+            parts = [(number, found) for number, found in read if len(found[0])]
             if not parts:
                 continue
             zero = self._zero(drill, parts[0][0])
-            jumps = [jump for _, series in parts for jump in find_jumps(*series)]
-            for before, after in pairwise(parts):
-                jumps += self._jumps_between(drill, before, after, probes)
-            jumps.sort(key=lambda jump: jump.log_time)
-            clock = Clock(zero, self.begin, tuple(jumps))
-            self.clocks[drill] = clock
+            self.clocks[drill] = Clock(zero, self.begin, search.jumps(parts, series))
             self._spans[drill].clear()
 
     def _zero(self, drill: str, number: int) -> int:
@@ -375,63 +334,3 @@ class Recording:
             key=lambda each: int(each.log_times[0]),
         )
         return zero_stamp(rows.stamps, rows.log_times, self.begin)
-
-    def _jumps_between(
-        self,
-        drill: str,
-        before: tuple[int, tuple[np.ndarray, np.ndarray]],
-        after: tuple[int, tuple[np.ndarray, np.ndarray]],
-        probes: list[int],
-    ) -> list[Jump]:
-        """Return the jumps between two parts; each probe reads one part."""
-        (first, (stamps, logs)), (last, (later, later_logs)) = before, after
-        ends = np.array([stamps[-1], later[0]]), np.array([logs[-1], later_logs[0]])
-        jumps = find_jumps(*ends)
-        if not jumps:
-            return []
-        for number in sorted(range(first + 1, last), key=lambda each: abs(2 * each - first - last)):
-            if probes[0] <= 0:
-                break
-            probes[0] -= 1
-            series = self.series(drill, self.rows(number))
-            if len(series[0]):
-                found = number, series
-                return [
-                    *self._jumps_between(drill, before, found, probes),
-                    *find_jumps(*series),
-                    *self._jumps_between(drill, found, after, probes),
-                ]
-        return jumps
-
-
-class JumpFinder:
-    """Finder of all jumps of the clocks of a recording, part by part from its beginning.
-
-    Args:
-        recording: that it reads.
-
-    Attributes:
-        jumps: found so far, by drill.
-    """
-
-    def __init__(self, recording: Recording) -> None:
-        self._recording = recording
-        self._last: dict[str, tuple[int, int]] = {}
-        self.jumps: dict[str, list[Jump]] = {drill: [] for drill in recording.clocks}
-
-    def add(self, number: int) -> bool:
-        """Read the next part; return whether the clocks of the recording know its jumps."""
-        found = self._recording.rows(number)
-        known = True
-        for drill, jumps in self.jumps.items():
-            stamps, logs = self._recording.series(drill, found)
-            if not len(stamps):
-                continue
-            if drill in self._last:
-                before = self._last[drill]
-                stamps, logs = np.append(before[0], stamps), np.append(before[1], logs)
-            new = find_jumps(stamps, logs)
-            known &= self._recording.clocks[drill].knows(new)
-            jumps += new
-            self._last[drill] = int(stamps[-1]), int(logs[-1])
-        return known

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -180,6 +180,28 @@ def topic_readers(bag: BagReader) -> tuple[dict[str, TopicReader], dict[str, str
             left_out[name] = str(error)
     _limit(readers)
     return readers, left_out
+
+
+def clock_topics(readers: Mapping[str, TopicReader]) -> dict[str, frozenset[str]]:
+    """Return the topics whose stamps show the time of each drill; none if no topic has stamps.
+
+    Blocks are logged long after their stamps, and latched messages may be old. They are used only
+    if a drill has nothing else.
+    """
+    chosen: dict[str, frozenset[str]] = {}
+    for drill in {namespace(name) for name in readers}:
+        stamped = {
+            name: reader
+            for name, reader in readers.items()
+            if namespace(name) == drill and reader.stamped
+        }
+        groups = (
+            {name for name, each in stamped.items() if not each.latched and not each.block},
+            {name for name, each in stamped.items() if not each.latched},
+            set(stamped),
+        )
+        chosen[drill] = frozenset(next((group for group in groups if group), set()))
+    return chosen
 
 
 def _limit(readers: dict[str, TopicReader]) -> None:

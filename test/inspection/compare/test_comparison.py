@@ -43,7 +43,7 @@ def states(found, number=0):
 
 
 def copied(source, out, change):
-    """Write a bag anew; `change` gives topic, data, times of what to write for each message."""
+    """Copy a bag; `change` returns topic, data and times to write for each message."""
     with bags.open(source) as reader, bags.BagWriter(out) as writer:
         for summary in reader.topics:
             writer.add_topic(summary.topic, summary.definition)

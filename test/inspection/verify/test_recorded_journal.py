@@ -1,9 +1,16 @@
-"""Which run a message belongs to, by the times at which it and the journal were published."""
+"""The journal of a bag: the run that a message belongs to, and what a proof needs of a journal."""
+
+import json
 
 import pytest
+from altered_bags import altered, numbered, unchanged
+from inspection.verify.proof_bags import JOURNAL
 
 from rpud_sim.bag import Message
-from rpud_sim.inspection.verify.recorded_journal import Stretches
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.inspection.verify.recorded_journal import Stretches, UnverifiableError
+from rpud_sim.inspection.verify.verification import PROVED, verify
 from rpud_sim.simulation.journal import JournalEntry
 
 
@@ -55,3 +62,85 @@ def test_a_clock_that_was_set_back_shows_nothing():
 def test_a_recorder_that_keeps_no_times_of_publishing_shows_nothing():
     stretches = Stretches(journal(*((kind, 0) for kind, _ in TWO_RUNS)))
     assert stretches.of(Message("/rpud/wrench", 99, 0, b"")) == (0, 3)
+
+
+def edited(edit):
+    """Return a change of the journal's first entry."""
+    codec = Codec("rpud_msgs/msg/JournalEntry", find_definition("rpud_msgs/msg/JournalEntry"))
+
+    def change(message):
+        if message.topic != JOURNAL:
+            return [message.data]
+        entry = codec.decode(message.data)
+        if entry.kind != "begin":
+            return [message.data]
+        content = json.loads(entry.content)
+        edit(content)
+        stamp = {"sec": entry.header.stamp.sec, "nanosec": entry.header.stamp.nanosec}
+        fields = {
+            "header": {"stamp": stamp, "frame_id": entry.header.frame_id},
+            "sequence": entry.sequence,
+            "kind": entry.kind,
+            "content": json.dumps(content),
+        }
+        return [codec.encode(fields)]
+
+    return change
+
+
+def test_other_parameters_in_the_journal_do_not_go_with_the_messages(bag, tmp_path):
+    def edit(content):
+        content["parameters"]["load_spring_rate"] *= 1.0 + 2.0**-52
+
+    verification = verify(altered(bag, tmp_path / "bag", edited(edit)))
+    assert not verification.proved
+    assert (verification.warnings, verification.other_versions) == ((), False)
+
+
+def test_other_versions_are_reported(bag, tmp_path):
+    def edit(content):
+        content["made_by"]["numpy"] = "0.0.1"
+
+    verification = verify(altered(bag, tmp_path / "bag", edited(edit)))
+    assert verification.proved
+    assert verification.other_versions
+    [warning] = verification.warnings
+    assert warning.startswith("made by numpy 0.0.1, verified by ")
+
+
+def test_a_bag_without_a_journal_cannot_be_verified(bag, tmp_path):
+    topics = {f"/rpud/{name}" for name in PROVED}
+    altered(bag, tmp_path / "bag", unchanged, topics)
+    with pytest.raises(UnverifiableError, match="holds no journal"):
+        verify(tmp_path / "bag")
+
+
+def test_a_journal_alone_proves_nothing(bag, tmp_path):
+    altered(bag, tmp_path / "bag", unchanged, {JOURNAL})
+    with pytest.raises(UnverifiableError, match="holds nothing that /rpud/journal could prove"):
+        verify(tmp_path / "bag")
+
+
+@pytest.mark.parametrize(
+    ("number", "text"), [(0, "0 to 0 .* its recorder came too late"), (1, "1 to 1")]
+)
+def test_a_journal_with_a_gap_cannot_be_verified(bag, tmp_path, number, text):
+    altered(bag, tmp_path / "bag", numbered("journal", number, lambda m: []))
+    with pytest.raises(UnverifiableError, match=f"entries {text}"):
+        verify(tmp_path / "bag")
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        lambda content: content.pop("time"),
+        lambda content: content.pop("parameters"),
+        lambda content: content["parameters"].update(telemetry_rate="fast"),
+        lambda content: content["parameters"].update(block_duration=0.0),
+        lambda content: content["faults"][0].update(kind="jam on toast"),
+    ],
+)
+def test_a_journal_that_makes_no_sense_cannot_be_verified(bag, tmp_path, edit):
+    altered(bag, tmp_path / "bag", edited(edit))
+    with pytest.raises(UnverifiableError, match="journal"):
+        verify(tmp_path / "bag")

@@ -57,7 +57,7 @@ def test_a_latched_topic_gives_its_last_messages(talker, listening):
     assert [each.data for each in heard] == ["2", "3", "4"]
 
 
-def test_a_best_effort_publisher_that_comes_later_is_heard_too(talker, listening):
+def test_a_best_effort_publisher_that_comes_later_is_received_too(talker, listening):
     talker.create_publisher(Int32, "mixed", 10)
     listener = TopicListener(listening, "mixed", PATIENCE)
     sensor = talker.create_publisher(Int32, "mixed", SENSOR)
@@ -66,7 +66,7 @@ def test_a_best_effort_publisher_that_comes_later_is_heard_too(talker, listening
     assert heard[0].data == 7
 
 
-def test_a_publisher_of_a_topic_that_only_had_a_subscription_is_heard(talker, listening):
+def test_a_publisher_of_a_topic_that_only_had_a_subscription_is_received(talker, listening):
     talker.create_subscription(Status, "later", print, 10)
     listener = TopicListener(listening, "later", PATIENCE)
     publisher = talker.create_publisher(Status, "later", LATCHED)

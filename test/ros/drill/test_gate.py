@@ -36,7 +36,7 @@ class Heard(Inbox):
 
 
 class Commander:
-    """A gate, and somebody who gives commands and waits until they were looked at."""
+    """A gate, and a publisher of commands that waits until the gate has checked them."""
 
     def __init__(self):
         self.drill = rclpy.create_node("drill_node")
@@ -210,7 +210,7 @@ def test_what_ros2_control_sends_moves_the_feed(on_an_arm):
     assert on_an_arm.give(JointState(name=names, position=[0.01])) == Feed("position", 0.01)
 
 
-def test_a_command_interface_that_nobody_has_claimed_is_no_command(on_an_arm):
+def test_a_command_interface_that_no_controller_has_claimed_is_no_command(on_an_arm):
     before = on_an_arm.inbox.rejected
     unclaimed = JointState(name=["rpud_feed", "rpud_rotation"], velocity=[math.nan])
     on_an_arm.publishers[JointState].publish(unclaimed)

@@ -70,7 +70,7 @@ def test_a_flood_is_counted_in_full_and_logged_in_part():
 def test_whoever_takes_is_woken_by_every_command_and_every_refusal():
     inbox = Inbox(Log())
     woken = []
-    inbox.accept(WeightOnBit(1.0))  # nobody is to be woken yet
+    inbox.accept(WeightOnBit(1.0))  # no thread waits yet
     inbox.notify(lambda: woken.append(True))
     inbox.accept(WeightOnBit(1.0))
     inbox.refuse("for a reason")

@@ -191,7 +191,7 @@ def test_another_factor_holds_from_its_start_on():
 
 
 class Steps(Run):
-    """A schedule of its own that goes in steps, as somebody else's clock does."""
+    """A schedule of its own that goes in steps, as the clock of another node does."""
 
     def __init__(self, rate=100):
         super().__init__(rate)

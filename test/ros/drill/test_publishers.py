@@ -28,7 +28,7 @@ def nanoseconds(stamp):
 
 
 class Listener:
-    """A drill's publishers, and somebody who hears them in the same process."""
+    """A drill's publishers, and their subscriber in the same process."""
 
     def __init__(self, **changes):
         self.drill = rclpy.create_node("drill_node")

@@ -1,4 +1,4 @@
-"""The drill's time is this machine's, its own, or that of somebody else's /clock."""
+"""The drill's time is this machine's, its own, or the /clock of another node."""
 
 import threading
 import time
@@ -76,7 +76,7 @@ def test_of_itself_time_is_the_machine_s(node):
 
 
 @pytest.mark.parametrize("use_sim_time", [False, True])
-def test_the_source_of_the_clock_begins_at_zero_and_follows_nobody(node, use_sim_time):
+def test_the_source_of_the_clock_begins_at_zero_and_follows_no_other_clock(node, use_sim_time):
     source = TimeSource(node(use_sim_time), True)
     assert not source.follows
     assert source.wait(threading.Event(), lambda: None) == 0
@@ -116,7 +116,7 @@ def test_the_schedule_of_a_follower_is_the_clock_from_its_beginning_on(clocked):
     clocked.tell(9 * SECOND)
     assert source.schedule() == 9 * SECOND
     assert source.resume(2 * SECOND) == 9 * SECOND
-    # A beginning whose stamp is given: the state begins anew, the stamps go on.
+    # A beginning whose stamp is given: the state is reset, the stamps go on.
     assert source.begin(9 * SECOND + 5) == 9 * SECOND + 5
     assert source.resume(0) == 9 * SECOND + 5
     source.close()

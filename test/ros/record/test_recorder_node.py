@@ -223,7 +223,7 @@ def test_a_latched_message_is_recorded_by_a_recorder_that_comes_later(peer, reco
     assert declaration.topic.offered_qos[0].durability == "transient_local"
 
 
-def test_a_publisher_that_offers_less_is_heard_as_well(peer, record):
+def test_a_publisher_that_offers_less_is_recorded_as_well(peer, record):
     strong = peer.create_publisher(Int32, "a", RELIABLE)
     messages = MessageQueue()
     recorder = record(messages)

@@ -34,7 +34,7 @@ def test_the_thread_writes_all_that_was_queued(tmp_path):
         assert [int(item.data) for item in bag.messages()] == list(range(1000))
 
 
-def test_a_failure_to_write_is_told_at_once(tmp_path):
+def test_a_failure_to_write_is_reported_at_once(tmp_path):
     messages = MessageQueue()
     failed = threading.Event()
     with BagWriter(tmp_path / "run") as bag:
@@ -46,7 +46,7 @@ def test_a_failure_to_write_is_told_at_once(tmp_path):
     assert "/never/declared" in str(thread.error)
 
 
-def test_no_failure_at_all_goes_unheard(tmp_path):
+def test_every_failure_is_reported(tmp_path):
     class Bag(BagWriter):
         def write(self, *_):
             raise OverflowError("not foreseen")

@@ -1,6 +1,6 @@
-"""Messages are published when they are due, whatever the replay is told meanwhile.
+"""Messages are published when they are due, whatever the commands to the replay meanwhile.
 
-Time is a number here: a playback is asked again when it said that it wants to be.
+Time is a number here: a playback is called again at the time that it returned.
 """
 
 import itertools

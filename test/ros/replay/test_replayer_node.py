@@ -81,9 +81,7 @@ def test_there_is_one_clock(replay, summaries, capfd):
 
 @pytest.mark.parametrize("durability", ["volatile", "transient_local"])
 @pytest.mark.parametrize("depth", [0, -1, 2**31, 2**70])
-def test_any_depth_that_a_bag_tells_is_offered_as_far_as_there_is_one(
-    replay, summaries, depth, durability
-):
+def test_any_depth_in_a_bag_is_offered_as_far_as_there_is_one(replay, summaries, depth, durability):
     offer = QosProfile(history="keep_last", depth=depth, durability=durability)
     node = replay(changed(summaries[TALK.name], offered_qos=(offer,)))
     assert node.topic_names == [TALK.name]

@@ -121,7 +121,7 @@ def test_a_digest_has_verdicts_and_everything_that_was_published(campaign):
     assert len({each.digest for each in different}) == len(different)
 
 
-def test_repetitions_with_different_results_are_told(campaign):
+def test_repetitions_with_different_results_are_reported(campaign):
     twice = campaign.repeated(2)
     same = flown(twice)
     assert same.repeatable

@@ -41,7 +41,7 @@ def write_forces(
 
 
 def rechunked(source: Path, out: Path, chunk_size: int, leave_out=()) -> Path:
-    """Write a bag anew in chunks of another size."""
+    """Copy a bag with chunks of another size."""
     with rpud_sim.bag.open(source) as reader, BagWriter(out, chunk_size=chunk_size) as writer:
         kept = [each for each in reader.topics if each.topic.name not in leave_out]
         for summary in kept:

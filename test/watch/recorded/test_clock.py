@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.inspection.report.timeline import Timeline
-from rpud_sim.watch.recorded.clock import Clock, find_jumps
+from rpud_sim.watch.recorded.clock import Clock, Jump, JumpSearch, find_jumps
 
 SECOND = 1_000_000_000
 STEPS = st.lists(
@@ -30,3 +30,26 @@ def test_times_are_those_of_the_timeline(steps, first):
 def test_a_topic_without_stamps_goes_by_the_log_times():
     clock = Clock(None, 5 * SECOND)
     assert clock.elapsed(np.array([0]), np.array([7 * SECOND])).tolist() == [2.0]
+
+
+def series(number):
+    """Messages of one second of a run that was reset at 37 s, when its clock stood at 5037 s."""
+    logs = number * SECOND + np.arange(10) * (SECOND // 10)
+    return logs + (5000 * SECOND if number < 37 else 0), logs
+
+
+def test_a_jump_between_distant_parts_is_found_by_few_further_ones():
+    read = []
+
+    def further(number):
+        read.append(number)
+        return series(number)
+
+    parts = [(number, series(number)) for number in (0, 99)]
+    assert JumpSearch(64).jumps(parts, further) == (Jump(37 * SECOND, -5000 * SECOND),)
+    assert len(read) < 9
+
+
+def test_without_further_parts_a_jump_lies_where_the_next_part_begins():
+    parts = [(number, series(number)) for number in (0, 36, 99)]
+    assert JumpSearch(0).jumps(parts, series) == (Jump(99 * SECOND, -5000 * SECOND),)

@@ -61,7 +61,7 @@ def test_a_bag_that_is_deleted_is_shown_on(tmp_path):
         assert len(times_of(view.recording)) == 50
 
 
-def test_a_damaged_chunk_is_skipped_and_told(tmp_path):
+def test_a_damaged_chunk_is_skipped_and_reported(tmp_path):
     path = write_forces(tmp_path / "bag", rows(200), chunk_size=2000)
     with Recording(path) as recording:
         whole, parts = len(times_of(recording)), len(recording.pieces)

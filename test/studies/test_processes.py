@@ -1,4 +1,4 @@
-"""Local processes: each lost one costs its own chunk, and a fault is told in one line."""
+"""Local processes: a lost one costs its own chunk alone, and a failure is one line."""
 
 import dataclasses
 import multiprocessing
@@ -6,10 +6,9 @@ import os
 
 import pytest
 
-from rpud_sim.studies.processes import WorkerError
+from rpud_sim.studies.processes import WorkerError, run_on_processes
 from rpud_sim.studies.sweep.chunks import Chunk, make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.processes import run_on_processes
 from rpud_sim.studies.sweep.specification import parse_specification
 
 SPECIFICATION = parse_specification(
@@ -37,7 +36,8 @@ def deadly(chunk):
 
 @pytest.mark.parametrize("workers", [1, 5])
 def test_outcomes_are_those_of_this_process(chunks, workers):
-    found = {chunk.number: outcome for chunk, outcome in run_on_processes(chunks, workers)}
+    outcomes = run_on_processes(simulate, chunks, workers)
+    found = {chunk.number: outcome for chunk, outcome in outcomes}
     assert sorted(found) == [0, 1, 2]
     for chunk in chunks:
         expected = simulate(chunk)
@@ -47,7 +47,7 @@ def test_outcomes_are_those_of_this_process(chunks, workers):
 
 
 def test_a_chunk_that_ends_every_worker_is_named_and_takes_no_other_with_it(chunks):
-    outcomes = run_on_processes([chunks[0], deadly(chunks[1]), chunks[2]], 1)
+    outcomes = run_on_processes(simulate, [chunks[0], deadly(chunks[1]), chunks[2]], 1)
     assert next(outcomes)[0].number == 0
     with pytest.raises(WorkerError, match=r"^chunk 1 ended its worker 3 times \(exit code 3\)$"):
         next(outcomes)
@@ -57,12 +57,12 @@ def test_a_chunk_that_ends_every_worker_is_named_and_takes_no_other_with_it(chun
 def test_an_error_of_a_worker_is_raised_here(chunks):
     wrong = dataclasses.replace(chunks[0], versions={"numpy": "1.2.3"})
     with pytest.raises(WorkerError, match="a worker has numpy"):
-        list(run_on_processes([wrong], 1))
+        list(run_on_processes(simulate, [wrong], 1))
     assert multiprocessing.active_children() == []
 
 
-def test_no_outcome_is_waited_for_when_nobody_asks_any_more(chunks):
-    outcomes = run_on_processes(chunks, 2)
+def test_closing_the_iterator_ends_the_workers(chunks):
+    outcomes = run_on_processes(simulate, chunks, 2)
     next(outcomes)
     outcomes.close()
     assert multiprocessing.active_children() == []

@@ -1,0 +1,118 @@
+"""Commands of a client: weight on bit, drive, feed, engagement and parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from rcl_interfaces.srv import ListParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+from rpud_msgs.msg import Drive, Feed, Status, WeightOnBit
+from std_srvs.srv import SetBool
+
+from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.ros.client.arguments import to_number
+from rpud_sim.ros.client.client_part import ClientPart
+from rpud_sim.ros.client.errors import RefusedError
+
+
+class Commands(ClientPart):
+    """Commands of a client; each returns when the drill has accepted it."""
+
+    def press(self, force: float) -> None:
+        """Command a weight on bit [N].
+
+        Raises:
+            RefusedError: if the drill refuses it.
+        """
+        force = to_number("force", force)
+        self._drill.command(
+            "weight_on_bit", WeightOnBit(force=force), {"force": force}, {"weight_on_bit": force}
+        )
+
+    def drive(
+        self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
+    ) -> None:
+        """Command the voltage on the piezoelectric stack, or switch it off.
+
+        Args:
+            enabled: whether the actuator is driven.
+            voltage: amplitude [V]; None for the present one.
+            frequency: [Hz]; None for the present one.
+
+        Raises:
+            RefusedError: if the drill refuses it.
+        """
+        status = self.status
+        present = (status.drive_voltage, status.drive_frequency) if enabled else (0.0, 0.0)
+        message = Drive(
+            enabled=bool(enabled),
+            voltage=present[0] if voltage is None else to_number("voltage", voltage),
+            frequency=present[1] if frequency is None else to_number("frequency", frequency),
+        )
+        values: dict[str, Any] = {"enabled": message.enabled}
+        # While the drive is off, zero stands for the present value.
+        if enabled or message.voltage:
+            values["voltage"] = message.voltage
+        if message.frequency:
+            values["frequency"] = message.frequency
+        in_status = {f"drive_{name}": value for name, value in values.items()}
+        self._drill.command("drive", message, values, in_status)
+
+    def feed(self, rate: float | None = None, position: float | None = None) -> None:
+        """Command the feed of a drill on an arm: its rate or its position, and not both.
+
+        Args:
+            rate: toward the rock [m/s]; zero holds the mount.
+            position: along the drill axis [m].
+
+        Raises:
+            ParameterError: if not exactly one of them is given.
+            RefusedError: if the drill refuses it.
+        """
+        if (rate is None) == (position is None):
+            raise ParameterError("feed takes a rate or a position")
+        if rate is not None:
+            mode, name, value = Feed.MODE_RATE, "rate", to_number("rate", rate)
+        else:
+            mode, name, value = Feed.MODE_POSITION, "position", to_number("position", position)
+        message = Feed(mode=mode, value=value)
+        self._drill.command("feed", message, {"mode": name, "value": value}, None)
+
+    def engage(self, on: bool = True) -> None:
+        """Put the drill tool into the rock, or take it out.
+
+        Raises:
+            RefusedError: if the drill refuses it.
+        """
+        response = self._drill.call("engage", SetBool.Request(data=bool(on)), repeat=True)
+        if not response.success:
+            raise RefusedError(response.message)
+        regime = Status.REGIME_DRILLING if on else Status.REGIME_FREE
+        self._drill.until(lambda: self.status.regime == regime, f"no status said {regime}")
+
+    def set_parameters(self, **values: Any) -> None:
+        """Set parameters of the drill, all of them or none.
+
+        Raises:
+            RefusedError: if the drill refuses one.
+        """
+        parameters = [Parameter(name, value=value) for name, value in values.items()]
+        request = SetParametersAtomically.Request(
+            parameters=[parameter.to_parameter_msg() for parameter in parameters]
+        )
+        name = "set_parameters_atomically"
+        result = self._drill.call_node(name, SetParametersAtomically, request).result
+        if not result.successful:
+            raise RefusedError(self._unknown_parameter(values) or result.reason)
+
+    def _unknown_parameter(self, names: Iterable[str]) -> str:
+        """Return a reason if one of these is no parameter: rclpy's does not name it."""
+        response = self._drill.call_node(
+            "list_parameters", ListParameters, ListParameters.Request()
+        )
+        known = response.result.names
+        for name in names:
+            if name not in known:
+                return f"parameter {shown(name)} is unknown; {did_you_mean(name, known)}"
+        return ""

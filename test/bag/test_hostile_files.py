@@ -1,0 +1,230 @@
+"""Hostile files end in one clear line, in bounded memory."""
+
+import io
+import os
+import struct
+import subprocess
+import sys
+import zlib
+
+import lz4.frame
+import pytest
+import zstandard
+from bounded_memory import read_in_bounded_memory
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.reader import make_reader
+from mcap.records import Channel, Chunk, ChunkIndex, Footer, Metadata, MetadataIndex, Statistics
+from sample_bags import START, write_bag
+
+import rpud_sim.bag
+from rpud_sim.bag import BagError, BagFormatError
+from rpud_sim.bag.records import CONTENT_LIMIT, MAGIC
+from rpud_sim.bag.recovery import recover
+
+
+def mcap(*data, summary=(), chunk_indexes=()):
+    """Return a file of these records, with an index for each chunk."""
+    content = RecordBuilder()
+    content.write(MAGIC + record(Opcode.HEADER, bytes(8)))
+    indexes = list(chunk_indexes)
+    for item in data:
+        start = content.count
+        if isinstance(item, bytes):
+            content.write(item)
+            continue
+        item.write(content)
+        if isinstance(item, Chunk):
+            length = content.count - start
+            size = item.uncompressed_size
+            indexes.append(ChunkIndex(length, start, item.compression, 0, 9, 0, {}, 0, size))
+    content.write(record(Opcode.DATA_END, bytes(4)))
+    start = content.count
+    for item in (Statistics(0, 0, {}, 1, 1, 9, 0, 0, 0), *summary, *indexes):
+        item.write(content)
+    Footer(start, 0, 0).write(content)
+    content.write(MAGIC)
+    return content.end()
+
+
+def record(opcode, content):
+    return struct.pack("<BQ", opcode, len(content)) + content
+
+
+def chunk(compression, data, size, crc=0):
+    return Chunk(compression, data, 9, 0, crc, size)
+
+
+def zeros(size, head=b""):
+    """Return compressed zeros, made block by block in little memory."""
+    compressor = zstandard.ZstdCompressor(level=3).compressobj()
+    parts = [compressor.compress(head + bytes(2**20 - len(head)))]
+    parts += [compressor.compress(bytes(2**20)) for _ in range((size >> 20) - 1)]
+    return b"".join([*parts, compressor.flush()])
+
+
+def lz4_zeros(size):
+    compressor = lz4.frame.LZ4FrameCompressor()
+    parts = [compressor.begin()]
+    parts += [compressor.compress(bytes(2**20)) for _ in range(size >> 20)]
+    return b"".join([*parts, compressor.flush()])
+
+
+GIGABYTE = 2**30
+HUGE = 2**62
+COMPLAINTS = {
+    "zstd bomb that says so": "at most",
+    "zstd bomb that lies": "damaged",
+    "zstd frame of petabytes": "not as large as it says",
+    "lz4 bomb that lies": "not as large as it says",
+    "chunk of petabytes": "at most",
+    "record of petabytes": "reaches beyond its place",
+    "channel of gigabytes": "reaches beyond its place",
+    "string of gigabytes": "a length inside a record reaches beyond it",
+    "one chunk without an end": "overlap each other",
+    "chunks that all overlap in time": "overlap in time",
+    "one record thousands of times": "0",  # messages: it is read, once
+}
+
+
+def bombs():
+    """Return the hostile files by their names."""
+    # A message that fills its chunk, so that each chunk stays open until it is taken.
+    message = struct.pack("<BQHIQQ", Opcode.MESSAGE, CONTENT_LIMIT - 9, 1, 0, 5, 5)
+    full = chunk("zstd", zeros(CONTENT_LIMIT, message), CONTENT_LIMIT)
+    frame = b"\x28\xb5\x2f\xfd\xe0" + HUGE.to_bytes(8, "little")
+    bomb = zeros(GIGABYTE)
+    string = record(Opcode.METADATA, b"\xf0\xff\xff\xff")
+    notes = Metadata("notes", {"text": "x" * 10_000})
+    metadata_index = MetadataIndex(25, 0, "notes")
+    chunk_index = ChunkIndex(49, 25, "", 0, 9, 0, {}, 0, 0)
+    return {
+        "zstd bomb that says so": mcap(chunk("zstd", bomb, GIGABYTE)),
+        "zstd bomb that lies": mcap(chunk("zstd", bomb, 1000)),
+        "zstd frame of petabytes": mcap(chunk("zstd", frame, 1000)),
+        "lz4 bomb that lies": mcap(chunk("lz4", lz4_zeros(GIGABYTE), 1000)),
+        "chunk of petabytes": mcap(chunk("", b"abc", HUGE)),
+        "record of petabytes": mcap(struct.pack("<BQ", Opcode.MESSAGE, HUGE) + bytes(100)),
+        "channel of gigabytes": mcap(struct.pack("<BQ", Opcode.CHANNEL, 2**31) + bytes(1000)),
+        "string of gigabytes": mcap(string, summary=[metadata_index]),
+        "one chunk without an end": mcap(chunk("", b"", 0), summary=[chunk_index] * 2_000),
+        "chunks that all overlap in time": mcap(
+            *[full] * 5, summary=[Channel(1, "/a", "cdr", {}, 0)]
+        ),
+        "one record thousands of times": mcap(notes, summary=[metadata_index] * 2_000),
+    }
+
+
+@pytest.fixture(scope="module")
+def said_of_bombs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("bombs")
+    for name, content in bombs().items():
+        (folder / name).write_bytes(content)
+    return read_in_bounded_memory(folder)
+
+
+@pytest.mark.parametrize("name", COMPLAINTS)
+def test_a_bomb_is_one_line_in_bounded_memory(name, said_of_bombs):
+    read, recovered = said_of_bombs[name]
+    assert COMPLAINTS[name] in read
+    assert "\n" not in read
+    assert len(read) < 500
+    assert recovered == ("5" if "overlap" in name else "0")
+
+
+def test_the_bombs_are_files_that_another_reader_takes_for_bags():
+    content = mcap(chunk("zstd", zeros(2**20), 1000))
+    [index] = make_reader(io.BytesIO(content)).get_summary().chunk_indexes
+    assert content[index.chunk_start_offset] == Opcode.CHUNK
+
+
+def test_a_chunk_within_the_limit_is_read(tmp_path):
+    message = struct.pack("<HIQQ", 1, 0, 5, 5) + bytes(10_000_000)
+    data = record(Opcode.MESSAGE, message)
+    path = tmp_path / "large.mcap"
+    path.write_bytes(mcap(chunk("zstd", zstandard.compress(data), len(data), zlib.crc32(data))))
+    with rpud_sim.bag.open(path) as bag:
+        assert list(bag.messages()) == []  # it has no such channel, and says so by silence
+
+
+def test_what_is_no_file_is_not_waited_for(tmp_path):
+    path = write_bag(tmp_path / "run")
+    (path / "run_0.mcap").unlink()
+    os.mkfifo(path / "run_0.mcap")
+    with pytest.raises(BagFormatError, match=r"run_0\.mcap is not a file"):
+        rpud_sim.bag.open(path)
+    with pytest.raises(BagError, match="there is no MCAP file"):
+        recover(path, tmp_path / "out")
+
+
+def test_a_summary_that_was_changed_is_found_by_its_checksum(tmp_path):
+    file = write_bag(tmp_path / "run") / "run_0.mcap"
+    content = file.read_bytes()
+    place = content.rindex(b"/rpud/talk")
+    file.write_bytes(content[:place] + b"/rpud/walk" + content[place + 10 :])
+    with pytest.raises(BagFormatError, match="the checksum of its summary section is wrong"):
+        rpud_sim.bag.open(file)
+    assert recover(file, tmp_path / "out").topics["/rpud/talk"].recovered == 10
+
+
+def test_hostile_times_do_not_disturb_recovery(tmp_path):
+    path = write_bag(tmp_path / "run") / "run_0.mcap"
+    with rpud_sim.bag.open(path) as bag:
+        assert bag.start_time == START
+    footer = struct.pack("<BQ", Opcode.FOOTER, 20) + bytes(20) + MAGIC
+    path.write_bytes(path.read_bytes()[: -len(footer)] + footer)
+    with pytest.raises(BagFormatError, match="no summary section"):
+        rpud_sim.bag.open(path)
+    assert recover(path, tmp_path / "out").complete
+
+
+def test_statistics_that_contradict_the_indexes_give_no_negative_rate(tmp_path):
+    message = record(Opcode.MESSAGE, struct.pack("<HIQQ", 1, 0, 5, 5))
+    times = struct.pack("<QQQQ", 5, 0, 9, 0)
+    index = record(Opcode.MESSAGE_INDEX, struct.pack("<HI", 1, 32) + times)
+    place = len(MAGIC) + 9 + 8
+    path = tmp_path / "liar.mcap"
+    path.write_bytes(
+        mcap(
+            index,
+            message,
+            summary=[Channel(1, "/a", "cdr", {}, 0)],
+            chunk_indexes=[ChunkIndex(0, 0, "", 0, 9, 0, {1: place}, 0, 0)],
+        )
+    )
+    with rpud_sim.bag.open(path) as bag:
+        [topic] = bag.topics
+    assert (topic.first_time, topic.last_time, topic.message_count) == (5, 9, 0)
+    assert topic.rate is None
+
+
+CUT = """
+import pathlib, resource, sys
+from rpud_sim.bag.recovery import recover
+resource.setrlimit(resource.RLIMIT_CPU, (60, 60))
+content, head = pathlib.Path(sys.argv[1]).read_bytes(), int(sys.argv[2])
+for whole in (content, content[head:]):
+    start = head if whole is content else 0
+    for size in range(start, min(start + 80, len(whole))):
+        torn = pathlib.Path(sys.argv[1]).with_name("torn.mcap")
+        torn.write_bytes(whole[:size])
+        try:
+            count = recover(torn, torn.with_name(f"{start}-{size}")).message_count
+            print(size - start, count, flush=True)
+        except Exception as error:
+            print(size - start, type(error).__name__, flush=True)
+"""
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+def test_a_cut_at_any_byte_of_a_chunk_s_head_ends(tmp_path, compression):
+    content = (write_bag(tmp_path / "run", compression=compression) / "run_0.mcap").read_bytes()
+    [index] = make_reader(io.BytesIO(content)).get_summary().chunk_indexes
+    (tmp_path / "whole.mcap").write_bytes(content)
+    command = [sys.executable, "-c", CUT, tmp_path / "whole.mcap", str(index.chunk_start_offset)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=200.0, check=False)
+    assert result.returncode == 0, result.stdout[-200:] + result.stderr[-2000:]
+    rows = [line.split() for line in result.stdout.splitlines()]
+    assert len(rows) == 160
+    assert {result for _, result in rows[:80]} <= {"0", "1"}  # nothing before is lost
+    assert {result for _, result in rows[80:]} <= {"0", "1", "BagFormatError"}

@@ -1,0 +1,178 @@
+"""Hostile types and messages end in one clear line, in bounded memory."""
+
+import json
+import struct
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from sample_bags import START
+
+import rpud_sim.bag
+from rpud_sim.bag import BagFormatError
+from rpud_sim.bag.budget import DECODED_LIMIT
+from rpud_sim.bag.cdr import DEFINITION_LIMIT, Codec
+from rpud_sim.bag.errors import DefinitionNotFoundError
+
+GIGABYTE = 2**30
+SEPARATOR = "=" * 80
+
+
+@pytest.mark.parametrize(
+    "definition",
+    [
+        "A x\n",
+        "A[] x\n",
+        "string[4294967295] x\n",
+        "string[100] x\n" * 200,
+        f"B[4294967295] x\n{SEPARATOR}\nMSG: a_msgs/B\nint8 x\n",
+        "Unknown x\n",
+        "\x00\x01 x\n",
+        "int8 x\n" * 100,
+        "# " + "x" * DEFINITION_LIMIT,
+    ],
+    ids=lambda text: text[:20],
+)
+def test_a_wrong_schema_is_one_line(definition):
+    with pytest.raises(BagFormatError) as caught:
+        Codec("a_msgs/msg/A", definition)
+    assert len(str(caught.value)) < 500
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("definition", "data"),
+    [
+        ("float64 x\n", b""),
+        ("float64 x\n", b"\0\1\0\0"),
+        ("float64[] x\n", b"\0\1\0\0\xff\xff\xff\x7f"),
+        ("string x\n", b"\0\1\0\0\xff\xff\xff\x7f"),
+        ("string[] x\n", b"\0\1\0\0\xff\xff\xff\x7f"),
+        (f"B[] x\n{SEPARATOR}\nMSG: a_msgs/B\nint8 X=1\n", b"\0\1\0\0\xff\xff\xff\x7f"),
+        ("float64[4294967295] x\n", b"\0\1\0\0"),
+        ("float64[99999999999999999999] x\n", b"\0\1\0\0"),
+        ("string x\n", b"\0\1\0\0\2\0\0\0\xff\0"),
+    ],
+)
+def test_a_message_that_is_not_of_its_type_is_one_line(definition, data):
+    with pytest.raises(BagFormatError, match="a message of a_msgs/msg/A cannot be understood"):
+        Codec("a_msgs/msg/A", definition).decode(data)
+
+
+@pytest.mark.parametrize("name", ["../../etc/passwd", "a/../b", "/etc/x", "a\n/b", "a/msg/../b"])
+def test_a_type_s_name_is_no_path(name, tmp_path):
+    from rpud_sim.bag.definitions import find_definition
+
+    with pytest.raises(DefinitionNotFoundError, match="it must be of the form"):
+        find_definition(name, [tmp_path])
+
+
+def nest(depth, leaf):
+    """Return the definition of a type in which each member has two of the next."""
+    parts = ["N1 first\nN1 second\n"]
+    for level in range(1, depth):
+        fields = leaf if level == depth - 1 else f"N{level + 1} first\nN{level + 1} second\n"
+        parts.append(f"{SEPARATOR}\nMSG: a_msgs/N{level}\n{fields}")
+    return "".join(parts)
+
+
+@pytest.mark.parametrize("leaf", ["int8 X=1\n", "int8 x\n", "int8[] x\n"])
+def test_a_type_of_countless_members_is_refused_unvisited(leaf):
+    with pytest.raises(BagFormatError, match="fields with those of its members; at most 100000"):
+        Codec("a_msgs/msg/N0", nest(31, leaf))
+    assert Codec("a_msgs/msg/N0", nest(5, leaf)).fields("a_msgs/msg/N0")
+
+
+def test_arrays_of_arrays_multiply():
+    parts = [f"{SEPARATOR}\nMSG: a_msgs/{name}\n" for name in "BCD"]
+    definition = f"B[99] b\n{parts[0]}C[99] c\n{parts[1]}D[99] d\n{parts[2]}int8 x\n"
+    with pytest.raises(BagFormatError, match="fields with those of its members; at most 100000"):
+        Codec("a_msgs/msg/A", definition)
+
+
+def test_a_definition_that_takes_long_to_compile_is_refused():
+    fields = "".join(f"int8 x{number}\n" for number in range(8000))
+    with pytest.raises(BagFormatError, match="more than 65536 characters without its comments"):
+        Codec("a_msgs/msg/A", fields)
+    assert Codec("a_msgs/msg/A", "int8 x # " + "long " * 20_000).fields("a_msgs/msg/A")
+
+
+TINY = f"B[] parts\n{SEPARATOR}\nMSG: a_msgs/B\nint8 x\n"
+GREEDY = {  # a definition, and the first bytes of a message that ends in zeros
+    "tiny members": (TINY, struct.pack("<I", 60_000_000)),
+    "no members": (TINY.replace("int8 x", "int8 X=1"), struct.pack("<I", 60_000_000)),
+    "texts": ("string[] texts\n", struct.pack("<I", 12_000_000) + struct.pack("<IB3x", 1, 0) * 9),
+    "lists": (TINY.replace("int8 x", "int8[] x"), struct.pack("<I", 15_000_000)),
+    "members' members": (
+        f"C[] more\n{SEPARATOR}\nMSG: a_msgs/C\n{TINY}",
+        struct.pack("<II", 1, 60_000_000),
+    ),
+    "numbers": ("uint8[] numbers\n", struct.pack("<I", 60_000_000)),
+    "text": ("string text\n", struct.pack("<I", 60_000_000)),
+}
+EXPORT = """
+import json, pathlib, resource, sys
+from rpud_sim.inspection.export.export import export
+from rpud_sim.bag import BagError
+resource.setrlimit(resource.RLIMIT_CPU, (10, 10))
+path = pathlib.Path(sys.argv[1])
+try:
+    said = str(export(path, path.with_suffix(".out"), sys.argv[2]))
+except BagError as error:
+    said = str(error)
+print(json.dumps([said, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024]))
+"""
+
+
+def greedy_bag(path, definition, head, size):
+    """Write a bag of a few kB with one message of ``size`` bytes and return its path."""
+    message = b"\0\1\0\0" + head
+    message += bytes(size - len(message))
+    with rpud_sim.bag.BagWriter(path) as bag:
+        bag.add_topic(rpud_sim.bag.Topic("/a", "a_msgs/msg/A"), definition)
+        bag.write("/a", message, START, START)
+    return path
+
+
+def exported(path, file_format):
+    """Export a bag in another process; return its output and its memory [bytes]."""
+    result = subprocess.run(
+        [sys.executable, "-c", EXPORT, path, file_format],
+        capture_output=True,
+        text=True,
+        timeout=100.0,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr[-2000:]
+    return json.loads(result.stdout)
+
+
+@pytest.mark.parametrize("name", GREEDY)
+def test_a_message_that_grows_when_it_is_decoded_is_refused(tmp_path, name):
+    path = greedy_bag(tmp_path / "run", *GREEDY[name], 64_000_000)
+    assert sum(file.stat().st_size for file in path.iterdir()) < 20_000
+    said, memory = exported(path, "csv")
+    assert "at most 268435456 are read" in said
+    assert memory < GIGABYTE
+
+
+@pytest.mark.parametrize("file_format", ["parquet", "csv", "numpy"])
+@pytest.mark.parametrize("name", ["tiny members", "numbers", "text"])
+def test_a_message_just_within_the_limit_stays_in_memory(tmp_path, name, file_format):
+    count = {"tiny members": 440_000, "numbers": 26_000_000, "text": 44_000_000}[name]
+    definition, _ = GREEDY[name]
+    path = greedy_bag(tmp_path / "run", definition, struct.pack("<I", count), count + 9)
+    said, memory = exported(path, file_format)
+    assert "messages=1" in said
+    assert memory < GIGABYTE
+
+
+def test_the_budget_counts_what_is_there_and_not_what_could_be():
+    definition = f"uint8[] image\nstring[] names\n{TINY}"
+    image = bytes(25_000_000)
+    message = b"\0\1\0\0" + struct.pack("<I", len(image)) + image + struct.pack("<II", 0, 1)
+    codec = Codec("a_msgs/msg/A", definition)
+    assert codec.decoded_sizes(np.array([len(message)]))[0] > 10 * DECODED_LIMIT
+    decoded = codec.decode(message + b"\7")
+    assert (len(decoded.image), len(decoded.parts)) == (len(image), 1)

@@ -1,0 +1,200 @@
+"""What a recovery keeps beside messages, what it counts, and what it leaves out with a reason."""
+
+import struct
+from array import array
+
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+from sample_bags import START, STRING, STRING_DEFINITION, TALK, serialized_string
+
+import rpud_sim.bag
+from rpud_sim.bag import BagFormatError, BagWriter
+from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, Losses, losses_to_record
+from rpud_sim.bag.metadata import BagMetadata
+from rpud_sim.bag.recovery import recover
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+@pytest.mark.parametrize("chunked", [True, False])
+def test_files_of_other_writers_keep_all_that_they_have(tmp_path, compression, chunked):
+    torn = tmp_path / "other.mcap"
+    with torn.open("wb") as stream:
+        writer = Writer(stream, compression=compression, use_chunking=chunked)
+        writer.start()
+        schema = writer.register_schema("my/Type", "jsonschema", b'{"type": "object"}')
+        channels = [writer.register_channel("/a", "json", s, {"by": "me"}) for s in (schema, 0)]
+        for number in range(6):
+            writer.add_message(channels[number % 2], START + number, b"{}", number, 70 + number)
+        writer.add_attachment(3, 4, "photo.png", "image/png", b"\x89PNG")
+        writer.add_metadata("notes", {"weather": "fine"})
+        writer.add_metadata("notes", {"weather": "worse"})
+        writer.finish()
+    torn.write_bytes(torn.read_bytes()[:-30])
+    assert not recover(torn, tmp_path / "out").complete
+    with (tmp_path / "out" / "out_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        found = [
+            (schema, channel.topic, channel.message_encoding, channel.metadata, message)
+            for schema, channel, message in reader.iter_messages()
+        ]
+        [attachment] = reader.iter_attachments()
+        notes = [record.metadata for record in reader.iter_metadata() if record.name == "notes"]
+    assert [item[1:4] for item in found] == [("/a", "json", {"by": "me"})] * 6
+    assert [item[4].publish_time for item in found] == list(range(6))
+    assert [item[4].sequence for item in found] == list(range(70, 76))
+    assert {item[0] and item[0].name for item in found} == {"my/Type", None}
+    assert found[0][0].data == b'{"type": "object"}'
+    assert (attachment.name, attachment.data, attachment.create_time) == (
+        "photo.png",
+        b"\x89PNG",
+        3,
+    )
+    assert notes == [{"weather": "fine"}, {"weather": "worse"}]
+
+
+def test_the_recorder_s_records_are_kept_and_shown(tmp_path):
+    with BagWriter(tmp_path / "run", custom_data={"place": "Mars"}) as bag:
+        bag.add_record(RECORDING_RECORD, {"max_loss": "0.5"})
+        bag.add_topic(TALK, STRING_DEFINITION)
+        bag.write(TALK.name, serialized_string("kept"), START, START)
+        bag.add_record(RECORD_NAME, losses_to_record({TALK.name: Losses(3, 1)}))
+    file = tmp_path / "run" / "run_0.mcap"
+    file.write_bytes(file.read_bytes()[:-9])
+    recovery = recover(tmp_path / "run", tmp_path / "out")
+    assert recovery.max_loss == 0.5
+    assert recovery.topics[TALK.name].recording_losses == Losses(3, 1)
+    assert "place: Mars" in (tmp_path / "out" / "metadata.yaml").read_text()
+    with rpud_sim.bag.open(tmp_path / "out") as bag:
+        assert bag.topics[0].losses == Losses(3, 1)
+        assert len(bag.records("rosbag2")) == len(bag.records("rpud_recovery")) == 1
+
+
+@pytest.mark.parametrize(
+    ("publishers", "numbers", "gaps"),
+    [
+        (1, [5, 6, 9, 10, 2**40, 0, 1], 2 + 2**40 - 11),  # at last the drill restarts
+        (1, [5, 6, 7], 0),
+        (2, [5, 900, 6, 901, 8, 902], 1),
+    ],
+)
+def test_gaps_in_the_numbers_of_impacts_are_counted(tmp_path, publishers, numbers, gaps):
+    name = "rpud_msgs/msg/ContactForce"
+    definition = find_definition(name)
+    codec = Codec(name, definition)
+    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "rpud_tool_tip"}
+    numbers_of_an_impact = ("peak_force", "contact_duration", "impact_velocity", "impulse")
+    energies = ("energy", "energy_transferred")
+    others = {**dict.fromkeys((*numbers_of_an_impact, *energies), 0.0), "squeezed": False}
+    topic = rpud_sim.bag.Topic(
+        "/rpud/contact_force", name, offered_qos=(rpud_sim.bag.QosProfile(),) * publishers
+    )
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_topic(topic, definition)
+        for number in numbers:
+            data = codec.encode({"header": header, "sequence": number, **others})
+            bag.write(topic.name, data, START, START)
+    recovery = recover(tmp_path / "run", tmp_path / "out")
+    assert recovery.topics[topic.name].gaps == gaps
+
+
+def test_blocks_of_a_waveform_have_no_count_of_gaps(tmp_path):
+    name = "rpud_msgs/msg/Waveform"
+    definition = find_definition(name)
+    zeros = array("d", [0.0])
+    fields = {
+        line.split()[1]: zeros for line in definition.splitlines() if line.startswith("float64[]")
+    }
+    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": ""}
+    data = Codec(name, definition).encode(
+        {"header": header, "sequence": 1000, "sample_period": 1e-5, **fields}
+    )
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_topic(rpud_sim.bag.Topic("/w", name), definition)
+        bag.write("/w", data, START, START)
+    assert recover(tmp_path / "run", tmp_path / "out").topics["/w"].gaps is None
+
+
+def test_messages_that_rosbag2_cannot_time_are_counted(tmp_path):
+    torn = tmp_path / "other.mcap"
+    with torn.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema(STRING, "ros2msg", STRING_DEFINITION.encode())
+        channel = writer.register_channel("/a", "cdr", schema)
+        for time in (1, 2**63, 2):
+            writer.add_message(channel, time, struct.pack("<I", 0), time)
+        writer.finish()
+    recovery = recover(torn, tmp_path / "out")
+    assert (recovery.message_count, recovery.complete) == (2, False)
+    assert recovery.topics["/a"].lost == 1
+
+
+def odd_bag(path, *, schema=b"string data\n", offers="", records=()):
+    """Write a file with another library: one message, and a part that a new bag cannot hold."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        number = writer.register_schema(STRING, "ros2msg", schema)
+        metadata = {"offered_qos_profiles": offers, "topic_type_hash": "x"}
+        channel = writer.register_channel("/talk", "cdr", number, metadata)
+        writer.add_message(channel, 5, serialized_string("here"), 5)
+        for name, content in records:
+            writer.add_metadata(name, content)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("odd", "reason"),
+    [
+        ({"records": [(RECORD_NAME, {"count": "many"})]}, "the record rpud_losses is unreadable"),
+        ({"records": [(RECORD_NAME, {"/a": '{"transport": -1, "queue": 0}'})]}, "no number of"),
+        ({"offers": "[1]"}, "the offers on /talk are left out: a profile of offered_qos"),
+        ({"offers": "- !!timestamp 1"}, "the offers on /talk are left out"),
+        ({"schema": b"string data\xff\n"}, "the definition of std_msgs/msg/String is left out"),
+        (
+            {"records": [("rosbag2", {"serialized_metadata": "{}"}), (RECORD_NAME, {"a": "[]"})]},
+            "the record rpud_losses is unreadable",
+        ),
+    ],
+)
+def test_what_no_bag_can_have_is_left_out_with_its_reason(tmp_path, odd, reason):
+    recovery = recover(odd_bag(tmp_path / "odd.mcap", **odd), tmp_path / "out")
+    assert not recovery.complete
+    assert recovery.damage_count == 1
+    assert reason in recovery.damages[0]
+    assert recovery.message_count == 1
+    with rpud_sim.bag.open(tmp_path / "out") as bag:
+        [topic] = bag.topics
+        assert topic.topic.type == STRING
+        assert [message.data for message in bag.messages()] == [serialized_string("here")]
+        if "schema" not in odd:
+            assert bag.arrays("/talk")["data"].tolist() == ["here"]
+    with next((tmp_path / "out").glob("*.mcap")).open("rb") as stream:
+        assert len(list(make_reader(stream, validate_crcs=True).iter_messages())) == 1
+
+
+def test_metadata_that_would_be_too_large_is_left_out(tmp_path):
+    content = BagMetadata(0, 0, 0, (), (), custom_data={"a": "x" * 2_000_000}).to_record()
+    records = [("rosbag2", {"serialized_metadata": content})]
+    recovery = recover(odd_bag(tmp_path / "odd.mcap", records=records), tmp_path / "out")
+    assert recovery.damages == ["custom data of 2000001 characters is left out: at most 1048576"]
+    with rpud_sim.bag.open(tmp_path / "out") as bag:
+        assert bag.message_count == 1
+
+
+def test_topics_that_no_metadata_can_list_are_refused(tmp_path):
+    path = tmp_path / "odd.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        for number in range(3):
+            topic = f"/{'x' * 1_000_000}{number}"
+            writer.add_message(writer.register_channel(topic, "cdr", 0), 5, b"", 5)
+        writer.finish()
+    with pytest.raises(BagFormatError, match="more than the metadata of a bag can list"):
+        recover(path, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
