@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,20 +41,22 @@ class Talk:
     """A process that publishes a drill's topics, and what is heard of it.
 
     Args:
-        program: ``drill_node``, or a module of the bench.
+        program: ``drill_node``, a module of the bench, or the words of a command.
         parameters: of its node.
     """
 
-    def __init__(self, program: str, parameters: Mapping[str, object]) -> None:
+    def __init__(self, program: str | Sequence[str], parameters: Mapping[str, object]) -> None:
         self.namespace = f"/bench_{os.getpid()}_{time.monotonic_ns()}"
         self.node: Node = rclpy.create_node("listener", namespace=self.namespace)
         kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
         self.hearing = Hearing(self.node, kinds, ("status", "/diagnostics"), ("contact_force",))
         words = [f"{key}:={value}" for key, value in parameters.items()]
-        talker = (sys.executable, "-m", f"bench.{program}")
+        if isinstance(program, str):
+            talker = (sys.executable, "-m", f"bench.{program}")
+            program = (program,) if program == "drill_node" else talker
         self._process = subprocess.Popen(
             [
-                *(("drill_node",) if program == "drill_node" else talker),
+                *program,
                 *("--ros-args", "-r", f"__ns:={self.namespace}"),
                 *("--log-level", "error"),
                 *(word for pair in words for word in ("-p", pair)),
