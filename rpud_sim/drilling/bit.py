@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 from rpud_sim.drilling.strata import Layer
 from rpud_sim.foundation.parameters import ParameterGroup, number
@@ -100,8 +101,7 @@ class BitParameters(ParameterGroup):
             )
 
 
-@dataclasses.dataclass(frozen=True)
-class Cut:
+class Cut(NamedTuple):
     """Forces and torques of a bit on the bottom of its hole, immutable.
 
     Args:

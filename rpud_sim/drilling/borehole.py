@@ -11,7 +11,7 @@ from rpud_sim.drilling.heat import WarmBody
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.recent import RecentDrilling
 from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.rotor import Resistance, RotorState, RotorWork
+from rpud_sim.drilling.rotor import NO_RESISTANCE, NOT_TURNED, Resistance, Turned
 from rpud_sim.drilling.strata import Layer, Strata, inclusion_in
 
 AMBIENT_TEMPERATURE = 293.15  # K
@@ -88,7 +88,7 @@ class Borehole:
         self._clogged = 0.0  # by a fault in the last step
         self._side_offset = 0.0
         self._owed = 0.0  # energy that the free mass took back from the drill tool [J]
-        self._work = RotorWork()  # of the rotation up to the last step
+        self._turned = NOT_TURNED  # in the last step
         self._energy = 0.0  # spent on drilling so far [J]
         self._cut_for: tuple[Layer, float, float, float] | None = None
         self._last_cut = NO_CUT
@@ -122,7 +122,7 @@ class Borehole:
             disturbances: faults in force.
         """
         if not (in_rock or self._tip > 0.0):
-            return Resistance()
+            return NO_RESISTANCE
         screw = self._screw_torque(disturbances)
         done = NO_CUT
         if in_rock and not self._through:
@@ -138,7 +138,7 @@ class Borehole:
         self,
         interval: float,
         percussion: Percussion,
-        rotor: RotorState | None,
+        rotation: Turned,
         weight_on_bit: float,
         mount_position: float | None,
         disturbances: Disturbances,
@@ -148,15 +148,14 @@ class Borehole:
         Args:
             interval: length of the step [s].
             percussion: during the step.
-            rotor: its state at the end of the step; None without rotation.
+            rotation: of the step; ``NOT_TURNED`` without a rotor.
             weight_on_bit: force on the bit in the step [N].
             mount_position: at the end of the step, as of ``MountState``; None without a feed.
             disturbances: faults in force.
         """
-        work = RotorWork() if rotor is None else rotor.work
-        turned = 0.0 if rotor is None else rotor.turned
-        before, self._work = self._work, work
-        resisted = work.resisted - before.resisted
+        turned = rotation.angle
+        before, self._turned = self._turned, rotation
+        resisted = rotation.resisted - before.resisted
         impact_energy = percussion.energy if percussion.in_rock else 0.0
         start = self._depth
         density_layer = self._strata.layers[self._layer]
@@ -165,7 +164,7 @@ class Borehole:
             self._owed = min(impact_energy + self._owed, 0.0)
             self._walk(interval, turned, percussion, disturbances)
             self._deepen(usable, percussion.impacts, turned, weight_on_bit, disturbances)
-            self._wear(work.friction - before.friction, density_layer)
+            self._wear(rotation.friction - before.friction, density_layer)
         self._move_tip(mount_position)
         produced = (self._depth - start) * self._area
         clearing = disturbances.clearing * (1.0 - self._engagement(disturbances))

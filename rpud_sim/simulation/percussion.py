@@ -13,39 +13,37 @@ from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.drill import Drill
 from rpud_sim.model.segment import SEGMENT
 
-# Of a segment as a tuple: to look each one up by its name takes many times as long.
-_NODAL_PLANE = itemgetter(
-    *map(
-        (SEGMENT.names or ()).index,
-        (
-            "start_seconds",
-            "start_fraction",
-            "nodal_plane_offset",
-            "nodal_plane_decay_rate",
-            "nodal_plane_angular_frequency",
-            "nodal_plane_cosine",
-            "nodal_plane_sine",
-            "nodal_plane_vibration_sine",
-            "nodal_plane_vibration_cosine",
-            "vibration_phase",
-            "vibration_frequency",
-        ),
-    )
+# Of a segment as a list of numbers of 64 bits: to look each one up by its name takes many times as
+# long.
+_MOTION = (
+    "start_fraction",
+    "nodal_plane_offset",
+    "nodal_plane_decay_rate",
+    "nodal_plane_angular_frequency",
+    "nodal_plane_cosine",
+    "nodal_plane_sine",
+    "nodal_plane_vibration_sine",
+    "nodal_plane_vibration_cosine",
+    "vibration_phase",
+    "vibration_frequency",
 )
+_places = [int((SEGMENT.fields or {})[name][1]) // 8 for name in ("start_seconds", *_MOTION)]
+_START = _places[0]
+_nodal_plane = itemgetter(*_places[1:])
 
 
-def nodal_plane_position(segment: np.void, time: int) -> float:
+def nodal_plane_position(segment: np.ndarray, time: int) -> float:
     """Return u_np at a time in a segment [m], from its closed form, eqs. (2) and (18).
 
     Args:
-        segment: one ``SEGMENT``.
+        segment: one ``SEGMENT``, shape (1,).
         time: simulation time, not before its start [ns].
     """
-    start, rest, offset, decay, omega, cosine, sine, in_phase, in_quadrature, phase, frequency = (
-        _NODAL_PLANE(segment.item())
+    rest, offset, decay, omega, cosine, sine, in_phase, in_quadrature, phase, frequency = (
+        _nodal_plane(segment.view(np.float64).tolist())
     )
     seconds, fraction = split_fraction(time)
-    elapsed = float(seconds - start) + (fraction - rest)
+    elapsed = float(seconds - segment.view(np.int64).item(_START)) + (fraction - rest)
     turn = omega * elapsed
     position: float = offset + math.exp(-decay * elapsed) * (
         cosine * math.cos(turn) + sine * math.sin(turn)

@@ -21,6 +21,7 @@ from rpud_sim.simulation.conditions import Conditions
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.feed_account import FeedAccount, LoadSpring
 from rpud_sim.simulation.percussion import PercussionMeter, nodal_plane_position
+from rpud_sim.simulation.stepped_engine import SteppedEngine
 
 
 def nominal_drive(configuration: Configuration) -> Drive:
@@ -72,19 +73,22 @@ class Plant:
         if (weight := self.process.weight_on_bit) is not None:
             parameters = self._acting_parameters().replace(weight_on_bit=weight)
         self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
-        self.engine = Engine(
-            parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance
-        )
         self._drill = derive(parameters)
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
+        self._counted = 0  # impacts in the engine that the meter has counted
+        self._stepped: SteppedEngine | None = None
         self._percussion: PercussionMeter | None = None
-        if self.process.next_step != NEVER:
-            position = nodal_plane_position(self._set_aside(), 0)
-            self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
         self._load_spring: LoadSpring | None = None
-        if (mount := self.process.mount) is not None:
-            self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
+        start = (parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance)
+        if self.process.next_step == NEVER:
+            self.engine = Engine(*start)
+        else:
+            self.engine = self._stepped = SteppedEngine(*start)
+            position = nodal_plane_position(self._stepped.open_segment, 0)
+            self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
+            if (mount := self.process.mount) is not None:
+                self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
         self._in_force = (self._drill, *self._commands())
 
     @property
@@ -148,8 +152,7 @@ class Plant:
 
         The last segment is the open one; the first one was open at the last call.
         """
-        covering, impacts = self.engine.drain_covering()
-        self._make_progress(impacts)
+        covering, impacts = self._drain_engine()
         if self._segments:
             covering = join_records([*self._segments, covering], SEGMENT)
             impacts = join_records([*self._impacts, impacts], IMPACT)
@@ -157,29 +160,38 @@ class Plant:
             self._impacts.clear()
         return covering, impacts
 
-    def _set_aside(self) -> np.void:
-        """Keep what happened for the next ``drain``, and return the open segment.
+    def _set_aside(self) -> None:
+        """Keep what happened for the next ``drain``.
 
         Impacts up to now act under the conditions so far.
         """
-        covering, impacts = self.engine.drain_covering()
-        self._make_progress(impacts)
+        covering, impacts = self._drain_engine()
         self._segments.append(covering[:-1])
         self._impacts.append(impacts)
-        return covering[-1]
+
+    def _drain_engine(self) -> tuple[np.ndarray, np.ndarray]:
+        covering, impacts = self.engine.drain_covering()
+        self._make_progress(impacts[self._counted :])
+        self._counted = 0
+        return covering, impacts
 
     def _step_process(self) -> None:
         """Take the step of the slow processes that is due now."""
-        position = nodal_plane_position(self._set_aside(), self.time)
-        assert self._percussion is not None
-        (weight, *_), _ = self._commands()
-        percussion = self._percussion.read(position, weight, self._drill, self.engine.amplitude)
+        engine = self._stepped
+        assert engine is not None and self._percussion is not None
+        struck = engine.impacts_from(self._counted)
+        if len(struck):
+            self._counted += len(struck)
+            self._make_progress(struck)
+        position = nodal_plane_position(engine.open_segment, self.time)
+        weight = self._weight_on_bit()
+        percussion = self._percussion.read(position, weight, self._drill, engine.amplitude)
         in_contact = self.process.in_contact
         self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
         if self.process.in_contact is not in_contact:
             self._drill = self._derived()
-        if self._load_spring and (mount := self.process.mount) is not None:
-            self._load_spring.step(mount, self._pushing_rate(), position)
+        if self._load_spring and (place := self.process.place) is not None:
+            self._load_spring.step(place, self._pushing_rate(), position)
 
     def _pushing_rate(self) -> float:
         """Rate with which the load spring pushes [N/m]."""
@@ -207,15 +219,15 @@ class Plant:
     def _derived(self) -> Drill:
         return derive(self._acting_parameters(), self._conditions.jammed)
 
-    def feed_account(self, segment: np.void) -> FeedAccount | None:
+    def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
         """Return the account of feed and mount since time zero; None without a feed.
 
         Args:
-            segment: the open one.
+            segment: the open one, shape (1,).
         """
-        if self._load_spring is None:
+        if self._load_spring is None or (mount := self.process.mount) is None:
             return None
-        return self._load_spring.account(nodal_plane_position(segment, self.time))
+        return self._load_spring.account(mount.work, nodal_plane_position(segment, self.time))
 
     def _make_progress(self, impacts: np.ndarray) -> None:
         if self._percussion is not None:
@@ -226,13 +238,16 @@ class Plant:
                 impacts, self._hardness * acting.specific_energy_factor, acting.progress_factor
             )
 
-    def _commands(self) -> tuple[tuple[float, float, float], float]:
+    def _weight_on_bit(self) -> float:
         weight = self.process.weight_on_bit
         if weight is None:
-            weight = self.weight_on_bit * self._conditions.preload_factor
+            return self.weight_on_bit * self._conditions.preload_factor
+        return weight
+
+    def _commands(self) -> tuple[tuple[float, float, float], float]:
         actuator = self.actuator
         resonance = 0.0 if actuator.resonance is None else actuator.resonance_frequency
-        return (weight, actuator.level, actuator.frequency), resonance
+        return (self._weight_on_bit(), actuator.level, actuator.frequency), resonance
 
     def _push_to_engine(self) -> None:
         """Push what has changed to the engine; no change leaves the trajectory as it is.

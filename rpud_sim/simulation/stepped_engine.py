@@ -1,0 +1,158 @@
+"""Engine of a drill with slow processes, which stops and changes in each millisecond."""
+
+from __future__ import annotations
+
+import math
+from operator import itemgetter
+
+import numpy as np
+
+from rpud_sim.model.drill import STATE, Drill
+from rpud_sim.model.engine import Engine, failure
+from rpud_sim.model.events import DONE, FULL, advance, interrupt
+from rpud_sim.model.parameters import Parameters
+from rpud_sim.model.resonator import Resonance
+from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+
+_FIRST_ROOM = 256  # segments; it doubles when it is too small
+_MOST_ROOM = 4096  # segments for which the room is kept after a long block
+
+
+def _place(name: str) -> int:
+    """Return the place of a field of ``STATE`` among its numbers of 64 bits."""
+    return int((STATE.fields or {})[name][1]) // 8
+
+
+# A state as a list of numbers of 64 bits: to look up a field by its name takes as long as all.
+_FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
+_finite_values = itemgetter(*map(_place, _FINITE))
+_AMPLITUDE, _SECONDS, _FRACTION = map(_place, ("amplitude", "seconds", "fraction"))
+
+
+class SteppedEngine(Engine):
+    """Engine for many short advances with a change after each: the same bits at less cost.
+
+    All records of a block are written one after the other into the same room. ``Engine`` makes
+    fresh arrays in each call, which take longer than the motion of a millisecond.
+
+    Args:
+        parameters: of the drill.
+        initial_phase: of the vibration [cycles].
+        drive: whether the actuator vibrates from the start.
+        resonance: of the vibration, which starts at rest; None if its amplitude is prescribed.
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        initial_phase: float = 0.0,
+        drive: bool = True,
+        resonance: Resonance | None = None,
+    ) -> None:
+        super().__init__(parameters, initial_phase, drive, resonance)
+        self._make_room(_FIRST_ROOM)
+        self._written = 0
+        self._reached: tuple[int, float] | None = None
+        began = join_records(self._impacts, IMPACT)
+        self._struck = len(began)
+        self._impact_room[: self._struck] = began
+        self._impacts.clear()
+
+    @property
+    def open_segment(self) -> np.ndarray:
+        """The segment in progress, shape (1,); it changes with the next advance."""
+        return self._open_segment
+
+    @property
+    def amplitude(self) -> float:
+        """Amplitude of the vibration at the last event [m]."""
+        amplitude: float = self._state.view(np.float64).item(_AMPLITUDE)
+        return amplitude
+
+    def impacts_from(self, number: int) -> np.ndarray:
+        """Return the impacts that finished since the last drain, from a number on.
+
+        They are valid until the next advance.
+        """
+        return self._impact_room[number : self._struck]
+
+    def advance(self, seconds: int, fraction: float) -> None:
+        """Advance as ``Engine`` does; nothing happens at a time that it has reached already."""
+        if self._reached != (seconds, fraction):
+            super().advance(seconds, fraction)
+            self._reached = (seconds, fraction)
+
+    def advance_through(
+        self, seconds: np.ndarray, fractions: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return None: the steps between the times must be taken one by one."""
+        return None
+
+    def drain_covering(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return segments and impacts as ``Engine`` does."""
+        covering = join_records([self._segment_room[: self._written], self._open_segment], SEGMENT)
+        impacts = join_records([self._impact_room[: self._struck]], IMPACT)
+        self._written = self._struck = 0
+        if len(self._segment_room) > _MOST_ROOM:
+            self._make_room(_FIRST_ROOM)
+        return covering, impacts
+
+    def _advance(self, seconds: int, fraction: float) -> None:
+        status = FULL
+        while status == FULL:
+            status, written, struck = advance(
+                self._drill,
+                self._state,
+                self._open_segment,
+                self._open_impact,
+                seconds,
+                fraction,
+                self._segment_room[self._written :],
+                self._impact_room[self._struck :],
+            )
+            self._written += written
+            self._struck += struck
+            if self._written == len(self._segment_room):
+                self._grow()
+        finite = all(map(math.isfinite, _finite_values(self._state.view(np.float64).tolist())))
+        if status != DONE or not finite:
+            raise failure(status, self._parameters, self._drill, self._state)
+
+    def _interrupt(
+        self,
+        seconds: int,
+        fraction: float,
+        drill: Drill,
+        commands: tuple[float, float, float, float],
+    ) -> None:
+        self._drill = drill
+        self._reached = None
+        self._struck += interrupt(
+            drill,
+            self._state,
+            self._open_segment,
+            self._open_impact,
+            self._ahead(seconds, fraction),
+            self._segment_room[self._written : self._written + 1],
+            self._impact_room[self._struck :],
+            commands,
+        )
+        self._written += 1
+        if self._written == len(self._segment_room):
+            self._grow()
+
+    def _ahead(self, seconds: int, fraction: float) -> float:
+        start: int = self._state.view(np.int64).item(_SECONDS)
+        rest: float = self._state.view(np.float64).item(_FRACTION)
+        return float(seconds - start) + (fraction - rest)
+
+    def _make_room(self, segments: int) -> None:
+        # Zeros, for the kernels leave out the bytes between two fields.
+        self._segment_room = np.zeros(segments, SEGMENT)
+        self._impact_room = np.zeros(2 * segments + 4, IMPACT)  # an event ends two at most
+
+    def _grow(self) -> None:
+        segments, impacts = self._segment_room, self._impact_room[: self._struck]
+        self._make_room(2 * len(segments))
+        self._segment_room[: len(segments)] = segments
+        self._impact_room[: len(impacts)] = impacts
