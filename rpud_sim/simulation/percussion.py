@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from operator import itemgetter
 
 import numpy as np
 
@@ -12,11 +11,14 @@ from rpud_sim.drilling.process import PROCESS_INTERVAL
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.drill import Drill
 from rpud_sim.model.segment import SEGMENT
+from rpud_sim.simulation.record_fields import reader_of
 
-# Of a segment as a list of numbers of 64 bits: to look each one up by its name takes many times as
-# long.
-_MOTION = (
+_nodal_plane = reader_of(
+    SEGMENT,
+    "start_seconds",
     "start_fraction",
+    "vibration_phase",
+    "vibration_frequency",
     "nodal_plane_offset",
     "nodal_plane_decay_rate",
     "nodal_plane_angular_frequency",
@@ -24,12 +26,7 @@ _MOTION = (
     "nodal_plane_sine",
     "nodal_plane_vibration_sine",
     "nodal_plane_vibration_cosine",
-    "vibration_phase",
-    "vibration_frequency",
 )
-_places = [int((SEGMENT.fields or {})[name][1]) // 8 for name in ("start_seconds", *_MOTION)]
-_START = _places[0]
-_nodal_plane = itemgetter(*_places[1:])
 
 
 def nodal_plane_position(segment: np.ndarray, time: int) -> float:
@@ -39,11 +36,11 @@ def nodal_plane_position(segment: np.ndarray, time: int) -> float:
         segment: one ``SEGMENT``, shape (1,).
         time: simulation time, not before its start [ns].
     """
-    rest, offset, decay, omega, cosine, sine, in_phase, in_quadrature, phase, frequency = (
-        _nodal_plane(segment.view(np.float64).tolist())
+    start, rest, phase, frequency, offset, decay, omega, cosine, sine, in_phase, in_quadrature = (
+        _nodal_plane(segment)
     )
     seconds, fraction = split_fraction(time)
-    elapsed = float(seconds - segment.view(np.int64).item(_START)) + (fraction - rest)
+    elapsed = float(seconds - start) + (fraction - rest)
     turn = omega * elapsed
     position: float = offset + math.exp(-decay * elapsed) * (
         cosine * math.cos(turn) + sine * math.sin(turn)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from operator import itemgetter
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numba import typeof
 
 from rpud_sim.model.drill import STATE, Drill
 from rpud_sim.model.engine import Engine, failure
@@ -13,20 +15,28 @@ from rpud_sim.model.events import DONE, FULL, advance, interrupt
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.resonator import Resonance
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
+from rpud_sim.simulation.record_fields import reader_of
 
 _FIRST_ROOM = 256  # segments; it doubles when it is too small
 _MOST_ROOM = 4096  # segments for which the room is kept after a long block
 
 
-def _place(name: str) -> int:
-    """Return the place of a field of ``STATE`` among its numbers of 64 bits."""
-    return int((STATE.fields or {})[name][1]) // 8
+_FINITE = ("amplitude", "u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "owed")
+_finite_values = reader_of(STATE, "frequency", *_FINITE)
+_time = reader_of(STATE, "seconds", "fraction")
+_amplitude = reader_of(STATE, "amplitude")
 
 
-# A state as a list of numbers of 64 bits: to look up a field by its name takes as long as all.
-_FINITE = ("u_np", "v_np", "u_fm", "v_fm", "u_dt", "v_dt", "amplitude", "frequency", "owed")
-_finite_values = itemgetter(*map(_place, _FINITE))
-_AMPLITUDE, _SECONDS, _FRACTION = map(_place, ("amplitude", "seconds", "fraction"))
+def machine_code(kernel: Any, *examples: object) -> Callable[..., Any]:
+    """Return a kernel as it is compiled for the types of examples; other types must not follow.
+
+    A call of the kernel itself looks at the type of each argument, which takes several times as
+    long as the motion of a millisecond.
+    """
+    if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT
+        return kernel  # type: ignore[no-any-return]
+    code: Callable[..., Any] = kernel.compile(tuple(map(typeof, examples)))
+    return code
 
 
 class SteppedEngine(Engine):
@@ -57,6 +67,10 @@ class SteppedEngine(Engine):
         self._struck = len(began)
         self._impact_room[: self._struck] = began
         self._impacts.clear()
+        records = (self._drill, self._state, self._open_segment, self._open_impact)
+        rooms = (self._segment_room, self._impact_room)
+        self._advance_code = machine_code(advance, *records, 0, 0.0, *rooms)
+        self._interrupt_code = machine_code(interrupt, *records, 0.0, *rooms, (0.0, 0.0, 0.0, 0.0))
 
     @property
     def open_segment(self) -> np.ndarray:
@@ -66,7 +80,7 @@ class SteppedEngine(Engine):
     @property
     def amplitude(self) -> float:
         """Amplitude of the vibration at the last event [m]."""
-        amplitude: float = self._state.view(np.float64).item(_AMPLITUDE)
+        amplitude: float = _amplitude(self._state)[0]
         return amplitude
 
     def impacts_from(self, number: int) -> np.ndarray:
@@ -100,7 +114,7 @@ class SteppedEngine(Engine):
     def _advance(self, seconds: int, fraction: float) -> None:
         status = FULL
         while status == FULL:
-            status, written, struck = advance(
+            status, written, struck = self._advance_code(
                 self._drill,
                 self._state,
                 self._open_segment,
@@ -114,8 +128,7 @@ class SteppedEngine(Engine):
             self._struck += struck
             if self._written == len(self._segment_room):
                 self._grow()
-        finite = all(map(math.isfinite, _finite_values(self._state.view(np.float64).tolist())))
-        if status != DONE or not finite:
+        if status != DONE or not all(map(math.isfinite, _finite_values(self._state))):
             raise failure(status, self._parameters, self._drill, self._state)
 
     def _interrupt(
@@ -127,7 +140,7 @@ class SteppedEngine(Engine):
     ) -> None:
         self._drill = drill
         self._reached = None
-        self._struck += interrupt(
+        self._struck += self._interrupt_code(
             drill,
             self._state,
             self._open_segment,
@@ -142,8 +155,7 @@ class SteppedEngine(Engine):
             self._grow()
 
     def _ahead(self, seconds: int, fraction: float) -> float:
-        start: int = self._state.view(np.int64).item(_SECONDS)
-        rest: float = self._state.view(np.float64).item(_FRACTION)
+        start, rest = _time(self._state)
         return float(seconds - start) + (fraction - rest)
 
     def _make_room(self, segments: int) -> None:
