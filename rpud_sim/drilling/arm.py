@@ -141,7 +141,9 @@ def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -
             way = min(net * away * length / arm.damping, distance)
         else:
             end = -math.expm1(-steepness * length / arm.damping)
-            way = min(net * away / steepness * end, distance)
+            way = net * away / steepness * end
+            if way > distance:
+                way = distance
         if steepness == 0.0:
             damper += net * net * length / arm.damping
         else:

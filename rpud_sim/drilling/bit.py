@@ -155,8 +155,11 @@ def cut(
     depth = weight_on_bit / (edge + bearing / bit.bit_contact_depth)
     if depth > bit.bit_contact_depth:
         depth = (weight_on_bit - bearing) / edge
-    depth = min(depth, bit.bit_greatest_cut)
-    cutting_force = min(edge * depth, weight_on_bit)
+    if depth > bit.bit_greatest_cut:
+        depth = bit.bit_greatest_cut
+    cutting_force = edge * depth
+    if cutting_force > weight_on_bit:
+        cutting_force = weight_on_bit
     friction_force = weight_on_bit - cutting_force
     return Cut(
         depth,

@@ -123,7 +123,7 @@ class Borehole:
         """
         if not (in_rock or self._tip > 0.0):
             return NO_RESISTANCE
-        screw = self._screw_torque(disturbances)
+        screw = self._screw_torque(disturbances) if disturbances.protrusion else 0.0
         done = NO_CUT
         if in_rock and not self._through:
             done = self._cut(self._layer_under(disturbances), weight_on_bit, disturbances)
@@ -131,7 +131,9 @@ class Borehole:
         bound = (disturbances.torque_factor - 1.0) * (
             done.cutting_torque + done.friction_torque + flutes
         )
-        faults = max(bound + disturbances.extra_torque + screw, 0.0)
+        faults = bound + disturbances.extra_torque + screw
+        if faults < 0.0:
+            faults = 0.0
         return Resistance(done.cutting_torque, done.friction_torque, flutes, faults, True)
 
     def step(
@@ -160,17 +162,21 @@ class Borehole:
         start = self._depth
         density_layer = self._strata.layers[self._layer]
         if percussion.in_rock and not self._through:
-            usable = max(impact_energy + self._owed, 0.0)
-            self._owed = min(impact_energy + self._owed, 0.0)
-            self._walk(interval, turned, percussion, disturbances)
+            usable, self._owed = impact_energy + self._owed, 0.0
+            if usable < 0.0:
+                usable, self._owed = 0.0, usable
+            if disturbances.side_walk:
+                self._walk(interval, turned, percussion, disturbances)
             self._deepen(usable, percussion.impacts, turned, weight_on_bit, disturbances)
             self._wear(rotation.friction - before.friction, density_layer)
         self._move_tip(mount_position)
         produced = (self._depth - start) * self._area
-        clearing = disturbances.clearing * (1.0 - self._engagement(disturbances))
+        clearing = disturbances.clearing
+        if disturbances.protrusion:
+            clearing *= 1.0 - self._engagement(disturbances)
         impacts = percussion.impacts if percussion.in_rock else 0
         self._cuttings.step(interval, produced, turned, impacts, self._tip, clearing)
-        absorbed = max(impact_energy, 0.0) + resisted
+        absorbed = (impact_energy if impact_energy > 0.0 else 0.0) + resisted
         self._warm(interval, absorbed, density_layer)
         self._energy += weight_on_bit * (self._depth - start) + impact_energy + resisted
         self._recent.add(interval, self._depth, self._energy)
@@ -179,10 +185,12 @@ class Borehole:
 
     def _cut(self, layer: Layer, weight_on_bit: float, disturbances: Disturbances) -> Cut:
         """Return the cut in a layer, with the pull of rock that protrudes into the flutes."""
-        weight, screw = weight_on_bit, self._screw_torque(disturbances)
-        if screw > 0.0:
+        weight = weight_on_bit
+        if disturbances.protrusion and (screw := self._screw_torque(disturbances)) > 0.0:
             weight += screw / (self._radius * self._screw_slope(layer))
-        flat = min(self._wear_flat * disturbances.worn_factor, self._area)
+        flat = self._wear_flat * disturbances.worn_factor
+        if flat > self._area:
+            flat = self._area
         given = (layer, weight, flat, disturbances.hardness)
         # Resistance and progress of a step need the same cut.
         if given != self._cut_for:
@@ -242,16 +250,16 @@ class Borehole:
         """Deepen the hole by one step, through as many layers as it reaches."""
         hardness = disturbances.hardness
         # A worn bit spreads the same blow over a larger area.
-        flat = self._wear_flat * disturbances.worn_factor
-        blunt = max(flat / self._bit.bit_wear_flat, 1.0) if self._bit.bit_wear_flat > 0.0 else 1.0
+        flat, new = self._wear_flat * disturbances.worn_factor, self._bit.bit_wear_flat
+        blunt = flat / new if flat > new > 0.0 else 1.0
         clearance = self._cuttings.clearance(self._tip, disturbances.clogged)
         held_up = disturbances.progress * clearance * self._spread()
         turns = turned / (2.0 * math.pi)
         left = 1.0  # of the step
         while left > 0.0:
             layer = self._layer_under(disturbances)
-            breaking = max(energy - impacts * layer.threshold_energy * hardness * blunt, 0.0)
-            deeper = self._breaking_share * breaking
+            breaking = energy - impacts * layer.threshold_energy * hardness * blunt
+            deeper = self._breaking_share * breaking if breaking > 0.0 else 0.0
             deeper /= layer.specific_energy * hardness * self._area
             if turns > 0.0:
                 deeper += self._cut(layer, weight_on_bit, disturbances).depth * turns
@@ -269,12 +277,16 @@ class Borehole:
 
     def _wear(self, friction_work: float, layer: Layer) -> None:
         grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
-        self._wear_flat = min(self._wear_flat + grown, max(self._area, self._bit.bit_wear_flat))
+        if grown:
+            most = max(self._area, self._bit.bit_wear_flat)
+            self._wear_flat = min(self._wear_flat + grown, most)
 
     def _move_tip(self, mount_position: float | None) -> None:
         tip = self._depth
         if mount_position is not None:
-            tip = min(max(mount_position, 0.0), self._depth)
+            tip = mount_position if mount_position > 0.0 else 0.0
+            if tip > self._depth:
+                tip = self._depth
         if tip < self._tip:
             self._cuttings.withdraw(self._tip, tip)
         self._tip = tip

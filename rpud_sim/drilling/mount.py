@@ -270,8 +270,10 @@ class Mount:
         least, greatest = self._limits
         most = self._parameters.feed_rate_limit * interval
         wanted = feed + motion.value * interval if motion.mode == RATE else motion.value
-        wanted = min(max(wanted, least), greatest)
-        return min(max(wanted, feed - most), feed + most)
+        wanted = least if wanted < least else greatest if wanted > greatest else wanted
+        if wanted < feed - most:
+            return feed - most
+        return feed + most if wanted > feed + most else wanted
 
     def _arrive(self, load: Load) -> None:
         """Note what follows from the place that the mount has reached."""

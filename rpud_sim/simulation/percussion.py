@@ -8,7 +8,7 @@ import numpy as np
 
 from rpud_sim.drilling.inputs import Percussion
 from rpud_sim.drilling.process import PROCESS_INTERVAL
-from rpud_sim.foundation.time import SECOND, split_fraction
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.drill import Drill
 from rpud_sim.model.segment import SEGMENT
 from rpud_sim.simulation.record_fields import reader_of
@@ -29,17 +29,17 @@ _nodal_plane = reader_of(
 )
 
 
-def nodal_plane_position(segment: np.ndarray, time: int) -> float:
+def nodal_plane_position(segment: np.ndarray, seconds: int, fraction: float) -> float:
     """Return u_np at a time in a segment [m], from its closed form, eqs. (2) and (18).
 
     Args:
         segment: one ``SEGMENT``, shape (1,).
-        time: simulation time, not before its start [ns].
+        seconds: whole seconds of the simulation time, not before its start.
+        fraction: the rest of it [s].
     """
     start, rest, phase, frequency, offset, decay, omega, cosine, sine, in_phase, in_quadrature = (
         _nodal_plane(segment)
     )
-    seconds, fraction = split_fraction(time)
     elapsed = float(seconds - start) + (fraction - rest)
     turn = omega * elapsed
     position: float = offset + math.exp(-decay * elapsed) * (

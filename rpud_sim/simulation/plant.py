@@ -65,6 +65,7 @@ class Plant:
     def __init__(self, configuration: Configuration, initial_phase: float, drive: Drive) -> None:
         parameters = configuration.parameters
         self.time = 0
+        self._instant = (0, 0.0)  # the same as whole seconds and the rest of them [s]
         self.weight_on_bit = parameters.weight_on_bit
         self.progress = Progress(configuration.rock)
         self._conditions = Conditions(parameters)
@@ -85,7 +86,7 @@ class Plant:
             self.engine = Engine(*start)
         else:
             self.engine = self._stepped = SteppedEngine(*start)
-            position = nodal_plane_position(self._stepped.open_segment, 0)
+            position = nodal_plane_position(self._stepped.open_segment, *self._instant)
             self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
             if (mount := self.process.mount) is not None:
                 self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
@@ -95,7 +96,7 @@ class Plant:
     def reading(self) -> ActuatorReading:
         """State of the actuator at the present time."""
         return self.actuator.read(
-            self.engine.amplitude, self.engine.account(*split_fraction(self.time))
+            self.engine.amplitude, self.engine.account(*self._instant)
         )
 
     @property
@@ -106,10 +107,11 @@ class Plant:
     def advance_to(self, time: int) -> None:
         """Advance to a time [ns], not beyond the next step."""
         self._push_to_engine()
-        self.engine.advance(*split_fraction(time))
+        instant = split_fraction(time)
+        self.engine.advance(*instant)
         if time == self.actuator.next_step:
-            self.actuator.step(time, self.engine.account(*split_fraction(time)))
-        self.time = time
+            self.actuator.step(time, self.engine.account(*instant))
+        self.time, self._instant = time, instant
         if time == self.process.next_step:
             self._step_process()
 
@@ -130,6 +132,7 @@ class Plant:
         if reached is None:
             return None
         self.time = int(ends[-1])
+        self._instant = split_fraction(self.time)
         finished, struck = reached
         return finished + segments, struck + impacts
 
@@ -183,7 +186,7 @@ class Plant:
         if len(struck):
             self._counted += len(struck)
             self._make_progress(struck)
-        position = nodal_plane_position(engine.open_segment, self.time)
+        position = nodal_plane_position(engine.open_segment, *self._instant)
         weight = self._weight_on_bit()
         percussion = self._percussion.read(position, weight, self._drill, engine.amplitude)
         in_contact = self.process.in_contact
@@ -227,7 +230,7 @@ class Plant:
         """
         if self._load_spring is None or (mount := self.process.mount) is None:
             return None
-        return self._load_spring.account(mount.work, nodal_plane_position(segment, self.time))
+        return self._load_spring.account(mount.work, nodal_plane_position(segment, *self._instant))
 
     def _make_progress(self, impacts: np.ndarray) -> None:
         if self._percussion is not None:
@@ -257,5 +260,4 @@ class Plant:
         in_force = (self._drill, *self._commands())
         if in_force != self._in_force:
             self._in_force = in_force
-            seconds, fraction = split_fraction(self.time)
-            self.engine.change(seconds, fraction, *in_force)
+            self.engine.change(*self._instant, *in_force)
