@@ -235,7 +235,7 @@ class Borehole:
 
     def _spread(self) -> float:
         """Return the factor on the progress of a bit that has walked: it digs a longer slot."""
-        if self._depth >= self._radius:
+        if not self._side_offset or self._depth >= self._radius:
             return 1.0
         return self._area / (self._area + 2.0 * self._radius * self._side_offset)
 

@@ -49,6 +49,7 @@ class Plant:
 
     Attributes:
         time: simulation time [ns].
+        next_step: furthest time to advance to at once [ns].
         weight_on_bit: commanded force [N]; a change takes effect at the present time. Without
             effect where the weight on bit follows from a feed.
         engine: of the motion.
@@ -90,6 +91,7 @@ class Plant:
             self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
             if (mount := self.process.mount) is not None:
                 self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
+        self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
 
     @property
@@ -99,21 +101,19 @@ class Plant:
             self.engine.amplitude, self.engine.account(*self._instant)
         )
 
-    @property
-    def next_step(self) -> int:
-        """Furthest time to advance to at once [ns]."""
-        return min(self.actuator.next_step, self.process.next_step)
-
     def advance_to(self, time: int) -> None:
         """Advance to a time [ns], not beyond the next step."""
         self._push_to_engine()
         instant = split_fraction(time)
         self.engine.advance(*instant)
-        if time == self.actuator.next_step:
+        at_step = time == self.next_step
+        if at_step and time == self.actuator.next_step:
             self.actuator.step(time, self.engine.account(*instant))
         self.time, self._instant = time, instant
-        if time == self.process.next_step:
-            self._step_process()
+        if at_step:
+            if time == self.process.next_step:
+                self._step_process()
+            self.next_step = min(self.actuator.next_step, self.process.next_step)
 
     def advance_through(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Advance to times one after the other [ns], before the next step.
