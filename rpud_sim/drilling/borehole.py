@@ -11,7 +11,7 @@ from rpud_sim.drilling.heat import WarmBody
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.recent import RecentDrilling
 from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.rotor import NO_RESISTANCE, NOT_TURNED, Resistance, Turned
+from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, Resistance, Turned
 from rpud_sim.drilling.strata import Layer, Strata, inclusion_in
 
 AMBIENT_TEMPERATURE = 293.15  # K

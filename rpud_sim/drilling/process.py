@@ -11,7 +11,8 @@ from rpud_sim.drilling.feed import Motion
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountParameters, MountState
 from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.rotor import NO_RESISTANCE, NOT_TURNED, RotationParameters, Rotor, RotorState
+from rpud_sim.drilling.rotor import RotationParameters, Rotor
+from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, RotorState
 from rpud_sim.drilling.strata import Strata, StrataParameters, uniform_strata
 from rpud_sim.foundation.time import NEVER, SECOND
 

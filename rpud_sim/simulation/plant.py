@@ -97,9 +97,7 @@ class Plant:
     @property
     def reading(self) -> ActuatorReading:
         """State of the actuator at the present time."""
-        return self.actuator.read(
-            self.engine.amplitude, self.engine.account(*self._instant)
-        )
+        return self.actuator.read(self.engine.amplitude, self.engine.account(*self._instant))
 
     def advance_to(self, time: int) -> None:
         """Advance to a time [ns], not beyond the next step."""
@@ -181,7 +179,8 @@ class Plant:
     def _step_process(self) -> None:
         """Take the step of the slow processes that is due now."""
         engine = self._stepped
-        assert engine is not None and self._percussion is not None
+        assert engine is not None
+        assert self._percussion is not None
         struck = engine.impacts_from(self._counted)
         if len(struck):
             self._counted += len(struck)
@@ -260,4 +259,5 @@ class Plant:
         in_force = (self._drill, *self._commands())
         if in_force != self._in_force:
             self._in_force = in_force
-            self.engine.change(*self._instant, *in_force)
+            seconds, fraction = self._instant
+            self.engine.change(seconds, fraction, *in_force)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,10 @@ def reader_of(dtype: np.dtype, *names: str) -> Callable[[np.ndarray], tuple[Any,
         names: of fields of 64 bits, in the order in which the dtype has them.
     """
     layout, end = "=", 0
+    fields: Mapping[str, Any] = dtype.fields or {}
     for name in names:
-        kind, offset = (dtype.fields or {})[name][:2]
+        kind, offset = fields[name][:2]
         layout += f"{offset - end}x{_CODES[kind.str[1:]]}"
         end = offset + kind.itemsize
-    return struct.Struct(layout).unpack_from
+    read: Any = struct.Struct(layout).unpack_from  # takes arrays as buffers
+    return read

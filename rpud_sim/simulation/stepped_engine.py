@@ -34,8 +34,9 @@ def machine_code(kernel: Any, *examples: object) -> Callable[..., Any]:
     long as the motion of a millisecond.
     """
     if not hasattr(kernel, "compile"):  # NUMBA_DISABLE_JIT
-        return kernel  # type: ignore[no-any-return]
-    code: Callable[..., Any] = kernel.compile(tuple(map(typeof, examples)))
+        code: Callable[..., Any] = kernel
+    else:
+        code = kernel.compile(tuple(map(typeof, examples)))
     return code
 
 
