@@ -15,7 +15,9 @@ at the time of a logarithm.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
+from typing import NamedTuple
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,7 +36,7 @@ class Arm:
     half_play: float
     anchoring: float
 
-    @property
+    @functools.cached_property
     def reach(self) -> float:
         """Greatest distance of the mount from its place at rest [m]."""
         if self.stiffness == 0.0:
@@ -45,15 +47,15 @@ class Arm:
         """Return the deflection beyond the play [m]."""
         if deflection > self.half_play:
             return deflection - self.half_play
-        return min(deflection + self.half_play, 0.0)
+        behind = deflection + self.half_play
+        return behind if behind < 0.0 else 0.0
 
     def stored(self, deflection: float) -> float:
         """Return the energy of the arm's spring [J]."""
         return 0.5 * self.stiffness * self.stretch(deflection) ** 2
 
 
-@dataclasses.dataclass(frozen=True)
-class Load:
+class Load(NamedTuple):
     """Force of the drill on the mount, away from the rock, as it depends on the mount's position.
 
     Args:
@@ -73,17 +75,18 @@ class Load:
 
     def force(self, position: float) -> float:
         """Return the force of the drill [N]."""
-        return self.spring(position) - self.push
+        if position > self.bottom:
+            return self.spring_rate * (position - self.bottom) - self.push
+        return 0.0 - self.push
 
     def work(self, start: float, end: float) -> float:
         """Return the work that a motion does on the drill [J]."""
-        if min(start, end) < self.bottom < max(start, end):
+        if start < self.bottom < end or end < self.bottom < start:
             return self.work(start, self.bottom) + self.work(self.bottom, end)
         return 0.5 * (self.force(start) + self.force(end)) * (end - start)
 
 
-@dataclasses.dataclass(frozen=True)
-class Move:
+class Move(NamedTuple):
     """Motion of the mount, with its energies.
 
     Args:
@@ -114,26 +117,33 @@ def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -
         interval: length [s]; infinite for the equilibrium.
     """
     start = position
-    reach = arm.reach
-    knots = [load.bottom, rest - arm.half_play, rest + arm.half_play, rest - reach, rest + reach]
+    reach, half_play = arm.reach, arm.half_play
+    knots = (load.bottom, rest - half_play, rest + half_play, rest - reach, rest + reach)
     damper = 0.0
     while interval > 0.0:
         net = _net_force(arm, load, position, rest)
         if net == 0.0:
             break
         away = 1.0 if net > 0.0 else -1.0
-        distances = [each for knot in knots if 0.0 < (each := (knot - position) * away) < math.inf]
-        distance = min(distances, default=math.inf)
+        distance = math.inf
+        for knot in knots:
+            ahead = (knot - position) * away
+            if 0.0 < ahead < distance:
+                distance = ahead
         middle = position + away * (0.5 * distance if distance < math.inf else 1.0)
         steepness = _steepness(arm, load, middle - rest, middle)
-        length = min(_duration(arm, net * away, steepness, distance), interval)
+        length = _duration(arm, net * away, steepness, distance)
+        if length > interval:
+            length = interval
         if length < interval:
             way = distance
         elif steepness == 0.0:
             way = min(net * away * length / arm.damping, distance)
         else:
             end = -math.expm1(-steepness * length / arm.damping)
-            way = min(net * away / steepness * end, distance)
+            way = net * away / steepness * end
+            if way > distance:
+                way = distance
         if steepness == 0.0:
             damper += net * net * length / arm.damping
         else:
@@ -189,7 +199,11 @@ def _net_force(arm: Arm, load: Load, position: float, rest: float) -> float:
     driving = -load.force(position)
     if arm.stiffness > 0.0:
         elastic = arm.stiffness * arm.stretch(position - rest)
-        return driving - min(max(elastic, -arm.anchoring), arm.anchoring)
+        if elastic > arm.anchoring:
+            elastic = arm.anchoring
+        elif elastic < -arm.anchoring:
+            elastic = -arm.anchoring
+        return driving - elastic
     if _in_play(arm, position, rest, driving):
         return driving
     excess = abs(driving) - arm.anchoring

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 from rpud_sim.drilling.strata import Layer
 from rpud_sim.foundation.parameters import ParameterGroup, number
@@ -100,8 +101,7 @@ class BitParameters(ParameterGroup):
             )
 
 
-@dataclasses.dataclass(frozen=True)
-class Cut:
+class Cut(NamedTuple):
     """Forces and torques of a bit on the bottom of its hole, immutable.
 
     Args:
@@ -155,8 +155,11 @@ def cut(
     depth = weight_on_bit / (edge + bearing / bit.bit_contact_depth)
     if depth > bit.bit_contact_depth:
         depth = (weight_on_bit - bearing) / edge
-    depth = min(depth, bit.bit_greatest_cut)
-    cutting_force = min(edge * depth, weight_on_bit)
+    if depth > bit.bit_greatest_cut:
+        depth = bit.bit_greatest_cut
+    cutting_force = edge * depth
+    if cutting_force > weight_on_bit:
+        cutting_force = weight_on_bit
     friction_force = weight_on_bit - cutting_force
     return Cut(
         depth,

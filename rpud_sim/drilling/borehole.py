@@ -11,7 +11,7 @@ from rpud_sim.drilling.heat import WarmBody
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.recent import RecentDrilling
 from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.rotor import Resistance, RotorState, RotorWork
+from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, Resistance, Turned
 from rpud_sim.drilling.strata import Layer, Strata, inclusion_in
 
 AMBIENT_TEMPERATURE = 293.15  # K
@@ -88,7 +88,7 @@ class Borehole:
         self._clogged = 0.0  # by a fault in the last step
         self._side_offset = 0.0
         self._owed = 0.0  # energy that the free mass took back from the drill tool [J]
-        self._work = RotorWork()  # of the rotation up to the last step
+        self._turned = NOT_TURNED  # in the last step
         self._energy = 0.0  # spent on drilling so far [J]
         self._cut_for: tuple[Layer, float, float, float] | None = None
         self._last_cut = NO_CUT
@@ -122,8 +122,8 @@ class Borehole:
             disturbances: faults in force.
         """
         if not (in_rock or self._tip > 0.0):
-            return Resistance()
-        screw = self._screw_torque(disturbances)
+            return NO_RESISTANCE
+        screw = self._screw_torque(disturbances) if disturbances.protrusion else 0.0
         done = NO_CUT
         if in_rock and not self._through:
             done = self._cut(self._layer_under(disturbances), weight_on_bit, disturbances)
@@ -131,14 +131,16 @@ class Borehole:
         bound = (disturbances.torque_factor - 1.0) * (
             done.cutting_torque + done.friction_torque + flutes
         )
-        faults = max(bound + disturbances.extra_torque + screw, 0.0)
+        faults = bound + disturbances.extra_torque + screw
+        if faults < 0.0:
+            faults = 0.0
         return Resistance(done.cutting_torque, done.friction_torque, flutes, faults, True)
 
     def step(
         self,
         interval: float,
         percussion: Percussion,
-        rotor: RotorState | None,
+        rotation: Turned,
         weight_on_bit: float,
         mount_position: float | None,
         disturbances: Disturbances,
@@ -148,30 +150,33 @@ class Borehole:
         Args:
             interval: length of the step [s].
             percussion: during the step.
-            rotor: its state at the end of the step; None without rotation.
+            rotation: of the step; ``NOT_TURNED`` without a rotor.
             weight_on_bit: force on the bit in the step [N].
             mount_position: at the end of the step, as of ``MountState``; None without a feed.
             disturbances: faults in force.
         """
-        work = RotorWork() if rotor is None else rotor.work
-        turned = 0.0 if rotor is None else rotor.turned
-        before, self._work = self._work, work
-        resisted = work.resisted - before.resisted
+        turned = rotation.angle
+        before, self._turned = self._turned, rotation
+        resisted = rotation.resisted - before.resisted
         impact_energy = percussion.energy if percussion.in_rock else 0.0
         start = self._depth
         density_layer = self._strata.layers[self._layer]
         if percussion.in_rock and not self._through:
-            usable = max(impact_energy + self._owed, 0.0)
-            self._owed = min(impact_energy + self._owed, 0.0)
-            self._walk(interval, turned, percussion, disturbances)
+            usable, self._owed = impact_energy + self._owed, 0.0
+            if usable < 0.0:
+                usable, self._owed = 0.0, usable
+            if disturbances.side_walk:
+                self._walk(interval, turned, percussion, disturbances)
             self._deepen(usable, percussion.impacts, turned, weight_on_bit, disturbances)
-            self._wear(work.friction - before.friction, density_layer)
+            self._wear(rotation.friction - before.friction, density_layer)
         self._move_tip(mount_position)
         produced = (self._depth - start) * self._area
-        clearing = disturbances.clearing * (1.0 - self._engagement(disturbances))
+        clearing = disturbances.clearing
+        if disturbances.protrusion:
+            clearing *= 1.0 - self._engagement(disturbances)
         impacts = percussion.impacts if percussion.in_rock else 0
         self._cuttings.step(interval, produced, turned, impacts, self._tip, clearing)
-        absorbed = max(impact_energy, 0.0) + resisted
+        absorbed = (impact_energy if impact_energy > 0.0 else 0.0) + resisted
         self._warm(interval, absorbed, density_layer)
         self._energy += weight_on_bit * (self._depth - start) + impact_energy + resisted
         self._recent.add(interval, self._depth, self._energy)
@@ -180,10 +185,12 @@ class Borehole:
 
     def _cut(self, layer: Layer, weight_on_bit: float, disturbances: Disturbances) -> Cut:
         """Return the cut in a layer, with the pull of rock that protrudes into the flutes."""
-        weight, screw = weight_on_bit, self._screw_torque(disturbances)
-        if screw > 0.0:
+        weight = weight_on_bit
+        if disturbances.protrusion and (screw := self._screw_torque(disturbances)) > 0.0:
             weight += screw / (self._radius * self._screw_slope(layer))
-        flat = min(self._wear_flat * disturbances.worn_factor, self._area)
+        flat = self._wear_flat * disturbances.worn_factor
+        if flat > self._area:
+            flat = self._area
         given = (layer, weight, flat, disturbances.hardness)
         # Resistance and progress of a step need the same cut.
         if given != self._cut_for:
@@ -228,7 +235,7 @@ class Borehole:
 
     def _spread(self) -> float:
         """Return the factor on the progress of a bit that has walked: it digs a longer slot."""
-        if self._depth >= self._radius:
+        if not self._side_offset or self._depth >= self._radius:
             return 1.0
         return self._area / (self._area + 2.0 * self._radius * self._side_offset)
 
@@ -243,16 +250,16 @@ class Borehole:
         """Deepen the hole by one step, through as many layers as it reaches."""
         hardness = disturbances.hardness
         # A worn bit spreads the same blow over a larger area.
-        flat = self._wear_flat * disturbances.worn_factor
-        blunt = max(flat / self._bit.bit_wear_flat, 1.0) if self._bit.bit_wear_flat > 0.0 else 1.0
+        flat, new = self._wear_flat * disturbances.worn_factor, self._bit.bit_wear_flat
+        blunt = flat / new if flat > new > 0.0 else 1.0
         clearance = self._cuttings.clearance(self._tip, disturbances.clogged)
         held_up = disturbances.progress * clearance * self._spread()
         turns = turned / (2.0 * math.pi)
         left = 1.0  # of the step
         while left > 0.0:
             layer = self._layer_under(disturbances)
-            breaking = max(energy - impacts * layer.threshold_energy * hardness * blunt, 0.0)
-            deeper = self._breaking_share * breaking
+            breaking = energy - impacts * layer.threshold_energy * hardness * blunt
+            deeper = self._breaking_share * breaking if breaking > 0.0 else 0.0
             deeper /= layer.specific_energy * hardness * self._area
             if turns > 0.0:
                 deeper += self._cut(layer, weight_on_bit, disturbances).depth * turns
@@ -270,12 +277,16 @@ class Borehole:
 
     def _wear(self, friction_work: float, layer: Layer) -> None:
         grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
-        self._wear_flat = min(self._wear_flat + grown, max(self._area, self._bit.bit_wear_flat))
+        if grown:
+            most = max(self._area, self._bit.bit_wear_flat)
+            self._wear_flat = min(self._wear_flat + grown, most)
 
     def _move_tip(self, mount_position: float | None) -> None:
         tip = self._depth
         if mount_position is not None:
-            tip = min(max(mount_position, 0.0), self._depth)
+            tip = mount_position if mount_position > 0.0 else 0.0
+            if tip > self._depth:
+                tip = self._depth
         if tip < self._tip:
             self._cuttings.withdraw(self._tip, tip)
         self._tip = tip

@@ -43,7 +43,9 @@ class Cuttings:
         """
         if depth <= 0.0:
             return 0.0
-        full = min(self.volume / (self._bit.flute_area * depth), 1.0)
+        full = self.volume / (self._bit.flute_area * depth)
+        if full > 1.0:
+            full = 1.0
         return full + clogged * (1.0 - full)
 
     def clearance(self, depth: float, clogged: float = 0.0) -> float:
@@ -54,7 +56,8 @@ class Cuttings:
             clogged: share of their free room that a fault clogs, 0 to 1.
         """
         choke = self._bit.cuttings_choke
-        return min((1.0 - self.filling(depth, clogged)) / (1.0 - choke), 1.0)
+        free = (1.0 - self.filling(depth, clogged)) / (1.0 - choke)
+        return free if free < 1.0 else 1.0
 
     def torque(self, depth: float, clogged: float = 0.0) -> float:
         """Return the torque that resists the rotation [N m].
@@ -62,7 +65,9 @@ class Cuttings:
         It is proportional to the depth of the tool in the hole [m], and to f / (1 - f) of the
         filling f: equal to ``flute_torque`` times depth with half-full flutes (assumed).
         """
-        full = min(self.filling(depth, clogged), FULLEST)
+        full = self.filling(depth, clogged)
+        if full > FULLEST:
+            full = FULLEST
         return self._bit.flute_torque * depth * full / (1.0 - full)
 
     def step(
@@ -99,7 +104,9 @@ class Cuttings:
         else:
             self.volume += came
         # The flutes hold no more; what is beyond is pressed into the wall.
-        self.volume = min(self.volume, bit.flute_area * depth)
+        most = bit.flute_area * depth
+        if self.volume > most:
+            self.volume = most
 
     def withdraw(self, before: float, after: float) -> None:
         """Take out what the flutes hold along the way when the tool is drawn back.

@@ -24,6 +24,8 @@ class WarmBody:
         self._resistance = thermal_resistance
         self._ambient = ambient_temperature
         self.temperature = ambient_temperature
+        self._share_of = (0.0, 0.0)  # interval [s] and heat capacity [J/K] of the last step
+        self._share = 0.0
 
     def step(self, interval: float, heat: float, heat_capacity: float) -> None:
         """Warm or cool during a step.
@@ -34,5 +36,7 @@ class WarmBody:
             heat_capacity: of the body [J/K].
         """
         end = self._ambient + self._resistance * heat / interval
-        share = -math.expm1(-interval / (self._resistance * heat_capacity))
-        self.temperature += (end - self.temperature) * share
+        if self._share_of != (interval, heat_capacity):
+            self._share_of = (interval, heat_capacity)
+            self._share = -math.expm1(-interval / (self._resistance * heat_capacity))
+        self.temperature += (end - self.temperature) * self._share

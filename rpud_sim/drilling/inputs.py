@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 
-@dataclasses.dataclass(frozen=True)
-class Percussion:
+class Percussion(NamedTuple):
     """Percussion during one step, immutable.
 
     Args:

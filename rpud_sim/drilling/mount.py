@@ -146,8 +146,11 @@ class Mount:
     ``contact_release`` before it.
 
     Attributes:
-        state: at the last step.
         motion: that the drive of the feed is to make.
+        position: of the mount [m].
+        bottom: of the hole [m]; infinite if there is none.
+        weight_on_bit: force of the compressed load spring [N].
+        in_contact: whether the drill tool is in the rock.
 
     Args:
         parameters: of feed and arm.
@@ -159,6 +162,7 @@ class Mount:
         self, parameters: MountParameters, load_spring_rate: float, has_rock: bool
     ) -> None:
         self._parameters = parameters
+        self._limits = (parameters.feed_minimum, parameters.feed_maximum)
         self._arm = Arm(
             parameters.arm_stiffness,
             parameters.arm_damping,
@@ -170,9 +174,36 @@ class Mount:
         start = parameters.initial_feed
         load = Load(load_spring_rate, 0.0 if has_rock else math.inf, 0.0)
         settled = drift(self._arm, load, start, start, math.inf)
-        self._position, self._feed, self._slip = settled.position, start, settled.slipped
-        self._work = MountWork(stored=self._arm.stored(settled.position - self._rest))
-        self.state = self._state(load, 0.0, False)
+        self.position, self._feed, self._slip = settled.position, start, settled.slipped
+        self._rate = 0.0  # of the feed's drive [m/s]
+        self._feed_work = self._damper_loss = self._slip_loss = self._host_work = 0.0
+        self._drill_work = 0.0
+        self.in_contact = False
+        self._arrive(load)
+
+    @property
+    def state(self) -> MountState:
+        """State at the last step."""
+        rest = self._rest
+        work = MountWork(
+            self._feed_work,
+            self._damper_loss,
+            self._slip_loss,
+            self._host_work,
+            self._arm.stored(self.position - rest),
+            self._drill_work,
+        )
+        return MountState(
+            self.position,
+            self._feed,
+            self._rate,
+            arm_force(self._arm, self._load, self.position, rest),
+            self.weight_on_bit,
+            self.in_contact,
+            self._slip,
+            self.bottom,
+            work,
+        )
 
     def step(
         self,
@@ -182,8 +213,8 @@ class Mount:
         load_spring_rate: float,
         has_rock: bool,
         disturbances: Disturbances,
-    ) -> MountState:
-        """Move for one step and return the state at its end.
+    ) -> None:
+        """Move for one step.
 
         The arm moves under the hole and the feed of the step before. Then the hole has its new
         depth, and the feed has moved.
@@ -196,77 +227,60 @@ class Mount:
             has_rock: whether there is rock.
             disturbances: faults in force.
         """
-        state = self.state
         spring_rate = load_spring_rate * disturbances.preload_factor
         # What the drill's own motion takes from the force of the load spring.
-        push = state.weight_on_bit - reacting_force
-        load = Load(spring_rate, state.bottom, push)
-        self._take(drift(self._arm, load, self._position, self._rest, interval), "")
+        push = self.weight_on_bit - reacting_force
+        load = Load(spring_rate, self.bottom, push)
+        self._take(drift(self._arm, load, self.position, self._feed + self._slip, interval))
         load = Load(spring_rate, bottom if has_rock else math.inf, push)
         if disturbances.arm_slip_rate:
             rest = self._rest
             self._slip -= disturbances.arm_slip_rate * interval
-            self._take(shift(self._arm, load, self._position, rest, self._rest), "host")
+            moved = shift(self._arm, load, self.position, rest, self._rest)
+            self._take(moved)
+            self._host_work += moved.shift_work
         feed = self._next_feed(interval, disturbances.feed_stalled)
-        rate = (feed - self._feed) / interval
+        self._rate = (feed - self._feed) / interval
         if feed != self._feed:
             rest = self._rest
             self._feed = feed
-            self._take(shift(self._arm, load, self._position, rest, self._rest), "feed")
-        self.state = self._state(load, rate, state.in_contact)
-        return self.state
+            moved = shift(self._arm, load, self.position, rest, self._rest)
+            self._take(moved)
+            self._feed_work += moved.shift_work
+        self._arrive(load)
 
     @property
     def _rest(self) -> float:
         """Place of the mount at which the arm is not deflected [m]."""
         return self._feed + self._slip
 
-    def _take(self, moved: Move, mover: str) -> None:
-        """Put a motion into the state.
-
-        Args:
-            moved: the motion.
-            mover: term of ``MountWork`` to which the work that moved the place at rest belongs.
-        """
-        self._position = moved.position
-        self._slip += moved.slipped
-        work = self._work
-        terms = {
-            "damper": work.damper + moved.damper,
-            "slip": work.slip + moved.slip,
-            "stored": self._arm.stored(moved.position - self._rest),
-            "drill": work.drill + moved.work,
-        }
-        if mover:
-            terms[mover] = getattr(work, mover) + moved.shift_work
-        self._work = dataclasses.replace(work, **terms)
+    def _take(self, moved: Move) -> None:
+        """Put a motion into the state."""
+        self.position, slipped, damper, slip, work, _ = moved
+        self._slip += slipped
+        self._damper_loss += damper
+        self._slip_loss += slip
+        self._drill_work += work
 
     def _next_feed(self, interval: float, stalled: bool) -> float:
         """Return the position of the feed's drive after a step [m]."""
-        if stalled:
-            return self._feed
-        parameters = self._parameters
-        most = parameters.feed_rate_limit * interval
-        wanted = self.motion.value
-        if self.motion.mode == RATE:
-            wanted = self._feed + wanted * interval
-        wanted = min(max(wanted, parameters.feed_minimum), parameters.feed_maximum)
-        return min(max(wanted, self._feed - most), self._feed + most)
+        feed, motion = self._feed, self.motion
+        if stalled or motion is STANDSTILL:
+            return feed
+        least, greatest = self._limits
+        most = self._parameters.feed_rate_limit * interval
+        wanted = feed + motion.value * interval if motion.mode == RATE else motion.value
+        wanted = least if wanted < least else greatest if wanted > greatest else wanted
+        if wanted < feed - most:
+            return feed - most
+        return feed + most if wanted > feed + most else wanted
 
-    def _state(self, load: Load, rate: float, in_contact: bool) -> MountState:
-        position = self._position
-        if position > load.bottom:
-            in_contact = True
-        elif position < load.bottom - self._parameters.contact_release:
-            in_contact = False
-        return MountState(
-            position,
-            self._feed,
-            rate,
-            arm_force(self._arm, load, position, self._rest),
-            load.spring(position),
-            in_contact,
-            self._slip,
-            load.bottom,
-            self._work,
-        )
+    def _arrive(self, load: Load) -> None:
+        """Note what follows from the place that the mount has reached."""
+        self._load = load
+        self.bottom = load.bottom
+        self.weight_on_bit = load.spring(self.position)
+        if self.position > load.bottom:
+            self.in_contact = True
+        elif self.position < load.bottom - self._parameters.contact_release:
+            self.in_contact = False

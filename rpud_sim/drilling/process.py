@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 from rpud_sim.drilling.bit import BitParameters
 from rpud_sim.drilling.borehole import AMBIENT_TEMPERATURE, Borehole, BoreholeState
@@ -10,13 +11,15 @@ from rpud_sim.drilling.feed import Motion
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountParameters, MountState
 from rpud_sim.drilling.rock import RockParameters
-from rpud_sim.drilling.rotor import Resistance, RotationParameters, Rotor, RotorState
+from rpud_sim.drilling.rotor import RotationParameters, Rotor
+from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, RotorState
 from rpud_sim.drilling.strata import Strata, StrataParameters, uniform_strata
 from rpud_sim.foundation.time import NEVER, SECOND
 
 # A step is at each whole multiple of this [ns], so that steps do not depend on how the simulation
 # is advanced. It is short against the periods of load spring and arm.
 PROCESS_INTERVAL = 1_000_000
+_INTERVAL = PROCESS_INTERVAL / SECOND  # [s]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,8 +61,7 @@ class DrillingParameters:
         return rotates or self.mount.feed_model != "none" or bool(self.strata.strata)
 
 
-@dataclasses.dataclass(frozen=True)
-class Surroundings:
+class Surroundings(NamedTuple):
     """What a step needs of the drill besides its percussion, immutable.
 
     Args:
@@ -151,12 +153,20 @@ class Process:
     @property
     def weight_on_bit(self) -> float | None:
         """Weight on bit until the next step [N]; None if the commanded one acts."""
-        return self._mount.state.weight_on_bit if self._mount else None
+        return self._mount.weight_on_bit if self._mount else None
 
     @property
     def in_contact(self) -> bool | None:
         """Whether the tool is in the rock until the next step; None if ``regime`` says it."""
-        return self._mount.state.in_contact if self._mount else None
+        return self._mount.in_contact if self._mount else None
+
+    @property
+    def place(self) -> tuple[float, float] | None:
+        """Position of the mount and bottom of the hole at the last step [m]; None without a feed.
+
+        The bottom is infinite if there is none.
+        """
+        return (self._mount.position, self._mount.bottom) if self._mount else None
 
     @property
     def depth(self) -> float | None:
@@ -181,23 +191,23 @@ class Process:
             surroundings: at the step.
             disturbances: faults in force at the step.
         """
-        interval = PROCESS_INTERVAL / SECOND
+        interval = _INTERVAL
         mount, borehole = self._mount, self._borehole
         if self._follows_rock and surroundings.hardness != 1.0:
             harder = disturbances.hardness * surroundings.hardness
             disturbances = dataclasses.replace(disturbances, hardness=harder)
-        weight = mount.state.weight_on_bit if mount else surroundings.weight_on_bit
-        rotor_state = None
+        weight = mount.weight_on_bit if mount else surroundings.weight_on_bit
+        turned = NOT_TURNED
         if self._rotor:
-            resistance = Resistance()
+            resistance = NO_RESISTANCE
             if borehole:
                 resistance = borehole.resistance(weight, percussion.in_rock, disturbances)
             ratio = percussion.amplitude_ratio
-            rotor_state = self._rotor.step(interval, ratio, resistance, disturbances)
+            turned = self._rotor.step(interval, ratio, resistance, disturbances)
         bottom = surroundings.depth
         if borehole:
-            position = mount.state.position if mount else None
-            borehole.step(interval, percussion, rotor_state, weight, position, disturbances)
+            position = mount.position if mount else None
+            borehole.step(interval, percussion, turned, weight, position, disturbances)
             bottom = borehole.bottom
         if mount:
             mount.step(

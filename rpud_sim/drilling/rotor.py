@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 from rpud_sim.drilling.inputs import Disturbances
+from rpud_sim.drilling.rotor_values import Resistance, RotorState, RotorWork, Turned
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
 
 # A rotor passes through at most this many laws of motion in one step: it slips, follows the drive,
@@ -52,94 +54,6 @@ class RotationParameters(ParameterGroup):
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class Resistance:
-    """Torque against the rotation of the drill tool, immutable and not negative [N m].
-
-    Args:
-        cutting: that cuts the rock.
-        friction: of the wear flat on the rock.
-        flutes: of cuttings in the flutes.
-        faults: of binding and of rock that protrudes into the flutes.
-        in_hole: whether the wall of a hole surrounds the tool.
-    """
-
-    cutting: float = 0.0
-    friction: float = 0.0
-    flutes: float = 0.0
-    faults: float = 0.0
-    in_hole: bool = False
-
-    @property
-    def total(self) -> float:
-        """Sum of all parts [N m]."""
-        return self.cutting + self.friction + self.flutes + self.faults
-
-
-@dataclasses.dataclass(frozen=True)
-class RotorWork:
-    """Work of the rotation since time zero, immutable [J].
-
-    The work of the drive is the sum of cutting, friction, flutes, faults and kinetic energy.
-
-    Args:
-        drive: of the drive on the rotor.
-        slip: lost in the sliding contact between stack and rotor; the stack gives it in addition.
-        cutting: that cut the rock.
-        friction: of the wear flat on the rock.
-        flutes: on cuttings in the flutes.
-        faults: against binding, gravel and rock that protrudes into the flutes.
-        kinetic: energy of the rotation now.
-    """
-
-    drive: float = 0.0
-    slip: float = 0.0
-    cutting: float = 0.0
-    friction: float = 0.0
-    flutes: float = 0.0
-    faults: float = 0.0
-    kinetic: float = 0.0
-
-    def to_dict(self) -> dict[str, float]:
-        """Return the terms and the residual by name, ready for JSON [J]."""
-        return {**dataclasses.asdict(self), "residual": self.residual}
-
-    @property
-    def resisted(self) -> float:
-        """Work against everything that resists the rotation [J]."""
-        return math.fsum((self.cutting, self.friction, self.flutes, self.faults))
-
-    @property
-    def residual(self) -> float:
-        """Work of the drive less all that became of it [J]; rounding alone."""
-        return math.fsum((self.drive, -self.resisted, -self.kinetic))
-
-
-@dataclasses.dataclass(frozen=True)
-class RotorState:
-    """State of the rotor at one time, immutable.
-
-    Args:
-        angle: since time zero [rad].
-        rate: of rotation, never negative [rad/s].
-        torque: of rock and cuttings on the drill tool, against the rotation [N m].
-        drive_torque: of the drive on the rotor [N m].
-        stalled: whether the tool stands still although the drive is on.
-        slipping: whether the preload of the rotor limits the torque of the drive.
-        turned: angle of the last step [rad].
-        work: since time zero.
-    """
-
-    angle: float = 0.0
-    rate: float = 0.0
-    torque: float = 0.0
-    drive_torque: float = 0.0
-    stalled: bool = False
-    slipping: bool = False
-    turned: float = 0.0
-    work: RotorWork = RotorWork()
-
-
 class Rotor:
     """Rotation of the drill tool.
 
@@ -155,15 +69,14 @@ class Rotor:
     where the rate reaches zero, and starts when the torque of the drive at rest exceeds the
     resistance times the breakaway ratio. It never turns backward: all that resists is passive.
 
-    Attributes:
-        state: at the last step.
-
     Args:
         parameters: of the rotation.
     """
 
     def __init__(self, parameters: RotationParameters) -> None:
         self._parameters = parameters
+        self._stall_torque = parameters.rotor_stall_torque
+        self._inertia = parameters.rotor_inertia
         # Torque that one unit of rate takes from the drive [N m s].
         self._slope = parameters.rotor_stall_torque / parameters.rotor_no_load_rate
         self._grip = (
@@ -171,7 +84,39 @@ class Rotor:
             * parameters.rotor_preload
             * parameters.rotor_radius
         )
-        self.state = RotorState()
+        self._play = self._grip / self._slope  # of the rate within which the rotor does not slip
+        self._decay = self._slope / self._inertia
+        self._whole = _Decay(0.0, 0.0, 0.0, 1.0)  # in a step without another piece
+        self._angle = self._rate = self._turned = 0.0
+        self._torque = self._drive_torque = 0.0
+        self._amplitude_ratio = 0.0
+        # Work since time zero, as of ``RotorWork`` [J].
+        self._driven = self._slip = 0.0
+        self._cutting = self._friction = self._flutes = self._faults = 0.0
+
+    @property
+    def state(self) -> RotorState:
+        """State at the last step."""
+        work = RotorWork(
+            self._driven,
+            self._slip,
+            self._cutting,
+            self._friction,
+            self._flutes,
+            self._faults,
+            0.5 * self._inertia * self._rate**2,
+        )
+        free = self._stall_torque * self._amplitude_ratio - self._slope * self._rate
+        return RotorState(
+            self._angle,
+            self._rate,
+            self._torque,
+            self._drive_torque,
+            self._rate == 0.0 and self._drive_torque > 0.0,
+            abs(free) > self._grip and self._amplitude_ratio > 0.0,
+            self._turned,
+            work,
+        )
 
     def step(
         self,
@@ -179,8 +124,8 @@ class Rotor:
         amplitude_ratio: float,
         resistance: Resistance,
         disturbances: Disturbances,
-    ) -> RotorState:
-        """Turn for one step and return the state at its end.
+    ) -> Turned:
+        """Turn for one step and return what the borehole needs of it.
 
         Args:
             interval: length of the step [s].
@@ -188,58 +133,46 @@ class Rotor:
             resistance: torque against the rotation.
             disturbances: faults in force.
         """
-        before = self.state
-        faults = resistance.faults
-        if resistance.in_hole and disturbances.gravel_torque > 0.0:
-            faults += _gravel(before.angle, disturbances)
-        torque = resistance.cutting + resistance.friction + resistance.flutes + faults
+        cutting, friction, flutes, faults, in_hole = resistance
+        if in_hole and disturbances.gravel_torque > 0.0:
+            faults += _gravel(self._angle, disturbances)
+        torque = cutting + friction + flutes + faults
         turned, rate, drive, slip = self._turn(interval, amplitude_ratio, torque)
-        drive_torque = self._drive_torque(amplitude_ratio, rate)
-        stalled = rate == 0.0 and drive_torque > 0.0
-        work = before.work
-        self.state = RotorState(
-            before.angle + turned,
-            rate,
-            # At rest the resistance is only as large as the drive.
-            drive_torque if rate == 0.0 else torque,
-            drive_torque,
-            stalled,
-            self._slips(amplitude_ratio, rate) and amplitude_ratio > 0.0,
-            turned,
-            RotorWork(
-                work.drive + drive,
-                work.slip + slip,
-                work.cutting + resistance.cutting * turned,
-                work.friction + resistance.friction * turned,
-                work.flutes + resistance.flutes * turned,
-                work.faults + faults * turned,
-                0.5 * self._parameters.rotor_inertia * rate**2,
-            ),
-        )
-        return self.state
+        self._drive_torque = self._drive_torque_at(amplitude_ratio, rate)
+        self._amplitude_ratio = amplitude_ratio
+        self._angle += turned
+        self._rate, self._turned = rate, turned
+        # At rest the resistance is only as large as the drive.
+        self._torque = self._drive_torque if rate == 0.0 else torque
+        self._driven += drive
+        self._slip += slip
+        self._cutting += cutting * turned
+        self._friction += friction * turned
+        self._flutes += flutes * turned
+        self._faults += faults * turned
+        resisted = math.fsum((self._cutting, self._friction, self._flutes, self._faults))
+        return Turned(turned, self._torque, self._friction, resisted)
 
-    def _drive_torque(self, amplitude_ratio: float, rate: float) -> float:
-        free = self._parameters.rotor_stall_torque * amplitude_ratio - self._slope * rate
-        return min(max(free, -self._grip), self._grip)
-
-    def _slips(self, amplitude_ratio: float, rate: float) -> bool:
-        free = self._parameters.rotor_stall_torque * amplitude_ratio - self._slope * rate
-        return abs(free) > self._grip
+    def _drive_torque_at(self, amplitude_ratio: float, rate: float) -> float:
+        free = self._stall_torque * amplitude_ratio - self._slope * rate
+        if free > self._grip:
+            return self._grip
+        return free if free > -self._grip else -self._grip
 
     def _turn(
         self, interval: float, amplitude_ratio: float, torque: float
     ) -> tuple[float, float, float, float]:
         """Return angle [rad], rate at the end [rad/s], work of the drive and loss in slip [J]."""
-        inertia = self._parameters.rotor_inertia
+        inertia = self._inertia
         stack_rate = self._parameters.rotor_no_load_rate * amplitude_ratio
-        play = self._grip / self._slope
-        forward, backward = stack_rate - play, stack_rate + play  # beyond these the rotor slips
-        rate, left = self.state.rate, interval
+        # Beyond these rates the rotor slips.
+        forward, backward = stack_rate - self._play, stack_rate + self._play
+        rate, left = self._rate, interval
         angle = drive = slip = 0.0
         for _ in range(_MOST_PIECES):
             if left <= 0.0:
                 break
-            drive_torque = self._drive_torque(amplitude_ratio, rate)
+            drive_torque = self._drive_torque_at(amplitude_ratio, rate)
             net = drive_torque - torque
             breakaway = torque * self._parameters.rotor_breakaway_ratio
             if rate == 0.0 and drive_torque <= breakaway:
@@ -255,7 +188,7 @@ class Rotor:
                 drive += drive_torque * turned
                 slip += drive_torque * (stack_rate * time - turned)
             else:
-                lowest = max(forward, 0.0)
+                lowest = forward if forward > 0.0 else 0.0
                 time, end, turned, squared = self._follow(rate, stack_rate, torque, lowest, left)
                 # Integrals of rate and of its square give those of torque times rate.
                 drive += self._slope * (stack_rate * turned - squared)
@@ -271,24 +204,52 @@ class Rotor:
         The rate goes to its steady value by an exponential, until the time is over or the rate
         falls to the lowest at which the rotor follows the drive [rad/s].
         """
-        decay = self._slope / self._parameters.rotor_inertia
+        decay = self._decay
         steady = stack_rate - torque / self._slope
         time = math.inf
         if steady < lowest < rate:
             time = math.log1p((rate - lowest) / (lowest - steady)) / decay
         reached = time <= left
-        time = min(time, left)
+        if not reached:
+            time = left
+            if left != self._whole.time:
+                self._whole = _decay_in(left, decay)
+        _, once, twice, remains = _decay_in(time, decay) if reached else self._whole
         away = rate - steady
-        once = -math.expm1(-decay * time) / decay
-        twice = -math.expm1(-2.0 * decay * time) / (2.0 * decay)
         turned = steady * time + away * once
         squared = steady**2 * time + 2.0 * steady * away * once + away**2 * twice
         end = lowest
         if not reached:
-            end = steady + away * math.exp(-decay * time)
+            end = steady + away * remains
             if steady < lowest:
                 end = max(end, lowest)  # rounding
         return time, end, turned, squared
+
+
+class _Decay(NamedTuple):
+    """Decay of a rate to its steady value in a time.
+
+    Args:
+        time: [s].
+        once: integral of the rate's distance from its steady value, over that at first [s].
+        twice: integral of its square, over that at first [s].
+        remains: distance at the end over that at first.
+    """
+
+    time: float
+    once: float
+    twice: float
+    remains: float
+
+
+def _decay_in(time: float, decay: float) -> _Decay:
+    """Return the decay in a time [s] at a rate [1/s]."""
+    return _Decay(
+        time,
+        -math.expm1(-decay * time) / decay,
+        -math.expm1(-2.0 * decay * time) / (2.0 * decay),
+        math.exp(-decay * time),
+    )
 
 
 def _gravel(angle: float, disturbances: Disturbances) -> float:

@@ -7,7 +7,7 @@ import math
 import operator
 from collections.abc import Sequence
 
-from rpud_sim.drilling.mount import MountState
+from rpud_sim.drilling.mount import MountState, MountWork
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,7 +92,7 @@ class LoadSpring:
     """
 
     def __init__(self, state: MountState, spring_rate: float, position: float) -> None:
-        self._state = state
+        self._place = (state.position, state.bottom)
         self._spring_rate = spring_rate
         self._first_stored = state.work.stored
         self._first_preload = self._preload(position)
@@ -100,32 +100,32 @@ class LoadSpring:
         self._mount_work = 0.0
         self._penetration = 0.0
 
-    def step(self, state: MountState, spring_rate: float, position: float) -> None:
+    def step(self, place: tuple[float, float], spring_rate: float, position: float) -> None:
         """Add a step.
 
         Args:
-            state: of the mount after it.
+            place: position of the mount and bottom of the hole after it [m].
             spring_rate: with which the load spring pushes after it [N/m].
             position: u_np at it [m].
         """
-        before = self._state
-        way = _compression(before.position, before.bottom)
+        mount, bottom = self._place
+        way = _compression(mount, bottom)
         change = spring_rate - self._spring_rate
         self._changes += change * way * (0.5 * way - position)
-        deeper = _compression(before.position, state.bottom)
-        after = _compression(state.position, state.bottom)
+        deeper = _compression(mount, place[1])
+        after = _compression(*place)
         self._penetration -= _work(spring_rate, position, way, deeper)
         self._mount_work += _work(spring_rate, position, deeper, after)
-        self._state = state
+        self._place = place
         self._spring_rate = spring_rate
 
-    def account(self, position: float) -> FeedAccount:
+    def account(self, work: MountWork, position: float) -> FeedAccount:
         """Return the account since time zero.
 
         Args:
+            work: energies of feed and arm at the last step.
             position: u_np at the present time [m].
         """
-        work = self._state.work
         return FeedAccount(
             feed_work=work.feed,
             host_work=work.host,
@@ -139,7 +139,7 @@ class LoadSpring:
         )
 
     def _preload(self, position: float) -> float:
-        way = _compression(self._state.position, self._state.bottom)
+        way = _compression(*self._place)
         return self._spring_rate * way * (0.5 * way - position)
 
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rpud_sim.drilling.rock import Progress
-from rpud_sim.drilling.rotor import RotorWork
+from rpud_sim.drilling.rotor_values import RotorWork
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.drill import Drill, derive
 from rpud_sim.model.energy import RpudConstants

@@ -3,48 +3,43 @@
 from __future__ import annotations
 
 import math
-from operator import itemgetter
 
 import numpy as np
 
 from rpud_sim.drilling.inputs import Percussion
 from rpud_sim.drilling.process import PROCESS_INTERVAL
-from rpud_sim.foundation.time import SECOND, split_fraction
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.drill import Drill
 from rpud_sim.model.segment import SEGMENT
+from rpud_sim.simulation.record_fields import reader_of
 
-# Of a segment as a tuple: to look each one up by its name takes many times as long.
-_NODAL_PLANE = itemgetter(
-    *map(
-        (SEGMENT.names or ()).index,
-        (
-            "start_seconds",
-            "start_fraction",
-            "nodal_plane_offset",
-            "nodal_plane_decay_rate",
-            "nodal_plane_angular_frequency",
-            "nodal_plane_cosine",
-            "nodal_plane_sine",
-            "nodal_plane_vibration_sine",
-            "nodal_plane_vibration_cosine",
-            "vibration_phase",
-            "vibration_frequency",
-        ),
-    )
+_nodal_plane = reader_of(
+    SEGMENT,
+    "start_seconds",
+    "start_fraction",
+    "vibration_phase",
+    "vibration_frequency",
+    "nodal_plane_offset",
+    "nodal_plane_decay_rate",
+    "nodal_plane_angular_frequency",
+    "nodal_plane_cosine",
+    "nodal_plane_sine",
+    "nodal_plane_vibration_sine",
+    "nodal_plane_vibration_cosine",
 )
 
 
-def nodal_plane_position(segment: np.void, time: int) -> float:
+def nodal_plane_position(segment: np.ndarray, seconds: int, fraction: float) -> float:
     """Return u_np at a time in a segment [m], from its closed form, eqs. (2) and (18).
 
     Args:
-        segment: one ``SEGMENT``.
-        time: simulation time, not before its start [ns].
+        segment: one ``SEGMENT``, shape (1,).
+        seconds: whole seconds of the simulation time, not before its start.
+        fraction: the rest of it [s].
     """
-    start, rest, offset, decay, omega, cosine, sine, in_phase, in_quadrature, phase, frequency = (
-        _NODAL_PLANE(segment.item())
+    start, rest, phase, frequency, offset, decay, omega, cosine, sine, in_phase, in_quadrature = (
+        _nodal_plane(segment)
     )
-    seconds, fraction = split_fraction(time)
     elapsed = float(seconds - start) + (fraction - rest)
     turn = omega * elapsed
     position: float = offset + math.exp(-decay * elapsed) * (

@@ -21,6 +21,7 @@ from rpud_sim.simulation.conditions import Conditions
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.feed_account import FeedAccount, LoadSpring
 from rpud_sim.simulation.percussion import PercussionMeter, nodal_plane_position
+from rpud_sim.simulation.stepped_engine import SteppedEngine
 
 
 def nominal_drive(configuration: Configuration) -> Drive:
@@ -48,6 +49,7 @@ class Plant:
 
     Attributes:
         time: simulation time [ns].
+        next_step: furthest time to advance to at once [ns].
         weight_on_bit: commanded force [N]; a change takes effect at the present time. Without
             effect where the weight on bit follows from a feed.
         engine: of the motion.
@@ -64,6 +66,7 @@ class Plant:
     def __init__(self, configuration: Configuration, initial_phase: float, drive: Drive) -> None:
         parameters = configuration.parameters
         self.time = 0
+        self._instant = (0, 0.0)  # the same as whole seconds and the rest of them [s]
         self.weight_on_bit = parameters.weight_on_bit
         self.progress = Progress(configuration.rock)
         self._conditions = Conditions(parameters)
@@ -72,42 +75,43 @@ class Plant:
         if (weight := self.process.weight_on_bit) is not None:
             parameters = self._acting_parameters().replace(weight_on_bit=weight)
         self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
-        self.engine = Engine(
-            parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance
-        )
         self._drill = derive(parameters)
         self._segments: list[np.ndarray] = []
         self._impacts: list[np.ndarray] = []
+        self._counted = 0  # impacts in the engine that the meter has counted
+        self._stepped: SteppedEngine | None = None
         self._percussion: PercussionMeter | None = None
-        if self.process.next_step != NEVER:
-            position = nodal_plane_position(self._set_aside(), 0)
-            self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
         self._load_spring: LoadSpring | None = None
-        if (mount := self.process.mount) is not None:
-            self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
+        start = (parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance)
+        if self.process.next_step == NEVER:
+            self.engine = Engine(*start)
+        else:
+            self.engine = self._stepped = SteppedEngine(*start)
+            position = nodal_plane_position(self._stepped.open_segment, *self._instant)
+            self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
+            if (mount := self.process.mount) is not None:
+                self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
+        self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
 
     @property
     def reading(self) -> ActuatorReading:
         """State of the actuator at the present time."""
-        return self.actuator.read(
-            self.engine.amplitude, self.engine.account(*split_fraction(self.time))
-        )
-
-    @property
-    def next_step(self) -> int:
-        """Furthest time to advance to at once [ns]."""
-        return min(self.actuator.next_step, self.process.next_step)
+        return self.actuator.read(self.engine.amplitude, self.engine.account(*self._instant))
 
     def advance_to(self, time: int) -> None:
         """Advance to a time [ns], not beyond the next step."""
         self._push_to_engine()
-        self.engine.advance(*split_fraction(time))
-        if time == self.actuator.next_step:
-            self.actuator.step(time, self.engine.account(*split_fraction(time)))
-        self.time = time
-        if time == self.process.next_step:
-            self._step_process()
+        instant = split_fraction(time)
+        self.engine.advance(*instant)
+        at_step = time == self.next_step
+        if at_step and time == self.actuator.next_step:
+            self.actuator.step(time, self.engine.account(*instant))
+        self.time, self._instant = time, instant
+        if at_step:
+            if time == self.process.next_step:
+                self._step_process()
+            self.next_step = min(self.actuator.next_step, self.process.next_step)
 
     def advance_through(self, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Advance to times one after the other [ns], before the next step.
@@ -126,6 +130,7 @@ class Plant:
         if reached is None:
             return None
         self.time = int(ends[-1])
+        self._instant = split_fraction(self.time)
         finished, struck = reached
         return finished + segments, struck + impacts
 
@@ -148,8 +153,7 @@ class Plant:
 
         The last segment is the open one; the first one was open at the last call.
         """
-        covering, impacts = self.engine.drain_covering()
-        self._make_progress(impacts)
+        covering, impacts = self._drain_engine()
         if self._segments:
             covering = join_records([*self._segments, covering], SEGMENT)
             impacts = join_records([*self._impacts, impacts], IMPACT)
@@ -157,29 +161,39 @@ class Plant:
             self._impacts.clear()
         return covering, impacts
 
-    def _set_aside(self) -> np.void:
-        """Keep what happened for the next ``drain``, and return the open segment.
+    def _set_aside(self) -> None:
+        """Keep what happened for the next ``drain``.
 
         Impacts up to now act under the conditions so far.
         """
-        covering, impacts = self.engine.drain_covering()
-        self._make_progress(impacts)
+        covering, impacts = self._drain_engine()
         self._segments.append(covering[:-1])
         self._impacts.append(impacts)
-        return covering[-1]
+
+    def _drain_engine(self) -> tuple[np.ndarray, np.ndarray]:
+        covering, impacts = self.engine.drain_covering()
+        self._make_progress(impacts[self._counted :])
+        self._counted = 0
+        return covering, impacts
 
     def _step_process(self) -> None:
         """Take the step of the slow processes that is due now."""
-        position = nodal_plane_position(self._set_aside(), self.time)
+        engine = self._stepped
+        assert engine is not None
         assert self._percussion is not None
-        (weight, *_), _ = self._commands()
-        percussion = self._percussion.read(position, weight, self._drill, self.engine.amplitude)
+        struck = engine.impacts_from(self._counted)
+        if len(struck):
+            self._counted += len(struck)
+            self._make_progress(struck)
+        position = nodal_plane_position(engine.open_segment, *self._instant)
+        weight = self._weight_on_bit()
+        percussion = self._percussion.read(position, weight, self._drill, engine.amplitude)
         in_contact = self.process.in_contact
         self.process.step(percussion, self._surroundings(), self._conditions.disturbances)
         if self.process.in_contact is not in_contact:
             self._drill = self._derived()
-        if self._load_spring and (mount := self.process.mount) is not None:
-            self._load_spring.step(mount, self._pushing_rate(), position)
+        if self._load_spring and (place := self.process.place) is not None:
+            self._load_spring.step(place, self._pushing_rate(), position)
 
     def _pushing_rate(self) -> float:
         """Rate with which the load spring pushes [N/m]."""
@@ -207,15 +221,15 @@ class Plant:
     def _derived(self) -> Drill:
         return derive(self._acting_parameters(), self._conditions.jammed)
 
-    def feed_account(self, segment: np.void) -> FeedAccount | None:
+    def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
         """Return the account of feed and mount since time zero; None without a feed.
 
         Args:
-            segment: the open one.
+            segment: the open one, shape (1,).
         """
-        if self._load_spring is None:
+        if self._load_spring is None or (mount := self.process.mount) is None:
             return None
-        return self._load_spring.account(nodal_plane_position(segment, self.time))
+        return self._load_spring.account(mount.work, nodal_plane_position(segment, *self._instant))
 
     def _make_progress(self, impacts: np.ndarray) -> None:
         if self._percussion is not None:
@@ -226,13 +240,16 @@ class Plant:
                 impacts, self._hardness * acting.specific_energy_factor, acting.progress_factor
             )
 
-    def _commands(self) -> tuple[tuple[float, float, float], float]:
+    def _weight_on_bit(self) -> float:
         weight = self.process.weight_on_bit
         if weight is None:
-            weight = self.weight_on_bit * self._conditions.preload_factor
+            return self.weight_on_bit * self._conditions.preload_factor
+        return weight
+
+    def _commands(self) -> tuple[tuple[float, float, float], float]:
         actuator = self.actuator
         resonance = 0.0 if actuator.resonance is None else actuator.resonance_frequency
-        return (weight, actuator.level, actuator.frequency), resonance
+        return (self._weight_on_bit(), actuator.level, actuator.frequency), resonance
 
     def _push_to_engine(self) -> None:
         """Push what has changed to the engine; no change leaves the trajectory as it is.
@@ -242,5 +259,5 @@ class Plant:
         in_force = (self._drill, *self._commands())
         if in_force != self._in_force:
             self._in_force = in_force
-            seconds, fraction = split_fraction(self.time)
+            seconds, fraction = self._instant
             self.engine.change(seconds, fraction, *in_force)

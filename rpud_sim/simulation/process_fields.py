@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ _FIELDS: Mapping[str, tuple[str, ...]] = {
     ),
 }
 PROCESS_TOPICS = tuple(_FIELDS)
+_VALUES = {topic: attrgetter(*names) for topic, names in _FIELDS.items()}
 
 States = Sequence[ProcessState]
 
@@ -59,11 +61,13 @@ def process_columns(
         states: one for each message, at least one.
         stamps: of the messages.
     """
+    names = _FIELDS[topic]
+    rows = [_VALUES[topic](getattr(state, topic)) for state in states]
     first = 0
-    for _, group in groupby(states, key=lambda state: _texts(topic, state)):
-        rows = [process_fields(topic, state, 0) for state in group]
-        among = slice(first, first + len(rows))
-        fields = {name: _column([row[name] for row in rows]) for name in _FIELDS[topic]}
+    for _, group in groupby(rows, key=_texts):
+        columns = list(zip(*group, strict=True))
+        among = slice(first, first + len(columns[0]))
+        fields = {name: _column(values) for name, values in zip(names, columns, strict=True)}
         yield among, {"header": header_fields(topic, stamps[among]), **fields}
         first = among.stop
 
@@ -104,10 +108,9 @@ def mount_torque(states: States) -> np.ndarray | None:
     return 0.0 - np.array([turn.drive_torque for turn in turns])  # no negative zero
 
 
-def _texts(topic: str, state: ProcessState) -> tuple[str, ...]:
-    values = [getattr(getattr(state, topic), name) for name in _FIELDS[topic]]
-    return tuple(value for value in values if isinstance(value, str))
+def _texts(row: tuple[Any, ...]) -> tuple[str, ...]:
+    return tuple(value for value in row if isinstance(value, str))
 
 
-def _column(values: list[Any]) -> Any:
+def _column(values: tuple[Any, ...]) -> Any:
     return values[0] if isinstance(values[0], str) else np.array(values)

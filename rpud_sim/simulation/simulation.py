@@ -157,12 +157,13 @@ class Simulation:
             raise ValueError(f"time {time} ns is before the present {start} ns")
         while (stop := min(self._plant.next_step, self._schedule.next_time)) <= time:
             self._plant.advance_to(stop)
-            self._apply_due_faults()
+            if self._schedule.next_time <= stop:
+                self._apply_due_faults()
         self._plant.advance_to(time)
         reading = self._plant.reading
         drawn, self._drawn = reading.electrical_energy - self._drawn, reading.electrical_energy
         covering, impacts = self._plant.drain()
-        feed, fed = self._plant.feed_account(covering[-1]), self._fed
+        feed, fed = self._plant.feed_account(covering[-1:]), self._fed
         if feed is not None and fed is not None:
             self._fed, feed = feed, feed - fed
         return Block(start, time, covering, impacts, self._rpud, drawn, reading, self.process, feed)

@@ -14,6 +14,7 @@ from rpud_sim.drilling.borehole import Borehole
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances, Percussion
 from rpud_sim.drilling.rock import Progress, RockParameters
 from rpud_sim.drilling.rotor import RotationParameters, Rotor
+from rpud_sim.drilling.rotor_values import NOT_TURNED
 from rpud_sim.drilling.strata import Layer, Strata, find_strata, uniform_strata
 from rpud_sim.foundation.parameters import quantities
 from rpud_sim.model.segment import IMPACT
@@ -42,11 +43,11 @@ class Drill:
             self.steps += 1
             impacts = int(energy > 0.0 and self.steps % 4 == 0)
             percussion = Percussion(impacts, impacts * energy, ratio, in_rock)
-            state = None
+            turned = NOT_TURNED
             if self.rotor:
                 resistance = self.borehole.resistance(weight, in_rock, faults)
-                state = self.rotor.step(STEP, ratio, resistance, faults)
-            self.borehole.step(STEP, percussion, state, weight, mount, faults)
+                turned = self.rotor.step(STEP, ratio, resistance, faults)
+            self.borehole.step(STEP, percussion, turned, weight, mount, faults)
         return self.borehole.state
 
 
@@ -58,7 +59,7 @@ def test_by_percussion_alone_it_is_as_deep_as_by_the_rock_parameters():
     progress.add(impacts)
     borehole = Borehole(CLEAR, uniform_strata(ROCK.rock_specific_energy), ROCK)
     for energy in energies:
-        borehole.step(STEP, Percussion(1, energy, 1.0, True), None, 10.0, None, UNDISTURBED)
+        borehole.step(STEP, Percussion(1, energy, 1.0, True), NOT_TURNED, 10.0, None, UNDISTURBED)
     assert borehole.state.depth == pytest.approx(progress.depth, rel=1e-12)
 
 
@@ -131,13 +132,13 @@ def test_layers_are_crossed_at_their_depths_also_within_one_step():
     ):
         at_once = Borehole(CLEAR, THREE, whole)
         blow = Percussion(1, energy, 1.0, True)
-        at_once.step(STEP, blow, None, 0.0, None, UNDISTURBED)
+        at_once.step(STEP, blow, NOT_TURNED, 0.0, None, UNDISTURBED)
         state = at_once.state
         assert (state.depth, state.layer) == (pytest.approx(depth, rel=1e-12), name)
         slowly = Borehole(CLEAR, THREE, whole)
         part = Percussion(1, energy / 7, 1.0, True)
         for _ in range(7):
-            slowly.step(STEP, part, None, 0.0, None, UNDISTURBED)
+            slowly.step(STEP, part, NOT_TURNED, 0.0, None, UNDISTURBED)
         assert slowly.state.depth == pytest.approx(depth, rel=1e-12)
 
 
@@ -360,15 +361,15 @@ def test_it_drills_with_each_parameter_at_the_ends_of_its_range(group, name, end
     for step in range(60):
         weight, acting = 30.0 * (step % 3), faults if step % 2 else UNDISTURBED
         resistance = borehole.resistance(weight, True, acting)
-        state = rotor.step(STEP, 1.0 + step / 60, resistance, acting)
+        turned = rotor.step(STEP, 1.0 + step / 60, resistance, acting)
         blow = Percussion(step % 2, 0.2 * (step % 2), 1.0, True)
-        borehole.step(STEP, blow, state, weight, None, acting)
+        borehole.step(STEP, blow, turned, weight, None, acting)
         found = [
             value for value in dataclasses.astuple(borehole.state) if not isinstance(value, str)
         ]
         assert all(math.isfinite(value) or math.isnan(value) for value in found)
-        assert math.isfinite(state.rate)
-        assert math.isfinite(state.angle)
-        work = state.work
+        assert math.isfinite(rotor.state.rate)
+        assert math.isfinite(rotor.state.angle)
+        work = rotor.state.work
         size = abs(work.drive) + work.resisted + work.kinetic + abs(work.slip)
         assert abs(work.residual) <= 1e-9 * size

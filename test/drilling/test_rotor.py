@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
-from rpud_sim.drilling.rotor import Resistance, RotationParameters, Rotor, RotorWork
+from rpud_sim.drilling.rotor import RotationParameters, Rotor
+from rpud_sim.drilling.rotor_values import Resistance, RotorWork
 from rpud_sim.foundation.quantities import ParameterError
 
 DRIVE = RotationParameters(

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rpud_sim.drilling.feed import RATE
 from rpud_sim.drilling.mount import MountState
 from rpud_sim.drilling.process import ProcessState
-from rpud_sim.drilling.rotor import RotorState
+from rpud_sim.drilling.rotor_values import RotorState
 from rpud_sim.model.segment import IMPACT
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.channels import CHANNELS

@@ -1,0 +1,150 @@
+"""Drills with slow processes give the bits that were written down, over configurations and faults.
+
+The digests are of commit 3e3c573. They hold for one library of mathematical functions; with
+another one the test is left out. ``python test/simulation/test_process_bits.py`` prints them.
+"""
+
+import hashlib
+import json
+import math
+
+import pytest
+
+from rpud_sim.simulation import Fault, Feed, Simulation, to_configuration
+from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.energy_account import EnergyAccount
+
+MILLISECOND = 1_000_000
+LAYERS = [
+    {"depth_from": 0.0, "rock": "regolith"},
+    {"depth_from": 4e-4, "rock": "chalk"},
+    {"depth_from": 1e-3, "rock": "sandstone", "threshold_energy": 1e-5},
+]
+STRATA = json.dumps({"layers": LAYERS, "bottom": 3e-3})
+TURNS = {"rotation_model": "friction_drive"}
+ARM = {"feed_model": "arm", "feed_rate_limit": 0.04, "initial_feed": 0.003}
+DRILLS = {
+    "rotation alone": TURNS,
+    "rotation in one rock": {**TURNS, "rock_model": "specific_energy"},
+    "strata without rotation": {"strata": STRATA},
+    "rotation in strata": {**TURNS, "strata": STRATA, "bit_wear_rate": 1e-6},
+    "arm": {**ARM, **TURNS, "strata": STRATA},
+    "arm before drilling": {**ARM, "regime": "free", "initial_feed": 0.01},
+    "rigid arm": {**ARM, **TURNS, "strata": STRATA, "arm_stiffness": 0.0, "arm_play": 2e-4},
+    "slipping arm": {
+        **ARM,
+        **TURNS,
+        "strata": "chalk",
+        "arm_play": 2e-4,
+        "anchoring_force": 6.0,
+    },
+    "resonance": {
+        **ARM,
+        **TURNS,
+        "strata": "sandstone",
+        "actuator_model": "resonance",
+        "generator": "tracking",
+        "heating": True,
+    },
+    "weak rotor": {
+        **TURNS,
+        "strata": "sandstone",
+        "rotor_preload": 1.0,
+        "rotor_stall_torque": 0.02,
+        "rotor_breakaway_ratio": 2.0,
+    },
+}
+KINDS = {
+    "binding": None,
+    "gravel_in_flutes": None,
+    "worn_bit": None,
+    "hard_inclusion": 2e8,
+    "corkscrewing": 4e-6,
+    "bit_walk": None,
+    "choking": None,
+    "hard_rock": None,
+    "drill_tool_binding": None,
+    "lost_preload": None,
+    "feed_stall": None,
+    "arm_slip": None,
+    "load_spring_binding": None,
+    "free_mass_jammed": None,
+}
+FEEDS = (Feed("rate", 0.01), Feed("rate", -0.02), Feed("rate", 0.03), Feed("position", 0.006))
+PITCHES = (400_000, 20 * MILLISECOND, MILLISECOND)
+LIBRARY = "69a70c2a73408780"
+EXPECTED = {
+    "rotation alone": "11f3f59eace96c76",
+    "rotation in one rock": "c3cd705c1582590d",
+    "strata without rotation": "37feb4fcc34940aa",
+    "rotation in strata": "1bf1784ebf0ebb00",
+    "arm": "128f8c37dea045c9",
+    "arm before drilling": "f7dd8fbbf2a40dab",
+    "rigid arm": "de7b8f75a6bb7779",
+    "slipping arm": "c2f41a8895d184d9",
+    "resonance": "ee14bce7145f584c",
+    "weak rotor": "481e2c85573ad9ab",
+}
+
+
+def library():
+    """Digest of the mathematical functions of this machine."""
+    functions = (math.exp, math.expm1, math.log1p, math.sin, math.cos, math.tan, math.atan)
+    points = [0.37 * k / 64 for k in range(1, 640)]
+    values = [f(x) for f in functions for x in points] + [x**2 for x in points]
+    return hashlib.sha256(repr(values).encode()).hexdigest()[:16]
+
+
+def drill(values, digest):
+    """Drill under commands and faults, in blocks of several lengths; add all that comes of it."""
+    simulation = Simulation(to_configuration(values), 0.3)
+
+    def advance(duration, pitch):
+        end = simulation.time + duration
+        while simulation.time < end:
+            block = simulation.advance_to(min(simulation.time + pitch, end))
+            for records in (block.covering, block.impacts):
+                for name in records.dtype.names:  # not the bytes between fields
+                    digest.update(records[name].tobytes())
+            states = (block.process, block.feed, block.actuator, EnergyAccount.of(block))
+            digest.update(repr(states).encode())
+            values = (simulation.depth, simulation.penetration_rate, simulation.weight_on_bit)
+            digest.update(repr(values).encode())
+
+    fed = simulation.configuration.has_feed
+    advance(120 * MILLISECOND, 10 * MILLISECOND)
+    simulation.apply(Feed("rate", 0.006) if fed else WeightOnBit(14.0))
+    advance(180 * MILLISECOND, 7_300_000)
+    honoured = simulation.honoured_kinds()
+    for number, kind in enumerate(kind for kind in KINDS if kind in honoured):
+        given = {} if KINDS[kind] is None else {"magnitude": KINDS[kind]}
+        simulation.inject(Fault(kind, **given), 60 * MILLISECOND)
+        if fed:
+            simulation.apply(FEEDS[number % 4])
+        advance(47 * MILLISECOND, PITCHES[number % 3])
+    simulation.apply(Drive(False, 100.0, 16000.0))
+    advance(40 * MILLISECOND, 10 * MILLISECOND)
+    simulation.apply(Drive(True, 70.0, 16000.0))
+    for rate in (-0.04, 0.04):
+        if fed:
+            simulation.apply(Feed("rate", rate))
+        advance(150 * MILLISECOND, 50 * MILLISECOND)
+
+
+def digest_of(name):
+    """Return the digest of a drill of ``DRILLS``."""
+    digest = hashlib.sha256()
+    drill(DRILLS[name], digest)
+    return digest.hexdigest()[:16]
+
+
+@pytest.mark.skipif(library() != LIBRARY, reason="other mathematical functions, other bits")
+@pytest.mark.parametrize("name", DRILLS)
+def test_the_bits_of_a_drill_with_slow_processes_stay(name):
+    assert digest_of(name) == EXPECTED[name]
+
+
+if __name__ == "__main__":
+    print(library())
+    for each in DRILLS:
+        print(f'    "{each}": "{digest_of(each)}",')
