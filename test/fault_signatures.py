@@ -183,9 +183,7 @@ def main():
     count = parser.parse_args().phases
     phases = [(number + 0.5) / count for number in range(count)]
     healthy = np.array([healthy_means(phase) for phase in phases])
-    faulty = {
-        kind: np.array([faulty_means(phase, kind)[0] for phase in phases]) for kind in ROWS
-    }
+    faulty = {kind: np.array([faulty_means(phase, kind)[0] for phase in phases]) for kind in ROWS}
     found = effects(healthy, faulty)
     for head, text in (
         ("signature of", lambda effect: effect.cell or "?"),

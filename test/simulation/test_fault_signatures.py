@@ -19,6 +19,7 @@ from fault_signatures import (
     faulty_means,
     healthy_means,
     measured,
+    started,
 )
 
 from rpud_sim.drilling.bit import BitParameters, cut, radius_of
@@ -84,6 +85,25 @@ def test_no_two_faults_that_a_recovery_treats_differently_look_alike():
         {"feed_stall", "arm_slip"},
     ]
     assert all(any(pair <= group for group in groups) for pair in alike)
+
+
+def test_what_tells_equal_rows_apart():
+    """Torque over the first part of a fault, and the feed, as the page says."""
+    torque = {}
+    for kind in ("binding", "gravel_in_flutes", "worn_bit"):
+        simulation = started(PHASES[0])
+        before = simulation.process.rotation.torque
+        simulation.inject(Fault(kind))
+        times = simulation.time + np.arange(1, 31) * (SECOND // 20)
+        torque[kind] = [
+            simulation.advance_to(int(time)).process.rotation.torque / before for time in times
+        ]
+    assert np.ptp(torque["binding"]) < 0.1 * np.mean(torque["binding"])
+    assert np.ptp(torque["gravel_in_flutes"]) > 0.8 * np.max(torque["gravel_in_flutes"])
+    assert np.mean(torque["worn_bit"][:10]) < 0.9
+    rates = {kind: runs(kind)[1].process.mount.rate for kind in FED}
+    assert rates == {"feed_stall": 0.0, "arm_slip": FEED.value}
+    assert runs("arm_slip")[1].process.mount.slip > 0.0
 
 
 @pytest.mark.parametrize("kind", ROWS)
