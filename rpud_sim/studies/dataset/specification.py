@@ -165,10 +165,15 @@ class Specification:
         """
         return to_settings({**self.fixed, **values, **self.rocks[rock].parameters})
 
+    def feed(self, rock: str) -> Feed | None:
+        """Return the command to the feed at time zero in a rock."""
+        rate = self.rocks[rock].feed_rate
+        return None if rate is None else Feed(RATE, rate)
+
     def planned(self, rock: str) -> tuple[Planned, ...]:
         """Return the commands of a run in a rock."""
-        rate = self.rocks[rock].feed_rate
-        return () if rate is None else (Planned(0, Feed(RATE, rate)),)
+        feed = self.feed(rock)
+        return () if feed is None else (Planned(0, feed),)
 
     def extremes(self) -> Sequence[Mapping[str, float]]:
         """Return the varied parameters at the ends of their intervals."""

@@ -207,8 +207,8 @@ def _check_parameters(draft: Specification) -> None:
         for values in draft.extremes():
             try:
                 configuration = draft.settings(rock, values).configuration
-                for planned in draft.planned(rock):
-                    configuration.check_feed(planned.change)
+                if (feed := draft.feed(rock)) is not None:
+                    configuration.check_feed(feed)
             except ParameterError as error:
                 raise DatasetError(f"rocks.{rock}: {error}") from None
 
