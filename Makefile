@@ -101,6 +101,11 @@ fuzz: SEED = 0
 fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and read BAGS hostile bags (20000)
 	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --bags $(BAGS) --seed $(SEED)
 
+.PHONY: signatures
+signatures: PHASES = 8
+signatures: install/.package ## Print the tables of fault signatures, from PHASES initial phases (8)
+	@$(WITH_ENV) python test/fault_signatures.py --phases $(PHASES)
+
 .PHONY: random-sets
 random-sets: SETS = 400
 random-sets: SEED = 0

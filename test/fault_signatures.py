@@ -1,6 +1,6 @@
 """Signatures of the faults of a drill on an arm: how they are measured, and the table of the page.
 
-`python test/fault_signatures.py` prints both tables of docs/reference/faults.md.
+`make signatures` prints both tables of docs/reference/faults.md.
 """
 
 import argparse
