@@ -292,7 +292,7 @@ def test_an_example_in_the_configuration_is_one(name, runs):
     example = read_specification(CONFIG / f"{name}.yaml")
     assert example.run_count == runs
     assert {rock.split for rock in example.rocks.values()} == set(SPLITS)
-    # No layers of a rock are in two splits.
+    # Not the same layers in two splits.
     strata = [rock.parameters.get("strata") for rock in example.rocks.values()]
     assert len(set(strata)) == len(strata) or strata[0] is None
 
