@@ -45,12 +45,12 @@ picture: install/.package install/.kernels .venv/.browser ## Make docs/images an
 
 ##@ Develop
 .PHONY: test
-test: install/.package install/.kernels .venv/.browser ## Run every test; PYTEST_ARGS passes on options
-	@$(WITH_ENV) python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
+test: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test; PYTEST_ARGS passes on options
+	@$(WITH_ENV) RPUD_OPTIONAL="$$PWD/.venv/optional" python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 .PHONY: test-busy
-test-busy: install/.package install/.kernels .venv/.browser ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
-	@$(WITH_ENV) python test/busy.py -- python -m pytest $(PYTEST_ARGS)
+test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
+	@$(WITH_ENV) RPUD_OPTIONAL="$$PWD/.venv/optional" python test/busy.py -- python -m pytest $(PYTEST_ARGS)
 
 .PHONY: lint
 lint: install/.package .venv/.lint ## Check style, types, the rules of import and package.xml
@@ -100,6 +100,11 @@ fuzz: BAGS = 20000
 fuzz: SEED = 0
 fuzz: install/.package ## Send N hostile inputs (100000) to every way into the drill, and read BAGS hostile bags (20000)
 	@$(WITH_ENV) PYTHONPATH="test:$$PYTHONPATH" python -m fuzz --inputs $(N) --bags $(BAGS) --seed $(SEED)
+
+.PHONY: signatures
+signatures: PHASES = 8
+signatures: install/.package ## Print the tables of fault signatures, from PHASES initial phases (8)
+	@$(WITH_ENV) python test/fault_signatures.py --phases $(PHASES)
 
 .PHONY: random-sets
 random-sets: SETS = 400
@@ -152,6 +157,12 @@ help: ## Show this help
 .venv/.docs: toolchain/requirements/docs.lock .venv/.installed
 	@rm -rf .venv/docs
 	@$(call INSTALL,--only-binary :all: --target .venv/docs -r $<)
+	@touch $@
+
+# In a folder of its own, as optional.in says why. One package was never released as a wheel, and is built here.
+.venv/.optional: toolchain/requirements/optional.lock .venv/.installed
+	@rm -rf .venv/optional
+	@$(call INSTALL,--no-build-isolation --target .venv/optional -r $<)
 	@touch $@
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)

@@ -40,3 +40,19 @@ def process() -> Iterator[Callable[..., Process]]:
             return stack.enter_context(Process(*command, **options))
 
         yield start
+
+
+@pytest.fixture
+def optional_packages(monkeypatch: pytest.MonkeyPatch) -> str:
+    """Let this process and those that it starts import what users may install in addition.
+
+    `make test` installs these packages into a folder of their own and names it in RPUD_OPTIONAL.
+    """
+    folder = os.environ.get("RPUD_OPTIONAL", "")
+    if not folder:
+        pytest.skip("RPUD_OPTIONAL names no folder with optional.lock installed; `make test` does")
+    assert os.path.isdir(folder), folder
+    monkeypatch.syspath_prepend(folder)
+    path = os.environ.get("PYTHONPATH", "")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [folder, path])))
+    return folder

@@ -1,33 +1,47 @@
 """The configuration for ros2_control names joints, interfaces and topics that there are."""
 
 import re
-from pathlib import Path
+import subprocess
+import sys
 from xml.etree import ElementTree
 
+import pytest
 import yaml
+from robot_descriptions import ROOT, arm_with_drill, expanded
+from ros2_control_hardware import INTERFACES, PARAMETERS, Description, DescriptionError
 
+from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
 from rpud_sim.simulation.topics import TOPICS
 
-FOLDER = Path(__file__).resolve().parent.parent / "config" / "ros2_control"
-MACRO = ElementTree.parse(FOLDER / "rpud.ros2_control.xacro").getroot()[0]
-DEFAULTS = dict(word.split(":=") for word in MACRO.get("params").split())
-CONTROLLERS = yaml.safe_load((FOLDER / "controllers.yaml").read_text())
-
-
-def expanded(**arguments):
-    """Give the ros2_control element as xacro would expand the macro."""
-    values = {**DEFAULTS, **arguments}
-    text = ElementTree.tostring(MACRO[0], encoding="unicode")
-    return ElementTree.fromstring(re.sub(r"\$\{(\w+)\}", lambda found: values[found[1]], text))
+CONTROLLERS = yaml.safe_load((ROOT / "config" / "ros2_control" / "controllers.yaml").read_text())
+PAGE = ROOT / "docs" / "how-to" / "put-it-on-an-arm.md"
+# What the controllers of ros2_controllers 4.42.1 for Jazzy are called, with those of their
+# parameters that may be used here.
+KNOWN = {
+    "joint_state_broadcaster/JointStateBroadcaster": {},
+    "forward_command_controller/ForwardCommandController": {"joints", "interface_name"},
+    "pid_controller/PidController": {
+        "dof_names",
+        "command_interface",
+        "reference_and_state_interfaces",
+        "gains",
+    },
+    "joint_trajectory_controller/JointTrajectoryController": {
+        "joints",
+        "command_interfaces",
+        "state_interfaces",
+        "constraints",
+    },
+}
+GAINS = {"p", "i", "d", "u_clamp_max", "u_clamp_min"}
 
 
 def test_the_hardware_talks_on_the_topics_of_the_drill():
-    hardware = expanded(drill="/mine").find("hardware")
-    assert (
-        hardware.find("plugin").text == "joint_state_topic_hardware_interface/JointStateTopicSystem"
-    )
-    parameters = {each.get("name"): each.text for each in hardware.findall("param")}
+    description = Description(arm_with_drill(drill="/mine"))
+    assert description.plugin == "joint_state_topic_hardware_interface/JointStateTopicSystem"
+    parameters = description.parameters
+    assert set(parameters) <= PARAMETERS
     assert parameters["joint_states_topic"] == "/mine/joint_states"
     assert parameters["joint_commands_topic"] == "/mine/joint_commands"
     assert "joint_states" in TOPICS
@@ -35,23 +49,115 @@ def test_the_hardware_talks_on_the_topics_of_the_drill():
     assert float(parameters["trigger_joint_command_threshold"]) <= 1e-7
 
 
-def test_only_the_feed_takes_commands_and_it_is_named_first():
-    for mode in ("velocity", "position"):
-        joints = expanded(feed_command=mode).findall("joint")
-        assert [joint.get("name") for joint in joints] == [FEED_JOINT, ROTATION_JOINT]
-        commands = [
-            [each.get("name") for each in joint.findall("command_interface")] for joint in joints
-        ]
-        assert commands == [[mode], []]
-        for joint in joints:  # the hardware sets all that a message has
-            states = [each.get("name") for each in joint.findall("state_interface")]
-            assert states == ["position", "velocity", "effort"]
+@pytest.mark.parametrize("mode", ["velocity", "position"])
+def test_only_the_feed_takes_commands_and_it_is_named_first(mode):
+    joints = Description(arm_with_drill(feed_command=mode)).joints
+    # The hardware sets all that a message has, so each joint has all three.
+    assert list(joints.items()) == [
+        (FEED_JOINT, ((mode,), INTERFACES)),
+        (ROTATION_JOINT, ((), INTERFACES)),
+    ]
 
 
-def test_each_controller_has_a_type_and_commands_the_feed():
+def test_a_joint_that_the_urdf_does_not_have_is_refused():
+    """As by ros2_control: without rpud_feed.urdf the macro cannot be used."""
+    robot = arm_with_drill()
+    (feed,) = [joint for joint in robot.findall("joint") if joint.get("name") == FEED_JOINT]
+    robot.remove(feed)
+    with pytest.raises(DescriptionError, match=f"Joint '{FEED_JOINT}' not found in URDF"):
+        Description(robot)
+
+
+def test_the_whole_is_one_tree_with_limits_that_a_parser_reads():
+    robot = arm_with_drill()
+    links = [link.get("name") for link in robot.findall("link")]
+    joints = robot.findall("joint")
+    parent = {joint.find("child").get("link"): joint.find("parent").get("link") for joint in joints}
+    assert len(set(links)) == len(links) == len(joints) + 1 == len(parent) + 1
+    assert set(links) - set(parent) == {"tool0"}
+    names = [each.get("name") for each in joints]
+    assert len(set(names)) == len(names)
+    for joint in joints:
+        needed = {
+            "fixed": set(),
+            "continuous": {"velocity", "effort"},
+            "prismatic": {"lower", "upper", "velocity", "effort"},
+        }[joint.get("type")]
+        limit = joint.find("limit")
+        assert needed <= set({} if limit is None else limit.attrib)
+
+
+def types():
     manager = CONTROLLERS["controller_manager"]["ros__parameters"]
-    types = {name: each["type"] for name, each in manager.items() if isinstance(each, dict)}
-    assert types.pop("joint_state_broadcaster").endswith("/JointStateBroadcaster")
-    for name in types:
-        parameters = CONTROLLERS[name]["ros__parameters"]
-        assert parameters.get("joints", parameters.get("dof_names")) == [FEED_JOINT]
+    return {name: each["type"] for name, each in manager.items() if isinstance(each, dict)}
+
+
+def test_each_controller_exists_and_has_parameters_that_it_knows():
+    assert set(CONTROLLERS) - {"controller_manager"} == set(types()) - {"joint_state_broadcaster"}
+    for name, kind in types().items():
+        given = CONTROLLERS.get(name, {"ros__parameters": {}})["ros__parameters"]
+        assert set(given) <= set(KNOWN[kind])
+        assert all(set(gains) <= GAINS for gains in given.get("gains", {}).values())
+
+
+def test_each_controller_uses_interfaces_of_the_description():
+    modes = {}
+    for name in set(types()) - {"joint_state_broadcaster"}:
+        given = CONTROLLERS[name]["ros__parameters"]
+        assert given.get("joints", given.get("dof_names")) == [FEED_JOINT]
+        (mode,) = given.get("command_interfaces") or [
+            given.get("command_interface") or given["interface_name"]
+        ]
+        modes[name] = mode
+        commands, states = Description(arm_with_drill(feed_command=mode)).joints[FEED_JOINT]
+        assert mode in commands
+        wanted = given.get("state_interfaces") or given.get("reference_and_state_interfaces", [])
+        assert set(wanted) <= set(states)
+    assert modes == {
+        "feed_rate_controller": "velocity",
+        "feed_force_controller": "velocity",
+        "feed_trajectory_controller": "position",
+    }
+
+
+def test_the_force_controller_asks_for_no_rate_that_the_drill_rejects():
+    gains = CONTROLLERS["feed_force_controller"]["ros__parameters"]["gains"][FEED_JOINT]
+    limit = MountParameters().feed_rate_limit
+    assert (gains["u_clamp_max"], gains["u_clamp_min"]) == (limit, -limit)
+    assert float(Description(arm_with_drill()).limits[FEED_JOINT]["velocity"]) == limit
+
+
+def canonical(element):
+    return ElementTree.canonicalize(
+        ElementTree.tostring(element, encoding="unicode"), strip_text=True
+    )
+
+
+def test_xacro_expands_the_snippets_of_the_page(optional_packages, tmp_path):
+    """The real xacro, on the page's own text, gives the description that the other tests use."""
+    snippets = re.findall(r"```xml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    chosen = [
+        snippet for snippet in snippets if "rpud_feed" in snippet or "ros2_control" in snippet
+    ]
+    assert len(chosen) == 2
+    arm = tmp_path / "arm.urdf.xacro"
+    arm.write_text(
+        '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="tool0"/>'
+        f"{''.join(chosen)}</robot>"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", "import xacro; xacro.main()", arm],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    robot = ElementTree.fromstring(done.stdout)
+    own = arm_with_drill()
+    for threshold in own.iter("param"):  # xacro reads numbers, and writes them in its own way
+        if threshold.get("name") == "trigger_joint_command_threshold":
+            threshold.text = str(float(threshold.text))
+    assert canonical(robot) == canonical(own)
+    assert Description(robot).joints == Description(own).joints
+    assert canonical(expanded()) != canonical(expanded(feed_command="position"))

@@ -3,11 +3,11 @@
 set -eu
 cd "$(dirname "$0")/requirements"
 
-# A source package could run anything at set-up, so there are only two: empy 3 and antlr4-python3-runtime 4.7, which
-# rtamt needs, were never released as wheels.
+# A source package could run anything at set-up, so there are only three that were never released as wheels: empy 3,
+# antlr4-python3-runtime 4.7, which rtamt needs, and fbpca, which changepoynt needs.
 lock() { # OUTPUT OPTION|INPUT...
   uv pip compile --quiet --upgrade --generate-hashes --only-binary :all: --no-header \
-    --no-binary empy --no-binary antlr4-python3-runtime --custom-compile-command "make lock" --output-file "$@"
+    --no-binary empy --no-binary antlr4-python3-runtime --no-binary fbpca --custom-compile-command "make lock" --output-file "$@"
 }
 
 lock installer.lock --universal --python-version 3.10 installer.in
@@ -20,7 +20,12 @@ lock lint.lock --universal --python-version 3.10 --constraints wheels.lock lint.
 lock bench.lock --universal --python-version 3.10 --constraints wheels.lock bench.in
 lock docs.lock --universal --python-version 3.10 docs.in
 
+# Without what wheels.lock installs already, and without matplotlib and what it alone needs, 60 MB that are never imported.
+left_out=(matplotlib fonttools kiwisolver cycler tzdata $(sed -nE 's/^([a-z0-9._-]+)==.*/\1/p' wheels.lock))
+lock optional.lock --universal --python-version 3.10 --constraints wheels.lock --no-annotate \
+  "${left_out[@]/#/--no-emit-package=}" optional.in
+
 # Conditions that hold on every supported machine would only make the lines long.
 sed -i -E "s/ and (python_full_version < '3.14'|platform_python_implementation != 'PyPy')//
   s/(python_full_version < '3.14'|implementation_name == 'cpython'|platform_machine == 'x86_64') and //g
-  s/( and| ;) sys_platform == 'linux'//" {installer,wheels,browser,lint,bench,docs}.lock
+  s/( and| ;) sys_platform == 'linux'//" {installer,wheels,browser,lint,bench,docs,optional}.lock

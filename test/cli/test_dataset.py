@@ -1,7 +1,9 @@
 """`rpud dataset`: exact labels, proved bags, and the same bytes whatever happens to the work."""
 
 import hashlib
+import io
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -9,16 +11,20 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 from distributed import LocalCluster
+from fault_signatures import ROWS
 from support import rpud, until
 
 import rpud_sim.bag
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.studies.dataset import NOTICE
 from rpud_sim.studies.dataset.dataset import make_dataset
 from rpud_sim.studies.dataset.evaluation import evaluate_dataset, read_runs
 from rpud_sim.studies.dataset.folder import read_content
+from rpud_sim.studies.dataset.plan import plan_runs
+from rpud_sim.studies.dataset.recording import make_jobs, record
 from rpud_sim.studies.dataset.specification import SPLITS, DatasetError
-from rpud_sim.studies.dataset.specification_file import read_specification
+from rpud_sim.studies.dataset.specification_file import parse_specification, read_specification
 
 SPECIFICATION = {
     "seed": 4,
@@ -262,7 +268,102 @@ def test_a_wrong_call_is_one_line_and_exit_code_2(words, complaint):
     assert done.stderr.count("\n") == 1
 
 
-def test_the_example_in_the_configuration_is_one():
-    example = read_specification(Path(__file__).parents[2] / "config" / "dataset_example.yaml")
-    assert example.run_count == 160
+CONFIG = Path(__file__).parents[2] / "config"
+
+
+@pytest.mark.parametrize(("name", "runs"), [("dataset_example", 160), ("dataset_on_an_arm", 90)])
+def test_an_example_in_the_configuration_is_one(name, runs):
+    example = read_specification(CONFIG / f"{name}.yaml")
+    assert example.run_count == runs
     assert {rock.split for rock in example.rocks.values()} == set(SPLITS)
+    # Not the same layers in two splits.
+    strata = [rock.parameters.get("strata") for rock in example.rocks.values()]
+    assert len(set(strata)) == len(strata) or strata[0] is None
+
+
+def test_the_example_on_an_arm_has_every_fault_of_a_drill_on_an_arm():
+    example = read_specification(CONFIG / "dataset_on_an_arm.yaml")
+    assert {series.kind for series in example.faults} == set(ROWS)
+
+
+@pytest.fixture(scope="module")
+def made_on_an_arm(tmp_path_factory):
+    """The example on an arm at small size: three rocks, four faults, short runs."""
+    folder = tmp_path_factory.mktemp("arm")
+    content = yaml.safe_load((CONFIG / "dataset_on_an_arm.yaml").read_text())
+    rocks = ("limestone", "sandstone", "sandstone_on_hard_sandstone")
+    kinds = ("binding", "feed_stall", "arm_slip", "gravel_in_flutes")
+    content |= {
+        "duration": 2.5,
+        "settling": 0.5,
+        "onset": {"minimum": 1.0, "maximum": 1.2},
+        "lasting": {"minimum": 0.8, "maximum": 1.0},
+        "window": {"length": 0.1, "stride": 0.05},
+        "healthy": 1,
+        "rocks": {name: content["rocks"][name] for name in rocks},
+        "faults": [{"kind": kind} for kind in kinds],
+    }
+    (folder / "spec.yaml").write_text(yaml.safe_dump(content))
+    return folder, content
+
+
+def test_the_example_on_an_arm_at_small_size_prints_the_table(
+    made_on_an_arm, optional_packages, tmp_path
+):
+    """Both baselines, the real changepoynt among them."""
+    folder, _ = made_on_an_arm
+    done = rpud("dataset", folder / "spec.yaml", "--out", tmp_path / "out", "--workers", 1)
+    assert done.returncode == 0, done.stderr
+    assert "15 runs of 2.5 s: 15 run, 0 kept, 0 failed" in done.stdout
+    table = rpud("dataset", "--evaluate", tmp_path / "out")
+    assert table.returncode == 0, table.stderr
+    lines = table.stdout.splitlines()
+    assert lines[0] == NOTICE
+    results = {line.split()[0]: line.split()[1:] for line in lines[2:4]}
+    assert [results[name][0] for name in ("threshold", "changepoynt")] == ["4", "4"]
+    assert int(results["threshold"][1]) >= 2  # torque of binding and gravel is seven-fold
+    assert "not installed" not in table.stdout
+
+
+def test_a_run_on_an_arm_has_its_feed_the_same_bytes_and_its_proof(made_on_an_arm, tmp_path):
+    _, content = made_on_an_arm
+    specification = parse_specification(content)
+    runs = plan_runs(specification)
+    (job,) = [
+        job
+        for job in make_jobs(specification, runs, frozenset())
+        if job.run.name == "sandstone_on_hard_sandstone-arm_slip-1-0"
+    ]
+    first = record(job)
+    assert first == record(job)
+    for name, data in first.bag.items():
+        (tmp_path / name).write_bytes(data)
+    assert verify(tmp_path).proved
+    with rpud_sim.bag.open(tmp_path) as bag:
+        mount = bag.arrays("/rpud/mount")
+    assert mount["rate"][-1] == pytest.approx(1.6e-4)
+    assert mount["slip"][-1] < 0.0  # away from the rock
+    table = pq.read_table(io.BytesIO(first.tables["windows"]))
+    assert "mount.force.mean" in table.column_names
+    assert not [name for name in table.column_names if name.startswith("mount.slip")]
+
+
+@pytest.mark.parametrize(
+    ("feed_rate", "fixed", "reason"),
+    [
+        (1.0, {}, "rocks.chalk: feed rate = 1 m/s is outside its range [-0.005, 0.005]"),
+        (math.nan, {}, "rocks.chalk.feed_rate = nan m/s is outside its range"),
+        (1e-4, {"feed_model": "none"}, "rocks.chalk: a feed cannot be commanded with feed_model"),
+    ],
+)
+def test_a_feed_that_the_drill_cannot_make_is_refused(feed_rate, fixed, reason):
+    content = {key: value for key, value in SPECIFICATION.items() if key != "varied"}
+    rocks = dict(content["rocks"])
+    rocks["chalk"] = {**rocks["chalk"], "feed_rate": feed_rate}
+    content |= {
+        "rocks": rocks,
+        "fixed": {"feed_model": "arm", "rock_model": "specific_energy", **fixed},
+    }
+    with pytest.raises((DatasetError, ParameterError)) as refused:
+        parse_specification(content)
+    assert reason in str(refused.value)

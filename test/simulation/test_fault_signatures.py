@@ -1,125 +1,147 @@
 """Each fault of a drill on an arm has the signature that the documentation gives for it."""
 
-import copy
 import functools
-from pathlib import Path
+import itertools
 
 import numpy as np
 import pytest
+from fault_signatures import (
+    BANDS,
+    COLUMNS,
+    DRILL,
+    FEED,
+    PHASES,
+    ROWS,
+    SECOND,
+    Effect,
+    documented,
+    effects,
+    faulty_means,
+    healthy_means,
+    measured,
+    started,
+)
 
 from rpud_sim.drilling.bit import BitParameters, cut, radius_of
 from rpud_sim.drilling.strata import preset_layer
-from rpud_sim.simulation import Fault, Feed, Simulation, to_configuration
-from rpud_sim.simulation.faults import KINDS
+from rpud_sim.simulation.faults import Fault
 
-DOCUMENTATION = Path(__file__).parents[2] / "docs" / "reference" / "faults.md"
-SECOND = 1_000_000_000
-PERIOD = SECOND // 20  # of the telemetry
-DRILL = to_configuration(
-    {
-        "strata": "sandstone",
-        "rotation_model": "friction_drive",
-        "feed_model": "arm",
-        "arm_stiffness": 2e5,
-        "load_spring_rate": 8000.0,
-        "initial_feed": 1e-3,
-        "actuator_model": "resonance",
-        "generator": "tracking",
-        "motional_resistance": 25.0,
-    }
-)
-FEED = Feed("rate", 1.9e-4)  # that the healthy drill keeps up with
-COLUMNS = ("torque", "rate of penetration", "percussion", "weight on bit", "current")
 # Kinds of which the cause remains when the fault has ended.
 LEFT_BEHIND = ("bit_walk", "choking")
 # Kinds of the feed: the force that they took comes back slowly.
 FED = ("feed_stall", "arm_slip")
-
-
-def signatures():
-    """The table of the documentation: what each kind does to each column."""
-    lines = [line.split("|")[1:-1] for line in DOCUMENTATION.read_text().splitlines()]
-    rows = [[cell.strip(" `") for cell in line] for line in lines if line]
-    first = next(number for number, row in enumerate(rows) if row[0] == "signature of")
-    assert tuple(rows[first][1:]) == COLUMNS
-    found = {}
-    for row in rows[first + 2 :]:
-        if len(row) != 1 + len(COLUMNS) or row[0] not in KINDS:
-            break
-        found[row[0]] = dict(zip(COLUMNS, row[1:], strict=True))
-    return found
-
-
-SIGNATURES = signatures()
-
-
-def measured(simulation, seconds):
-    """Means of the columns over the last two seconds of a run."""
-    table, start = [], simulation.time
-    for end in range(start + PERIOD, start + round(seconds * SECOND) + 1, PERIOD):
-        block = simulation.advance_to(end)
-        process = block.process
-        table.append(
-            (
-                process.rotation.torque,
-                process.borehole.depth,
-                len(block.impacts) * SECOND / PERIOD,
-                process.mount.weight_on_bit,
-                block.actuator.current,
-            )
-        )
-    last = np.array(table[-2 * SECOND // PERIOD :])
-    means = last.mean(axis=0)
-    means[1] = (last[-1, 1] - last[0, 1]) / (len(last) - 1) * SECOND / PERIOD
-    return dict(zip(COLUMNS, means.tolist(), strict=True))
+SIGNATURES = documented("signature of")
 
 
 @functools.cache
-def started(seconds):
-    """A drill at the beginning of its hole, and after some seconds."""
-    simulation = Simulation(DRILL, 0.3)
-    simulation.apply(FEED)
-    simulation.advance_to(round(seconds * SECOND))
-    return simulation
+def runs(kind):
+    """Means of a kind at each phase, and the run of the first phase."""
+    results = [faulty_means(phase, kind) for phase in PHASES]
+    return np.array([means for means, _ in results]), results[0][1]
 
 
 @functools.cache
-def healthy(seconds):
-    return measured(copy.deepcopy(started(seconds)), 5)
+def healthy():
+    return np.array([healthy_means(phase) for phase in PHASES])
+
+
+@functools.cache
+def found():
+    return effects(healthy(), {kind: runs(kind)[0] for kind in ROWS})
 
 
 def test_the_table_has_a_row_for_each_fault_of_a_drill_on_an_arm():
-    own = list(KINDS)[list(KINDS).index("binding") : list(KINDS).index("off")]
-    assert {*SIGNATURES} == {*own, "choking"}
+    assert tuple(SIGNATURES) == ROWS
+    assert {cell for row in SIGNATURES.values() for cell in row.values()} == {"up", "down", "same"}
+    assert len(PHASES) >= 3
 
 
-@pytest.mark.parametrize("kind", SIGNATURES)
-def test_a_fault_has_its_signature_and_its_end_brings_the_torque_back(kind):
-    begun = 1.0 if kind == "bit_walk" else 6.0
-    simulation = copy.deepcopy(started(begun))
-    number = simulation.inject(Fault(kind))
-    before, during = healthy(begun), measured(simulation, 5)
-    changes = {column: during[column] / before[column] - 1.0 for column in COLUMNS}
-    found = {
-        column: change
-        for column, change in changes.items()
-        if not {
-            "up": change > 0.03,
-            "down": change < -0.03,
-            "little": abs(change) < 0.1,
-        }[SIGNATURES[kind][column]]
-    }
-    assert not found, changes
+@pytest.mark.parametrize("kind", ROWS)
+def test_a_fault_has_its_signature(kind):
+    """The interval of each mean over the phases is on one side of the edge of no change."""
+    assert {column: found()[kind][column].cell for column in COLUMNS} == SIGNATURES[kind]
 
-    simulation.clear(number)
-    after = measured(simulation, 2)
+
+@pytest.mark.parametrize("kind", ROWS)
+def test_the_changes_of_the_page_are_those_of_other_phases(kind):
+    """They are of eight phases, none of them one of the test's."""
+    for column, cell in documented("change by")[kind].items():
+        change, error = (float(word) / 100.0 for word in cell.removesuffix(" %").split(" ± "))
+        effect = found()[kind][column]
+        assert abs(change - effect.change) < error + effect.error + 0.01, (column, effect)
+        assert Effect(change, error, BANDS[column]).cell == SIGNATURES[kind][column]
+
+
+def test_no_two_faults_that_a_recovery_treats_differently_look_alike():
+    """Rows that are equal are listed on the page, with what tells them apart."""
+    alike = [
+        {one, other}
+        for one, other in itertools.combinations(ROWS, 2)
+        if SIGNATURES[one] == SIGNATURES[other]
+    ]
+    groups = [
+        {"binding", "corkscrewing", "gravel_in_flutes"},
+        {"choking", "hard_inclusion", "worn_bit"},
+        {"feed_stall", "arm_slip"},
+    ]
+    assert all(any(pair <= group for group in groups) for pair in alike)
+
+
+def test_what_tells_equal_rows_apart():
+    """Torque over the first part of a fault, and the feed, as the page says."""
+    torque = {}
+    for kind in ("binding", "gravel_in_flutes", "worn_bit"):
+        simulation = started(PHASES[0])
+        before = simulation.process.rotation.torque
+        simulation.inject(Fault(kind))
+        times = simulation.time + np.arange(1, 31) * (SECOND // 20)
+        torque[kind] = [
+            simulation.advance_to(int(time)).process.rotation.torque / before for time in times
+        ]
+    spread = {kind: np.std(values[5:]) / np.mean(values[5:]) for kind, values in torque.items()}
+    assert spread["binding"] < 0.15  # after the rotor has slowed down
+    assert spread["gravel_in_flutes"] > 0.3
+    assert np.mean(torque["worn_bit"][:10]) < 0.9
+    rates = {kind: runs(kind)[1].process.mount.rate for kind in FED}
+    assert rates == pytest.approx({"feed_stall": 0.0, "arm_slip": FEED.value})
+    assert runs("arm_slip")[1].process.mount.slip < 0.0  # away from the rock
+
+
+@pytest.mark.parametrize("kind", ROWS)
+def test_the_end_of_a_fault_brings_the_torque_back(kind):
+    _, simulation = runs(kind)
+    assert simulation.faults.active[0].fault == Fault(kind)
+    simulation.clear(simulation.faults.active[0].number)
+    after = dict(zip(COLUMNS, measured(simulation, 2.0, 2.0), strict=True))
     bit = BitParameters()
     radius = radius_of(DRILL.rock.hole_area)
     sharp = cut(bit, preset_layer("sandstone"), radius, after["weight on bit"], bit.bit_wear_flat)
-    assert after["torque"] == pytest.approx(sharp.cutting_torque + sharp.friction_torque, rel=0.1)
+    assert after["torque"] == pytest.approx(
+        sharp.cutting_torque + sharp.friction_torque, rel=0.1, abs=1e-5
+    )
     if kind in FED:
         mount = simulation.process.mount
         assert mount.rate == pytest.approx(FEED.value)
         assert simulation.advance_to(simulation.time + SECOND).process.mount.slip == mount.slip
     elif kind not in LEFT_BEHIND:
+        before = dict(zip(COLUMNS, healthy().mean(axis=0), strict=True))
         assert after["rate of penetration"] > 0.8 * before["rate of penetration"]
+
+
+def test_an_interval_across_the_edge_of_no_change_is_no_cell():
+    for change, cell in ((0.2, "up"), (-0.2, "down"), (0.05, "same"), (0.11, ""), (-0.09, "")):
+        assert Effect(change, 0.02, 0.1).cell == cell
+    assert Effect(0.2, 0.02, 0.1).margin == pytest.approx(0.08)
+    assert Effect(0.09, 0.02, 0.1).margin == pytest.approx(-0.01)
+
+
+def test_the_scatter_is_pooled_and_the_interval_shrinks_with_the_phases():
+    numbers = np.random.default_rng(1)
+
+    def drawn(count, level):
+        return level * (1.0 + 0.02 * numbers.standard_normal((count, len(COLUMNS))))
+
+    few, many = (effects(drawn(n, 5.0), {"a": drawn(n, 10.0)})["a"] for n in (3, 48))
+    for column in COLUMNS:
+        assert many[column].change == pytest.approx(1.0, abs=0.05)
+        assert many[column].error < 0.5 * few[column].error

@@ -129,8 +129,9 @@ class Changepoynt:
             # From 1 to 2, as the package's own scaling, which would look at later windows.
             course = 1.0 + np.clip(share, -1.0, 2.0)
             # The score of a place needs those before it: one more place gives the last window its.
-            with _fixed_random_numbers():
-                found = self._algorithm.transform(np.append(course, course[-1]))
+            # Where a course does not vary at all, the package divides zero by zero: no change.
+            with _fixed_random_numbers(), np.errstate(invalid="ignore"):
+                found = np.nan_to_num(self._algorithm.transform(np.append(course, course[-1])))
             first = self._before - self._offset
             scores[self._before - 1 :, i] = found[first : len(run) + 1 - self._offset]
         return scores

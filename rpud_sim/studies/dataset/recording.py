@@ -80,6 +80,7 @@ def record(job: Job) -> Recorded:
                 path,
                 beginning,
                 specification.duration,
+                planned=specification.planned(run.rock),
                 topics=specification.bag_topics,
                 manifest=Manifest(
                     parameters={**beginning.settings.values(), "seed": run.seed},

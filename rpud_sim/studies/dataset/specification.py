@@ -9,7 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from rpud_sim.drilling.feed import RATE
 from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.simulation.changes import Planned
+from rpud_sim.simulation.commands import Feed
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.topics import TOPICS
@@ -49,10 +52,13 @@ class Rock:
     Args:
         split: of ``SPLITS``.
         parameters: by which the rock differs from the others, by name.
+        feed_rate: that is commanded at time zero, positive toward the rock [m/s]; None for no
+            command to the feed.
     """
 
     split: str
     parameters: Mapping[str, Any]
+    feed_rate: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,6 +97,7 @@ LENGTH = Quantity("s", "length of a window", 1e-3, 1e3)
 STRIDE = Quantity("s", "time from one window to the next", 1e-3, 1e3)
 DURATION = Quantity("s", "duration of each run", 0.1, 1e5)
 TIME = Quantity("s", "time in a run", 0.0, 1e5)
+FEED_RATE = Quantity("m/s", "rate of the feed, positive toward the rock", -1.0, 1.0)
 SEED = Quantity("", "seed", 0, 2**32 - 1, whole=True)
 SEEDS = Quantity("", "runs with each rock, fault and severity", 0, 10_000, whole=True)
 HEALTHY_RUNS = Quantity("", "runs without a fault with each rock", 0, 10_000, whole=True)
@@ -157,6 +164,16 @@ class Specification:
             ParameterError: if a value cannot be used.
         """
         return to_settings({**self.fixed, **values, **self.rocks[rock].parameters})
+
+    def feed(self, rock: str) -> Feed | None:
+        """Return the command to the feed at time zero in a rock."""
+        rate = self.rocks[rock].feed_rate
+        return None if rate is None else Feed(RATE, rate)
+
+    def planned(self, rock: str) -> tuple[Planned, ...]:
+        """Return the commands of a run in a rock."""
+        feed = self.feed(rock)
+        return () if feed is None else (Planned(0, feed),)
 
     def extremes(self) -> Sequence[Mapping[str, float]]:
         """Return the varied parameters at the ends of their intervals."""

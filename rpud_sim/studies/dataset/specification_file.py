@@ -23,6 +23,7 @@ from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.studies.dataset.specification import (
     DEFAULT_TOPICS,
     DURATION,
+    FEED_RATE,
     HEALTHY_RUNS,
     LENGTH,
     MOST_RUNS,
@@ -129,12 +130,15 @@ def _rocks(content: Any, taken: Iterable[str]) -> dict[str, Rock]:
         split = values.pop("split")
         if split not in SPLITS:
             raise DatasetError(f"{place}.split: {shown(split)} is not one of {', '.join(SPLITS)}")
+        feed_rate = values.pop("feed_rate", None)
+        if feed_rate is not None:
+            feed_rate = FEED_RATE.check(f"{place}.feed_rate", feed_rate)
         parameters = _parameters(place, values, taken)
         for other, rock in rocks.items():
             # The same rock under two names would be in two splits.
             if rock.parameters == parameters:
                 raise DatasetError(f"{place}: has the parameters of rocks.{other}")
-        rocks[name] = Rock(split, parameters)
+        rocks[name] = Rock(split, parameters, feed_rate)
     for split in SPLITS:
         if split not in [rock.split for rock in rocks.values()]:
             raise DatasetError(f"rocks: the split {split} has no rock")
@@ -202,7 +206,9 @@ def _check_parameters(draft: Specification) -> None:
     for rock in draft.rocks:
         for values in draft.extremes():
             try:
-                draft.settings(rock, values)
+                configuration = draft.settings(rock, values).configuration
+                if (feed := draft.feed(rock)) is not None:
+                    configuration.check_feed(feed)
             except ParameterError as error:
                 raise DatasetError(f"rocks.{rock}: {error}") from None
 

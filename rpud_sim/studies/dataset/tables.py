@@ -24,8 +24,13 @@ WINDOWS = "windows"
 """Table of the features of windows."""
 
 STATISTICS = ("mean", "std", "min", "max")
-# Fields that hold labels.
-_LABELS = {"status": ("active_faults",)}
+# Fields that hold labels, or the cause of a fault that no instrument of a drill measures: how far
+# the arm's host has slipped, and the state of bit, cuttings and rock in the hole.
+_LABELS = {
+    "status": ("active_faults",),
+    "mount": ("slip", "position"),
+    "borehole": ("layer", "specific_energy", "packed_cuttings", "bit_wear", "side_offset"),
+}
 _STAMP = "header.stamp"
 
 

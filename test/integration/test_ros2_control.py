@@ -1,0 +1,102 @@
+"""A drill in another process follows the messages that ros2_control's hardware interface sends."""
+
+import math
+
+import pytest
+from robot_descriptions import arm_with_drill
+from ros2_control_hardware import Description, Hardware
+
+from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
+
+NAMESPACE = "/controlled"
+
+
+@pytest.fixture(scope="module")
+def drill(start_module_drill):
+    models = {"feed_model": "arm", "rotation_model": "friction_drive", "initial_feed": -0.02}
+    return start_module_drill(NAMESPACE, **models)
+
+
+@pytest.fixture
+def client(drill, connect):
+    client = connect(NAMESPACE)
+    client.until(lambda: client.status)
+    return client
+
+
+def hardware_of(client, **arguments):
+    return Hardware(client, Description(arm_with_drill(drill=NAMESPACE, **arguments)))
+
+
+def cycle_until(client, hardware, condition):
+    """Let the hardware write in each turn, until a condition holds."""
+
+    def turn():
+        hardware.write()
+        return condition()
+
+    client.until(turn)
+
+
+def reached(hardware, rate):
+    """Whether the feed has a rate, up to rounding."""
+    return abs(hardware.states[FEED_JOINT, "velocity"] - rate) < 1e-9
+
+
+def test_states_of_both_joints_come_by_a_best_effort_subscription(client):
+    hardware = hardware_of(client)
+    client.until(lambda: hardware.heard > 1)
+    assert all(math.isfinite(value) for value in hardware.states.values())
+    assert hardware.states[ROTATION_JOINT, "velocity"] != 0.0
+
+
+def test_an_interface_that_no_controller_has_claimed_is_nan_and_moves_nothing(client):
+    hardware = hardware_of(client)
+    before = client.status[-1]
+    seen = len(client.status)
+    cycle_until(client, hardware, lambda: len(client.status) > seen + 1 and hardware.heard > 50)
+    assert len(hardware.sent) > 10
+    assert all(math.isnan(message.velocity[0]) for message in hardware.sent)
+    last = client.status[-1]
+    assert (last.commands_accepted, last.commands_rejected) == (
+        before.commands_accepted,
+        before.commands_rejected,
+    )
+    assert hardware.states[FEED_JOINT, "velocity"] == 0.0
+
+
+def test_a_velocity_moves_the_feed_and_is_not_sent_again_once_it_is_reached(client):
+    hardware = hardware_of(client)
+    for rate in (2e-3, 3e-6, 0.0):  # the second is far below the hardware's own threshold
+        hardware.commands[FEED_JOINT, "velocity"] = rate
+        cycle_until(client, hardware, lambda rate=rate: reached(hardware, rate))
+        sent = len(hardware.sent)
+        heard = hardware.heard
+        cycle_until(client, hardware, lambda heard=heard: hardware.heard > heard + 5)
+        assert len(hardware.sent) == sent
+        # One value for two joints: the hardware leaves out what has no command interface.
+        assert len(hardware.sent[-1].name) == 2
+        assert list(hardware.sent[-1].velocity) == [rate]
+
+
+def test_a_position_moves_the_feed_there(client):
+    hardware = hardware_of(client, feed_command="position")
+    hardware.commands[FEED_JOINT, "position"] = -0.019
+    cycle_until(
+        client, hardware, lambda: abs(hardware.states[FEED_JOINT, "position"] + 0.019) < 1e-9
+    )
+    assert list(hardware.sent[-1].position) == [-0.019]
+    assert not hardware.sent[-1].velocity
+
+
+def test_a_rate_beyond_the_limit_of_the_joint_is_rejected_and_counted(client):
+    description = Description(arm_with_drill(drill=NAMESPACE, feed_command="velocity"))
+    hardware = Hardware(client, description)
+    rejected = client.status[-1].commands_rejected
+    limit = float(description.limits[FEED_JOINT]["velocity"])
+    hardware.commands[FEED_JOINT, "velocity"] = 1.01 * limit
+    cycle_until(client, hardware, lambda: client.status[-1].commands_rejected > rejected)
+    hardware.commands[FEED_JOINT, "velocity"] = limit
+    cycle_until(client, hardware, lambda: reached(hardware, limit))
+    hardware.commands[FEED_JOINT, "velocity"] = 0.0
+    cycle_until(client, hardware, lambda: reached(hardware, 0.0))
