@@ -45,7 +45,7 @@ _FIELDS = {
     "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
     "borehole": (
         *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
-        *("bit_wear", "bit_temperature", "rock_temperature"),
+        *("bit_wear", "bit_temperature", "rock_temperature", "side_offset"),
     ),
 }
 SAMPLED = ("nodal_plane", "drill_tool", "reacting_force", "rotation", "mount", "borehole")

@@ -71,11 +71,13 @@ class Powers:
 
     Args:
         names: of the powers.
+        optional: names of powers that count only if every report has them, as numbers.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], optional: Sequence[str] = ()) -> None:
         self._names = tuple(names)
-        self._joules = np.zeros(len(self._names))
+        self._optional = tuple(optional)
+        self._joules = np.zeros(len(self._names) + len(self._optional))
         self._seconds = 0.0
         self._last: int | None = None
 
@@ -89,8 +91,20 @@ class Powers:
         self._last = int(stamps[-1])
         values = np.column_stack([columns[name].astype(float) for name in self._names])
         valid = usable(values).all(axis=1)
+        if self._optional:
+            values = self._with_optional(columns, values, valid)
         self._joules += seconds[valid] @ values[valid]
         self._seconds += float(seconds[valid].sum())
+
+    def _with_optional(self, columns: Columns, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
+        """Return values with those of the optional powers, which are given up if one lacks."""
+        if all(name in columns and columns[name].dtype.kind == "f" for name in self._optional):
+            more = np.column_stack([columns[name] for name in self._optional])
+            if usable(more[valid]).all():
+                return np.column_stack([values, more])
+        self._optional = ()
+        self._joules = self._joules[: len(self._names)]
+        return values
 
     @property
     def seconds(self) -> float:
@@ -101,7 +115,8 @@ class Powers:
         """Return the mean of each power [W]; empty if the reports span no time."""
         if not self._seconds > 0.0:
             return {}
-        return dict(zip(self._names, (self._joules / self._seconds).tolist(), strict=True))
+        names = (*self._names, *self._optional)
+        return dict(zip(names, (self._joules / self._seconds).tolist(), strict=True))
 
 
 class Segments:
