@@ -70,7 +70,8 @@ def page_of(picture: Picture, face: Face, drills: int = 1) -> list[Line]:
     lines = [_header(picture, face, drills), _banner(picture)]
     if not picture.status:
         return lines
-    room = face.height - _FIXED_LINES
+    arm = _arm(picture)
+    room = face.height - _FIXED_LINES - len(arm)
     said = [_outcome_lines(outcome, face) for outcome in picture.outcomes]
     most = room - (2 if picture.faults else 0)  # a long reason is worth more than old faults
     outcomes = max(2, min(len(said[-1]), most)) if said else 2
@@ -79,6 +80,7 @@ def page_of(picture: Picture, face: Face, drills: int = 1) -> list[Line]:
     lines += [
         *_commands(picture.status),
         *_condition(picture.status),
+        *arm,
         line(f" {'last minute':{_LABEL + _VALUE}} ", STRONG),
         *_sparklines(picture.series, face),
         line(" powers over the last second", STRONG),
@@ -166,6 +168,44 @@ def _condition(status: Any) -> list[Line]:
         depth = f"depth {1e3 * status['depth']:.2f} mm"
         texts.insert(0, f"{depth}, {1e3 * status['penetration_rate']:.3f} mm/s")
     return [line(f" {'   '.join(texts)}")]
+
+
+def _arm(picture: Picture) -> list[Line]:
+    """Return a line for each model around the percussion that is on: feed, rotation and hole."""
+    lines = []
+    if mount := picture.latest.get("mount"):
+        touches = "in contact" if mount["in_contact"] else "no contact"
+        text = f"arm {mount['force']:.2f} N   slip {1e3 * mount['slip']:.2f} mm   {touches}"
+        text += f"   work {1e3 * picture.status.get('feed_power', math.nan):.2f} mW"
+        at = f"at {1e3 * mount['feed']:.2f} mm"
+        lines.append(_row("feed", f"{_feed_text(picture.status)}, {at}", text))
+    if rotation := picture.latest.get("rotation"):
+        said = "stalled" if rotation["stalled"] else "slipping" if rotation["slipping"] else ""
+        text = f"torque {1e3 * rotation['torque']:.2f} mN m"
+        text += f"   drive {1e3 * rotation['drive_torque']:.2f} mN m"
+        style = ALARM if rotation["stalled"] else PLAIN
+        turn = _row("rotation", f"{rotation['rate']:.2f} rad/s", text)
+        lines.append((*turn, (f"   {said}", style)) if said else turn)
+    if hole := picture.latest.get("borehole"):
+        layer = printable(str(hole["layer"])) or "broken through"
+        text = f"cuttings {1e9 * hole['packed_cuttings']:.0f} mm3   wear {hole['bit_wear']:.2f}"
+        text += f"   bit {hole['bit_temperature']:.1f} K"
+        if hole["side_offset"]:
+            text += f"   walked {1e3 * hole['side_offset']:.2f} mm"
+        lines.append(_row("rock", layer, text))
+    return lines
+
+
+def _row(label: str, value: str, text: str) -> Line:
+    return ((f" {label:{_LABEL}}", PLAIN), (f"{value:22}", STRONG), (text, PLAIN))
+
+
+def _feed_text(status: Any) -> str:
+    """Return what the feed is to do."""
+    value = 1e3 * status.get("feed_value", math.nan)
+    if status.get("feed_mode") == 1:
+        return f"to {value:.4g} mm"
+    return f"{value:.4g} mm/s" if value else "holds"
 
 
 def _sparklines(series: Series, face: Face) -> list[Line]:

@@ -250,16 +250,20 @@ class Journal:
 
     Args:
         entries: time since the bag began [s], kind, content.
-        changes: by commands.
         parameters: of the first simulation.
-        unlisted: number of entries that are not kept.
+        unlisted: number of entries that are not kept. Among these are commands of a feed that make
+            no clear change, which a controller may send 100 times a second.
     """
 
     entries: list[tuple[float, str, str]] = field(default_factory=list)
-    changes: list[Change] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
     unlisted: int = 0
     _in_force: CommandsInForce = field(default_factory=CommandsInForce)
+
+    @property
+    def changes(self) -> Sequence[Change]:
+        """Changes by commands, in order."""
+        return self._in_force.changes
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
         """Add entries at times since the bag began [s]."""
@@ -267,11 +271,9 @@ class Journal:
             if kind == "begin" and not self.parameters:
                 self.parameters = _parameters(content)
             change = self._in_force.take(float(time), str(kind), content)
-            if len(self.entries) >= MOST_ENTRIES:
+            if len(self.entries) >= MOST_ENTRIES or (kind == "feed" and change is None):
                 self.unlisted += 1
                 continue
-            if change is not None:
-                self.changes.append(change)
             cut = "…" if len(content) > _CONTENT else ""
             self.entries.append((float(time), str(kind), content[:_CONTENT] + cut))
 
