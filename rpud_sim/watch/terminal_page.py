@@ -175,10 +175,11 @@ def _arm(picture: Picture) -> list[Line]:
     lines = []
     if mount := picture.latest.get("mount"):
         touches = "in contact" if mount["in_contact"] else "no contact"
-        text = f"arm {mount['force']:.2f} N   slip {1e3 * mount['slip']:.2f} mm   {touches}"
-        text += f"   work {1e3 * picture.status.get('feed_power', math.nan):.2f} mW"
-        at = f"at {1e3 * mount['feed']:.2f} mm"
-        lines.append(_row("feed", f"{_feed_text(picture.status)}, {at}", text))
+        text = f"arm {mount['force']:.2f} N   {touches}"
+        if mount["slip"]:
+            text += f"   slip {1e3 * mount['slip']:.2f} mm"
+        value = f"{_feed_text(picture.status)} at {1e3 * mount['feed']:.2f} mm"
+        lines.append(_row("feed", value, text))
     if rotation := picture.latest.get("rotation"):
         said = "stalled" if rotation["stalled"] else "slipping" if rotation["slipping"] else ""
         text = f"torque {1e3 * rotation['torque']:.2f} mN m"
@@ -197,7 +198,7 @@ def _arm(picture: Picture) -> list[Line]:
 
 
 def _row(label: str, value: str, text: str) -> Line:
-    return ((f" {label:{_LABEL}}", PLAIN), (f"{value:22}", STRONG), (text, PLAIN))
+    return ((f" {label:{_LABEL}}", PLAIN), (f"{value:21} ", STRONG), (text, PLAIN))
 
 
 def _feed_text(status: Any) -> str:
@@ -236,6 +237,8 @@ def _powers(status: Any) -> list[Line]:
     given = f"actuator {watts['actuator']}   weight {watts['weight']}"
     if math.isfinite(status["change_power"]) and abs(status["change_power"]) >= 0.005:
         given += f"   changes {watts['change']}"
+    if math.isfinite(feed := status.get("feed_power", math.nan)):
+        given += f"   feed {1e3 * feed:.2f} mW"
     if math.isfinite(status["electrical_power"]):
         given += f"   electrical {watts['electrical']}"
     taken = (
