@@ -145,7 +145,9 @@ def test_models_around_the_percussion_are_told_where_they_are_on():
     rotation = report.process.rotation
     assert f"  {rotation.rate:.1f} rad/s, torque {1e3 * rotation.torque:.1f} mN m  " in text
     assert text.index("depth ") < text.index("  in sandstone  ")
-    stalled = dataclasses.replace(report.process, rotation=dataclasses.replace(rotation, stalled=True))
+    stalled = dataclasses.replace(
+        report.process, rotation=dataclasses.replace(rotation, stalled=True)
+    )
     assert "  stalled, torque" in live_text(dataclasses.replace(report, process=stalled))
     for width in range(20, 200, 7):
         assert len(live_text(report, width)) < width

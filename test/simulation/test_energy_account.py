@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.model.parameters import CONTACT_MODELS, REGIMES
 from rpud_sim.inspection.report.power_flow import terms
+from rpud_sim.model.parameters import CONTACT_MODELS, REGIMES
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
@@ -203,8 +203,9 @@ def test_powers_have_the_bits_of_a_sum_block_by_block_and_so_has_a_copy():
 def fed():
     """Give a drill that an arm feeds into rock, for 1.5 s, as blocks of 10 ms."""
     simulation = Simulation(
-        to_settings({"feed_model": "arm", "strata": "sandstone", "initial_feed": 6e-3})
-        .configuration
+        to_settings(
+            {"feed_model": "arm", "strata": "sandstone", "initial_feed": 6e-3}
+        ).configuration
     )
     simulation.apply(Feed("rate", 2e-4))
     return [simulation.advance_to(number * SECOND // 100) for number in range(1, 151)]
@@ -248,7 +249,8 @@ def test_powers_with_a_feed_are_the_same_from_a_span():
 
 def test_without_a_feed_its_powers_are_unknown():
     powers = RecentEnergy().powers()
-    assert math.isnan(powers["feed_power"]) and math.isnan(powers["mount_power"])
+    assert math.isnan(powers["feed_power"])
+    assert math.isnan(powers["mount_power"])
     assert powers["weight_on_bit_power"] == 0.0
 
 

@@ -90,7 +90,7 @@ class Powers:
         seconds = np.clip(np.diff(stamps, prepend=first) / SECOND, 0.0, 1.0)
         self._last = int(stamps[-1])
         values = np.column_stack([columns[name].astype(float) for name in self._names])
-        valid = usable(values).all(axis=1)
+        valid = np.asarray(usable(values).all(axis=1))
         if self._optional:
             values = self._with_optional(columns, values, valid)
         self._joules += seconds[valid] @ values[valid]

@@ -81,6 +81,7 @@ def record(job: Job) -> Recorded:
                 beginning,
                 specification.duration,
                 topics=specification.bag_topics,
+                planned=specification.commands,
                 manifest=Manifest(
                     parameters={**beginning.settings.values(), "seed": run.seed},
                     scenario=_scenario_text(run),

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.quantities import Quantity
+from rpud_sim.simulation.changes import Planned
 from rpud_sim.simulation.configuration import Settings, to_settings
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.topics import TOPICS
@@ -115,6 +116,7 @@ class Specification:
         varied: parameters that are drawn for each run, with their intervals.
         rocks: by name.
         faults: in the order of the file.
+        commands: to the drill, the same in all runs, in the order of their times.
         left_out: kinds of fault that ``physical`` stands for and that no run can honour.
     """
 
@@ -132,6 +134,7 @@ class Specification:
     varied: Mapping[str, Interval]
     rocks: Mapping[str, Rock]
     faults: tuple[FaultSeries, ...]
+    commands: tuple[Planned, ...] = ()
     left_out: tuple[str, ...] = ()
 
     @property
