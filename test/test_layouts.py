@@ -5,7 +5,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from rpud_msgs.msg import WeightOnBit
+from rpud_msgs.msg import Feed, WeightOnBit
 from rpud_msgs.srv import ClearFault, InjectFault
 
 from rpud_sim.ros.drill.publishers import DIAGNOSTICS
@@ -14,16 +14,54 @@ from rpud_sim.simulation.faults import KINDS
 from rpud_sim.simulation.topics import TOPICS
 
 CONFIG = Path(__file__).resolve().parent.parent / "config"
-FOXGLOVE = json.loads((CONFIG / "foxglove.json").read_text())
-PANELS = FOXGLOVE["configById"]
-PLOTJUGGLER = ElementTree.parse(CONFIG / "plotjuggler.xml").getroot()
+FOXGLOVE = {
+    name: json.loads((CONFIG / f"{name}.json").read_text()) for name in ("foxglove", "foxglove_arm")
+}
+PLOTJUGGLER = {
+    name: ElementTree.parse(CONFIG / f"{name}.xml").getroot()
+    for name in ("plotjuggler", "plotjuggler_arm")
+}
+COMMANDS = {
+    "/rpud/command/weight_on_bit": ("rpud_msgs/WeightOnBit", WeightOnBit),
+    "/rpud/command/feed": ("rpud_msgs/Feed", Feed),
+}
 SERVICES = {"/rpud/inject_fault": InjectFault, "/rpud/clear_fault": ClearFault}
 PUBLISHED = {**TOPICS, "/diagnostics": DIAGNOSTICS}
 NUMBERS = ("double", "boolean", "uint32", "uint64")
 
 
-def panels(kind):
-    return [panel for name, panel in PANELS.items() if name.startswith(f"{kind}!")]
+every_foxglove = pytest.mark.parametrize("layout", FOXGLOVE)
+every_plotjuggler = pytest.mark.parametrize("layout", PLOTJUGGLER)
+
+
+def panels(layout, kind):
+    found = FOXGLOVE[layout]["configById"]
+    return [panel for name, panel in found.items() if name.startswith(f"{kind}!")]
+
+
+def pushed(kind):
+    """Give each button of a kind with its layout."""
+    return [
+        pytest.param(layout, panel, id=f"{layout}: {panel['buttonText']}")
+        for layout in FOXGLOVE
+        for panel in panels(layout, kind)
+    ]
+
+
+def shown(layout):
+    """Give the topics that a layout shows."""
+    if layout in PLOTJUGGLER:
+        curves = [curve.get("name") for curve in PLOTJUGGLER[layout].iter("curve")]
+        return {name.split("/")[2] for name in curves}
+    plots = [*panels(layout, "Plot"), *panels(layout, "StateTransitions")]
+    return {one["value"].split(".")[0].split("/")[2] for panel in plots for one in panel["paths"]}
+
+
+@pytest.mark.parametrize("layout", ["foxglove", "plotjuggler"])
+def test_topics_of_models_that_are_off_by_default_have_layouts_of_their_own(layout):
+    of_models = {name for name, topic in TOPICS.items() if topic.models}
+    assert not shown(layout) & of_models
+    assert shown(f"{layout}_arm") == shown(layout) | of_models
 
 
 def fill(message, values):
@@ -42,41 +80,51 @@ def field_type(topic, field):
     return message.get_fields_and_field_types()[field]
 
 
-def test_foxglove_plots_numbers_that_are_published():
-    series = [series["value"] for panel in panels("Plot") for series in panel["paths"]]
+@every_foxglove
+def test_foxglove_plots_numbers_that_are_published(layout):
+    series = [one["value"] for panel in panels(layout, "Plot") for one in panel["paths"]]
     assert len(series) > 5
     for value in series:
         assert field_type(*value.split(".")) in NUMBERS, value
-    states = [series["value"] for panel in panels("StateTransitions") for series in panel["paths"]]
+    transitions = panels(layout, "StateTransitions")
+    states = [one["value"] for panel in transitions for one in panel["paths"]]
     for value in states:
         assert field_type(*value.split(".")) in (*NUMBERS, "string"), value
 
 
-def test_foxglove_shows_topics_that_are_published():
-    topics = [panel["topicPath"] for panel in panels("RawMessages")]
-    topics += [panel["topicToRender"] for panel in panels("DiagnosticSummary")]
+@every_foxglove
+def test_foxglove_shows_topics_that_are_published(layout):
+    topics = [panel["topicPath"] for panel in panels(layout, "RawMessages")]
+    topics += [panel["topicToRender"] for panel in panels(layout, "DiagnosticSummary")]
     assert topics
     assert {topic.removeprefix("/rpud/") for topic in topics} <= PUBLISHED.keys()
 
 
-@pytest.mark.parametrize("panel", panels("Publish"), ids=lambda panel: panel["buttonText"])
-def test_foxglove_publishes_commands(panel):
-    assert panel["datatype"] == "rpud_msgs/WeightOnBit"
-    message = WeightOnBit()
+@pytest.mark.parametrize(("layout", "panel"), pushed("Publish"))
+def test_foxglove_publishes_commands(layout, panel):
+    datatype, kind = COMMANDS[panel["topicName"]]
+    assert panel["datatype"] == datatype
+    message = kind()
     fill(message, json.loads(panel["value"]))
-    assert panel["topicName"] == "/rpud/command/weight_on_bit"
-    assert str(int(message.force)) in panel["buttonText"]
+    if kind is Feed:
+        assert message.mode == Feed.MODE_RATE
+        assert f"{1e3 * message.value:g} mm/s" in panel["buttonText"]
+    else:
+        assert str(int(message.force)) in panel["buttonText"]
+    # With a feed a weight on bit is rejected, and the other way round.
+    assert (kind is Feed) == layout.endswith("_arm")
 
 
-@pytest.mark.parametrize("panel", panels("CallService"), ids=lambda panel: panel["buttonText"])
-def test_foxglove_asks_what_the_drill_can_do(panel):
+@pytest.mark.parametrize(("layout", "panel"), pushed("CallService"))
+def test_foxglove_asks_what_the_drill_can_do(layout, panel):
     request = SERVICES[panel["serviceName"]].Request()
     fill(request, json.loads(panel["requestPayload"]))
     if isinstance(request, InjectFault.Request):
         assert request.fault.kind in KINDS
 
 
-def test_foxglove_arranges_every_panel_once():
+@every_foxglove
+def test_foxglove_arranges_every_panel_once(layout):
     def arranged(item):
         if isinstance(item, str):
             return [item]
@@ -84,12 +132,15 @@ def test_foxglove_arranges_every_panel_once():
         assert 0 < item["splitPercentage"] < 100
         return arranged(item["first"]) + arranged(item["second"])
 
-    assert sorted(arranged(FOXGLOVE["layout"])) == sorted(PANELS)
+    content = FOXGLOVE[layout]
+    assert sorted(arranged(content["layout"])) == sorted(content["configById"])
 
 
-def test_plotjuggler_plots_numbers_of_topics_that_it_asks_for():
-    [selected] = [item.get("value").split(";") for item in PLOTJUGGLER.iter("selected_topics")]
-    curves = [curve.get("name").rsplit("/", 1) for curve in PLOTJUGGLER.iter("curve")]
+@every_plotjuggler
+def test_plotjuggler_plots_numbers_of_topics_that_it_asks_for(layout):
+    content = PLOTJUGGLER[layout]
+    [selected] = [item.get("value").split(";") for item in content.iter("selected_topics")]
+    curves = [curve.get("name").rsplit("/", 1) for curve in content.iter("curve")]
     assert len(curves) > 5
     for topic, field in curves:
         assert field_type(topic, field) in NUMBERS, (topic, field)

@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, TypeVar
 from rpud_sim.foundation.terminal import columns, printable
 
 if TYPE_CHECKING:
+    from rpud_sim.drilling.borehole import BoreholeState
+    from rpud_sim.drilling.mount import MountState
+    from rpud_sim.drilling.rotor import RotorState
     from rpud_sim.ros.drill.report import Report
     from rpud_sim.simulation.ensemble import Figures
     from rpud_sim.simulation.ledger import FaultRecord
@@ -28,7 +31,7 @@ _ERASE = "\r\x1b[K"
 # Parts of the live line that get shorter where the terminal is narrow, step by step in this order.
 _SHORTENED = (
     *("reacting", "contact", "factor", "contact", "reacting", "late", "weight", "impacts"),
-    *("contact", "depth", "faults", "faults", "dropped"),
+    *("contact", "depth", "rotation", "feed", "faults", "faults", "dropped", "rotation", "feed"),
 )
 
 
@@ -170,7 +173,10 @@ def _parts(report: Report) -> dict[str, tuple[str, ...]]:
             _rate_text(report.figures, jammed, "/s"),
         ),
         **_forces(report.figures),
+        "feed": _feed_texts(report.process.mount),
+        "rotation": _rotation_texts(report.process.rotation),
         "depth": (depth and f"depth {depth}", depth),
+        "layer": _layer_texts(report.process.borehole),
         "faults": _faults_texts(kinds),
         "refused": (f"{refused} refused" if refused else "",),
         "dropped": (f"{dropped} messages dropped", f"{dropped} dropped") if dropped else ("",),
@@ -213,6 +219,29 @@ def _faults_texts(kinds: Sequence[str]) -> tuple[str, ...]:
     count = "1 fault" if len(kinds) == 1 else f"{len(kinds)} faults"
     first = kinds[0] if len(kinds) == 1 else f"{kinds[0]} +{len(kinds) - 1}"
     return (f"faults: {names}", first, count)
+
+
+def _feed_texts(mount: MountState | None) -> tuple[str, ...]:
+    """Return where the feed is and whether the tool touches the rock; empty without a feed."""
+    if mount is None:
+        return ("",)
+    feed = f"feed {1e3 * mount.feed:.2f} mm"
+    return (f"{feed}, {1e3 * mount.rate:.2f} mm/s", feed, "")
+
+
+def _rotation_texts(rotation: RotorState | None) -> tuple[str, ...]:
+    """Return rate and torque of the rotation; empty without one."""
+    if rotation is None:
+        return ("",)
+    rate = "stalled" if rotation.stalled else f"{rotation.rate:.1f} rad/s"
+    return (f"{rate}, torque {1e3 * rotation.torque:.1f} mN m", rate, "")
+
+
+def _layer_texts(hole: BoreholeState | None) -> tuple[str, ...]:
+    """Return the layer at the bottom of the hole; empty without a hole."""
+    if hole is None:
+        return ("",)
+    return (f"in {printable(hole.layer)}" if hole.layer else "broken through",)
 
 
 def _depth_text(depth: float) -> str:

@@ -7,6 +7,7 @@ import dataclasses
 RATE = "rate"
 POSITION = "position"
 FEED_MODES = (RATE, POSITION)
+"""Modes, in the order of the MODE constants of ``rpud_msgs/Feed``."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,8 +11,9 @@ from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown, 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
-from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Settings
+from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Configuration, Settings
 from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.plant import nominal_drive
 from rpud_sim.simulation.scenario import ONSET, parse_scenario
 from rpud_sim.simulation.simulation import Simulation
 
@@ -175,14 +176,50 @@ def read_commands(path: str | Path) -> Changes:
     entries = content["commands"]
     if not isinstance(entries, list):
         raise ParameterError(f"{path}: commands = {shown(entries)} is not a list")
+    try:
+        planned = parse_commands(entries)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
+    return Changes(planned=planned, replaces_commands=True) + faults
+
+
+def parse_commands(entries: Sequence[Any]) -> tuple[Planned, ...]:
+    """Return the commands of a list from YAML, in the order of their times.
+
+    Raises:
+        ParameterError: if an entry cannot be used; the text has its number.
+    """
     planned: list[Planned] = []
     for number, entry in enumerate(entries, 1):
         try:
             planned += _commands(entry)
         except ParameterError as error:
-            raise ParameterError(f"{path}: command {number}: {error}") from None
-    planned.sort(key=lambda each: each.delay)
-    return Changes(planned=tuple(planned), replaces_commands=True) + faults
+            raise ParameterError(f"command {number}: {error}") from None
+    return tuple(sorted(planned, key=lambda each: each.delay))
+
+
+def check_commands(planned: Sequence[Planned], configuration: Configuration) -> None:
+    """Check that a drill can take commands, one after the other.
+
+    Args:
+        planned: in the order of their times.
+        configuration: of the drill.
+
+    Raises:
+        ParameterError: if it would refuse one; the text has its time.
+    """
+    drive = nominal_drive(configuration)
+    for each in planned:
+        try:
+            if isinstance(each.change, DriveChange):
+                drive = each.change.on(drive)
+                configuration.check_drive(drive)
+            elif isinstance(each.change, Feed):
+                configuration.check_feed(each.change)
+            elif isinstance(each.change, WeightOnBit):
+                configuration.check_weight_on_bit()
+        except ParameterError as error:
+            raise ParameterError(f"command at {each.delay / SECOND:g} s: {error}") from None
 
 
 def _injections(content: Mapping[Any, Any], name: str) -> tuple[Planned, ...]:

@@ -13,6 +13,7 @@ from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.boundaries import add_blocks
 from rpud_sim.model.energy import TERMS, add_segments
 from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.span import Span
 
 # The powers of a status are means over this time [ns].
@@ -128,18 +129,26 @@ def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
 
 
 class RecentEnergy:
-    """Accounts of the blocks of the last second of simulation time."""
+    """Accounts of the blocks of the last second of simulation time.
 
-    def __init__(self) -> None:
+    Args:
+        has_feed: whether the drill has a feed, whose blocks have an account of their own.
+    """
+
+    def __init__(self, has_feed: bool = False) -> None:
         # Start, end and terms of each block; as bytes, which copies of a run share. Those of a
         # span wait until they are wanted.
         self._blocks: deque[tuple[int, int, bytes]] = deque()
         self._spans: deque[Span] = deque()
+        self._has_feed = has_feed
+        self._feeds: deque[tuple[int, FeedAccount]] = deque()  # with the end of each block
 
     def add(self, block: Block) -> None:
         """Add the block that follows."""
         self._calculate()
         self._blocks.append((block.start, block.end, _joules_of(block).tobytes()))
+        if block.feed is not None:
+            self._feeds.append((block.end, block.feed))
         self._forget(block.end)
 
     def add_span(self, span: Span) -> None:
@@ -147,11 +156,15 @@ class RecentEnergy:
         self._spans.append(span)
         while self._spans[0].end <= span.end - _WINDOW:
             self._spans.popleft()
+        if span.feeds:
+            self._feeds.extend(zip(span.ends.tolist(), span.feeds, strict=True))
         self._forget(span.end)
 
     def _forget(self, time: int) -> None:
         while self._blocks and self._blocks[0][1] <= time - _WINDOW:
             self._blocks.popleft()
+        while self._feeds and self._feeds[0][0] <= time - _WINDOW:
+            self._feeds.popleft()
 
     def _calculate(self) -> None:
         """Calculate the accounts of the spans that wait."""
@@ -178,7 +191,8 @@ class RecentEnergy:
         """Return mean powers by their name in ``rpud_msgs/Status`` [W]; zero before the start.
 
         ``actuator_power + weight_power + change_power`` is ``load_damper_power + collision_power +
-        absorbed_power + stored_power``.
+        absorbed_power + stored_power``, and with a feed ``feed_power`` is ``mount_power +
+        weight_on_bit_power``. Without one the first two of these are NaN.
         """
         self._calculate()
         rows = b"".join(terms for _, _, terms in self._blocks)
@@ -196,5 +210,18 @@ class RecentEnergy:
             "collision_power": total.actuator_collisions + total.contact_resolution,
             "absorbed_power": total.absorbed,
             "stored_power": total.stored,
+            "weight_on_bit_power": total.weight_on_bit_work,
+            **self._feed_energies(),
         }
-        return {name: energy / duration if duration else 0.0 for name, energy in energies.items()}
+        # What is unknown stays so before the start.
+        return {
+            name: energy / duration if duration else 0.0 * abs(energy)
+            for name, energy in energies.items()
+        }
+
+    def _feed_energies(self) -> dict[str, float]:
+        """Return the work of the feed, and of it what does not reach the drill [J]."""
+        if not self._has_feed:
+            return {"feed_power": math.nan, "mount_power": math.nan}
+        total = sum((account for _, account in self._feeds), FeedAccount())
+        return {"feed_power": total.work, "mount_power": total.kept}

@@ -53,6 +53,21 @@ class FeedAccount:
         """Return the account of the time after another one that begins with this one."""
         return FeedAccount(*map(operator.sub, _values_of(self), _values_of(other)))
 
+    @property
+    def work(self) -> float:
+        """Work of the feed's drive, and of a host that slips by a fault [J]."""
+        return self.feed_work + self.host_work
+
+    @property
+    def kept(self) -> float:
+        """Part of ``work`` that does not reach the RPUD as work of the weight on bit [J].
+
+        Guide, host and rock take it, arm and load spring store it, or it is ``coupling``. What a
+        changed load spring adds is taken off.
+        """
+        values = _values_of(self)
+        return math.fsum((*values[_INFLOWS:], -self.spring_changes))
+
     def to_dict(self, weight_on_bit_work: float) -> dict[str, float]:
         """Return the terms and the residual by name, ready for JSON; see ``residual``."""
         return {**dataclasses.asdict(self), "residual": self.residual(weight_on_bit_work)}
@@ -63,11 +78,12 @@ class FeedAccount:
         Args:
             weight_on_bit_work: on the RPUD, as of the ``EnergyAccount`` of the same time [J].
         """
-        inflow = (self.feed_work, self.host_work, self.spring_changes)
-        outflow = _values_of(self)[len(inflow) :]
-        return math.fsum((*inflow, *(-each for each in outflow), -weight_on_bit_work))
+        values = _values_of(self)
+        outflow = [-each for each in values[_INFLOWS:]]
+        return math.fsum((*values[:_INFLOWS], *outflow, -weight_on_bit_work))
 
 
+_INFLOWS = 3  # first terms of the account, which flow in
 _values_of = operator.attrgetter(*(field.name for field in dataclasses.fields(FeedAccount)))
 
 

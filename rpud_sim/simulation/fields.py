@@ -12,6 +12,7 @@ value that differs from message to message. A sequence is an array with a row fo
 from __future__ import annotations
 
 import dataclasses
+import math
 from array import array
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
@@ -19,6 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rpud_sim.drilling.feed import FEED_MODES
 from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import CONSTANTS, IMPACT, SEGMENT
@@ -352,6 +354,9 @@ def status_fields(
         "drive_voltage": applied.drive.voltage,
         "drive_frequency": applied.drive.frequency,
         "drive_applied": time_fields(origin + applied.drive_time),
+        "feed_mode": FEED_MODES.index(applied.feed.mode),
+        "feed_value": applied.feed.value if simulation.configuration.has_feed else math.nan,
+        "feed_applied": time_fields(origin + applied.feed_time),
         "impacts": simulation.impact_count,
         "vibration_amplitude": actuator.amplitude,
         "resonance_frequency": actuator.resonance_frequency,

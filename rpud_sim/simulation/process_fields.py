@@ -26,7 +26,7 @@ _FIELDS: Mapping[str, tuple[str, ...]] = {
     "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
     "borehole": (
         *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
-        *("bit_wear", "bit_temperature", "rock_temperature"),
+        *("bit_wear", "bit_temperature", "rock_temperature", "side_offset"),
     ),
 }
 PROCESS_TOPICS = tuple(_FIELDS)

@@ -133,7 +133,7 @@ class Run:
         self._control = Control(
             self._simulation, settings.command_timeout, settings.command_loss_ramp, active
         )
-        self._recent_energy = RecentEnergy()
+        self._recent_energy = RecentEnergy(settings.configuration.has_feed)
         self._published_faults: object = self._simulation.faults.active
 
     @property

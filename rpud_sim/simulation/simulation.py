@@ -197,7 +197,8 @@ class Simulation:
 
         The nodal plane's position and velocity and the phase of the vibration stay continuous; a
         new amplitude takes effect when the vibration next passes through zero displacement. A
-        command that changes nothing leaves the trajectory as it is.
+        command that changes nothing leaves the trajectory as it is. A feed that is in force already
+        has no entry in the journal, and its time stays.
 
         Raises:
             ParameterError: if the drive would give an amplitude outside its range, if a feed is
@@ -214,6 +215,8 @@ class Simulation:
             kind = "weight_on_bit"
         elif isinstance(command, Feed):
             self._configuration.check_feed(command)
+            if command == before.feed:
+                return  # a controller may repeat it 100 times a second
             self._plant.process.feed(command.motion)
             self._applied = dataclasses.replace(before, feed=command, feed_time=self.time)
             kind = "feed"

@@ -10,7 +10,7 @@ import numpy as np
 from rpud_sim.drilling.process import AT_REST, ProcessState
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.simulation.actuator import ActuatorReading
-from rpud_sim.simulation.block import Block, join_blocks
+from rpud_sim.simulation.block import Block, join_blocks, sum_accounts
 from rpud_sim.simulation.feed_account import FeedAccount
 from rpud_sim.simulation.sampling import Samples, Stretches, Times, sample_stretches
 
@@ -31,7 +31,7 @@ class Span:
         electrical_energy: that the actuator drew in them [J]; NaN where its model has no power.
         readings: of the actuator at each end.
         states: of rotation, feed and borehole at each end; none where there is nothing to step.
-        feed: energy account of feed and mount in all blocks; None without a feed.
+        feeds: energy account of feed and mount in each block; none without a feed.
     """
 
     start: int
@@ -44,7 +44,7 @@ class Span:
     electrical_energy: float
     readings: Sequence[ActuatorReading]
     states: Sequence[ProcessState] = ()
-    feed: FeedAccount | None = None
+    feeds: Sequence[FeedAccount] = ()
 
     def __deepcopy__(self, memo: dict[int, object]) -> Span:
         """Return itself: copies of a run share what cannot change."""
@@ -83,7 +83,7 @@ class Span:
             electrical,
             reading,
             self.states[-1] if self.states else AT_REST,
-            self.feed,
+            sum_accounts(self.feeds),
         )
 
     def sample_ends(self) -> Samples:
@@ -118,5 +118,5 @@ def span_of(blocks: Sequence[Block]) -> Span:
         joined.electrical_energy,
         readings,
         [block.process for block in blocks],
-        joined.feed,
+        [block.feed for block in blocks if block.feed is not None],
     )

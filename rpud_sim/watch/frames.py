@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpud_sim.foundation.terminal import printable
-from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS, flows
+from rpud_sim.inspection.report.power_flow import FEED_POWERS, INFLOWS, OUTFLOWS, flows
 from rpud_sim.pages.flow import flow_picture
 from rpud_sim.watch.picture import Impact, Picture, Section, Series
 
@@ -193,7 +193,8 @@ def _section(section: Section, impacts: tuple[Impact, ...]) -> dict[str, Any]:
 
 def _flow(status: Mapping[str, Any]) -> str:
     """Return the picture of the powers; empty while nothing flows."""
-    into, out = flows({name: float(status[name]) for name in (*INFLOWS, *OUTFLOWS)})
+    names = (*INFLOWS, *OUTFLOWS, *FEED_POWERS)
+    into, out = flows({name: float(status.get(name, math.nan)) for name in names})
     if not into and not out:
         return ""
     said = ", ".join(f"{name} {value:.3g} W" for name, value in {**into, **out}.items())

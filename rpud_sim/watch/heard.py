@@ -45,7 +45,7 @@ _FIELDS = {
     "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
     "borehole": (
         *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
-        *("bit_wear", "bit_temperature", "rock_temperature"),
+        *("bit_wear", "bit_temperature", "rock_temperature", "side_offset"),
     ),
 }
 SAMPLED = ("nodal_plane", "drill_tool", "reacting_force", "rotation", "mount", "borehole")
@@ -72,7 +72,7 @@ _BANDS = {
     "borehole": ((0, _band("depth")),),
 }
 _FREE_MASS, _PEAK_FORCE = _band("free_mass"), _band("peak_force")
-_TIMES = ("weight_on_bit_applied", "drive_applied")
+_TIMES = ("weight_on_bit_applied", "drive_applied", "feed_applied")
 _UNMARKED = {"begin", "origin", "flush", "stop"}
 
 

@@ -70,7 +70,8 @@ def page_of(picture: Picture, face: Face, drills: int = 1) -> list[Line]:
     lines = [_header(picture, face, drills), _banner(picture)]
     if not picture.status:
         return lines
-    room = face.height - _FIXED_LINES
+    arm = _arm(picture)
+    room = face.height - _FIXED_LINES - len(arm)
     said = [_outcome_lines(outcome, face) for outcome in picture.outcomes]
     most = room - (2 if picture.faults else 0)  # a long reason is worth more than old faults
     outcomes = max(2, min(len(said[-1]), most)) if said else 2
@@ -79,6 +80,7 @@ def page_of(picture: Picture, face: Face, drills: int = 1) -> list[Line]:
     lines += [
         *_commands(picture.status),
         *_condition(picture.status),
+        *arm,
         line(f" {'last minute':{_LABEL + _VALUE}} ", STRONG),
         *_sparklines(picture.series, face),
         line(" powers over the last second", STRONG),
@@ -168,6 +170,45 @@ def _condition(status: Any) -> list[Line]:
     return [line(f" {'   '.join(texts)}")]
 
 
+def _arm(picture: Picture) -> list[Line]:
+    """Return a line for each model around the percussion that is on: feed, rotation and hole."""
+    lines = []
+    if mount := picture.latest.get("mount"):
+        touches = "in contact" if mount["in_contact"] else "no contact"
+        text = f"arm {mount['force']:.2f} N   {touches}"
+        if mount["slip"]:
+            text += f"   slip {1e3 * mount['slip']:.2f} mm"
+        value = f"{_feed_text(picture.status)} at {1e3 * mount['feed']:.2f} mm"
+        lines.append(_row("feed", value, text))
+    if rotation := picture.latest.get("rotation"):
+        said = "stalled" if rotation["stalled"] else "slipping" if rotation["slipping"] else ""
+        text = f"torque {1e3 * rotation['torque']:.2f} mN m"
+        text += f"   drive {1e3 * rotation['drive_torque']:.2f} mN m"
+        style = ALARM if rotation["stalled"] else PLAIN
+        turn = _row("rotation", f"{rotation['rate']:.2f} rad/s", text)
+        lines.append((*turn, (f"   {said}", style)) if said else turn)
+    if hole := picture.latest.get("borehole"):
+        layer = printable(str(hole["layer"])) or "broken through"
+        text = f"cuttings {1e9 * hole['packed_cuttings']:.0f} mm3   wear {hole['bit_wear']:.2f}"
+        text += f"   bit {hole['bit_temperature']:.1f} K"
+        if hole["side_offset"]:
+            text += f"   walked {1e3 * hole['side_offset']:.2f} mm"
+        lines.append(_row("rock", layer, text))
+    return lines
+
+
+def _row(label: str, value: str, text: str) -> Line:
+    return ((f" {label:{_LABEL}}", PLAIN), (f"{value:21} ", STRONG), (text, PLAIN))
+
+
+def _feed_text(status: Any) -> str:
+    """Return what the feed is to do."""
+    value = 1e3 * status.get("feed_value", math.nan)
+    if status.get("feed_mode") == 1:
+        return f"to {value:.4g} mm"
+    return f"{value:.4g} mm/s" if value else "holds"
+
+
 def _sparklines(series: Series, face: Face) -> list[Line]:
     width = max(1, face.width - _LABEL - _VALUE - 3)
 
@@ -196,6 +237,8 @@ def _powers(status: Any) -> list[Line]:
     given = f"actuator {watts['actuator']}   weight {watts['weight']}"
     if math.isfinite(status["change_power"]) and abs(status["change_power"]) >= 0.005:
         given += f"   changes {watts['change']}"
+    if math.isfinite(feed := status.get("feed_power", math.nan)):
+        given += f"   feed {1e3 * feed:.2f} mW"
     if math.isfinite(status["electrical_power"]):
         given += f"   electrical {watts['electrical']}"
     taken = (

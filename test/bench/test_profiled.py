@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-BUSY = '''
+BUSY = """
 import threading
 import time
 
@@ -26,7 +26,7 @@ def main():
     thread.join()
     spend()
     raise SystemExit(3)
-'''
+"""
 
 
 def test_the_threads_of_python_are_counted_by_file(tmp_path):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rpud_sim.cli.live_line import LiveLine, live_text, logging_above, summary_text
 from rpud_sim.ros.drill.pacer import Timing
 from rpud_sim.ros.drill.report import NO_DELAYS, Report
-from rpud_sim.simulation.commands import WeightOnBit
+from rpud_sim.simulation.commands import Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
@@ -52,6 +52,7 @@ class Drill:
         return Report(
             time=self.run.time,
             status=self.run.status(state, bookkeeping)[2],
+            process=self.simulation.process,
             faults=self.simulation.faults.active,
             bookkeeping=bookkeeping,
             requests_refused=requests,
@@ -130,6 +131,33 @@ def test_in_80_columns_all_that_matters_is_there():
     assert "mm" in text
     assert "hard_rock +2" in text
     assert "123 refused" in text
+
+
+ARM = {"feed_model": "arm", "rotation_model": "friction_drive", "strata": "sandstone"}
+
+
+def test_models_around_the_percussion_are_told_where_they_are_on():
+    drill = Drill(**ARM, initial_feed=0.006)
+    drill.simulation.apply(Feed("rate", 1e-3))
+    report = drill.report()
+    text = live_text(report)
+    assert "  feed 6.10 mm, 1.00 mm/s  " in text
+    rotation = report.process.rotation
+    assert f"  {rotation.rate:.1f} rad/s, torque {1e3 * rotation.torque:.1f} mN m  " in text
+    assert text.index("depth ") < text.index("  in sandstone  ")
+    stalled = dataclasses.replace(
+        report.process, rotation=dataclasses.replace(rotation, stalled=True)
+    )
+    assert "  stalled, torque" in live_text(dataclasses.replace(report, process=stalled))
+    for width in range(20, 200, 7):
+        assert len(live_text(report, width)) < width
+    for part in ("N", "/s", "in sandstone"):
+        assert part in live_text(report, 80)
+
+
+def test_models_that_are_off_are_not_told(healthy):
+    for word in ("feed", "rad/s", "torque", "sandstone"):
+        assert word not in live_text(healthy)
 
 
 @given(

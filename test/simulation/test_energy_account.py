@@ -2,22 +2,26 @@
 
 import copy
 import dataclasses
+import functools
 import json
 import math
+import operator
 
 import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.inspection.report.power_flow import terms
 from rpud_sim.model.parameters import CONTACT_MODELS, REGIMES
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.actuator import ActuatorParameters
-from rpud_sim.simulation.commands import Drive, WeightOnBit
-from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
+from rpud_sim.simulation.configuration import Configuration, to_settings
 from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy, mean_account
 from rpud_sim.simulation.faults import KINDS, Fault
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.span import span_of
 
 SECOND = 1_000_000_000
 PHYSICAL = ["free_mass_jammed", "lost_preload", "load_spring_binding", "restitution_loss"]
@@ -160,7 +164,8 @@ def test_the_mean_is_term_by_term():
 def test_powers_are_those_of_the_last_second_and_balance():
     simulation = Simulation(preset("drilling"), 0.3)
     recent = RecentEnergy()
-    assert set(recent.powers().values()) == {0.0}
+    of_a_feed = ("feed_power", "mount_power")
+    assert {power for name, power in recent.powers().items() if name not in of_a_feed} == {0.0}
     blocks = [simulation.advance_to(number * SECOND // 100) for number in range(1, 351)]
     for block in blocks:
         recent.add(block)
@@ -191,7 +196,62 @@ def test_powers_have_the_bits_of_a_sum_block_by_block_and_so_has_a_copy():
     assert powers["stored_power"] == total.stored / 1.0
     copied = copy.deepcopy(recent)
     recent.add(simulation.advance_to(2 * SECOND))
-    assert copied.powers() == powers != recent.powers()
+    assert copied.powers() == pytest.approx(powers, abs=0.0, nan_ok=True)
+    assert recent.powers()["actuator_power"] != powers["actuator_power"]
+
+
+def fed():
+    """Give a drill that an arm feeds into rock, for 1.5 s, as blocks of 10 ms."""
+    simulation = Simulation(
+        to_settings(
+            {"feed_model": "arm", "strata": "sandstone", "initial_feed": 6e-3}
+        ).configuration
+    )
+    simulation.apply(Feed("rate", 2e-4))
+    return [simulation.advance_to(number * SECOND // 100) for number in range(1, 151)]
+
+
+def test_with_a_feed_its_work_is_in_the_powers_and_both_sums_close():
+    blocks = fed()
+    recent = RecentEnergy(has_feed=True)
+    assert set(recent.powers().values()) == {0.0}
+    for block in blocks:
+        recent.add(block)
+    powers = recent.powers()
+    last = functools.reduce(operator.add, (block.feed for block in blocks[-100:]))
+    assert powers["feed_power"] == pytest.approx(last.feed_work)
+    assert powers["feed_power"] > 1e-3  # some 10 N at 0.2 mm/s
+    scale = powers["actuator_power"]
+    kept = powers["mount_power"] + powers["weight_on_bit_power"]
+    assert powers["feed_power"] == pytest.approx(kept, abs=1e-11 * scale)
+    inflow = powers["actuator_power"] + powers["weight_power"] + powers["change_power"]
+    outflow = sum(
+        powers[f"{name}_power"] for name in ("load_damper", "collision", "absorbed", "stored")
+    )
+    assert inflow == pytest.approx(outflow, abs=1e-11 * scale)
+    # Over the whole, from the feed to the rock.
+    whole, out = terms(powers)
+    assert sum(whole.values()) == pytest.approx(sum(out.values()), abs=1e-11 * scale)
+    assert whole["feed"] == powers["feed_power"]
+    assert abs(whole["gravity"]) < 1e-2 * scale
+
+
+def test_powers_with_a_feed_are_the_same_from_a_span():
+    blocks = fed()
+    one, other = RecentEnergy(has_feed=True), RecentEnergy(has_feed=True)
+    for block in blocks:
+        one.add(block)
+    other.add_span(span_of(blocks[:80]))
+    other.add_span(span_of(blocks[80:]))
+    assert other.powers() == pytest.approx(one.powers(), rel=1e-12)
+    assert other.powers()["feed_power"] == one.powers()["feed_power"]
+
+
+def test_without_a_feed_its_powers_are_unknown():
+    powers = RecentEnergy().powers()
+    assert math.isnan(powers["feed_power"])
+    assert math.isnan(powers["mount_power"])
+    assert powers["weight_on_bit_power"] == 0.0
 
 
 def test_a_step_of_no_length_leaves_the_powers():
@@ -200,7 +260,7 @@ def test_a_step_of_no_length_leaves_the_powers():
     recent.add(simulation.advance_to(SECOND // 2))
     powers = recent.powers()
     recent.add(simulation.advance_to(SECOND // 2))
-    assert recent.powers() == pytest.approx(powers)
+    assert recent.powers() == pytest.approx(powers, nan_ok=True)
 
 
 def test_the_kinds_of_faults_here_exist():

@@ -1,20 +1,24 @@
 """A drill on a feed: bits, energies, refusals, and what a supervisor does with it."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rpud_msgs.msg import Feed as FeedMessage
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Fault, Feed, Simulation, WeightOnBit, to_configuration
 from rpud_sim.simulation.changes import Planned, read_commands
 from rpud_sim.simulation.checkpoints import Checkpoints
+from rpud_sim.simulation.commands import STOPPED
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount
 from rpud_sim.simulation.feed_account import FeedAccount
+from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.together import one_by_one
@@ -352,3 +356,28 @@ def test_the_accounts_close_in_strata_with_rotation_and_through_a_fault():
     rotor = simulation.process.rotation.work
     assert rotor.drive > 0.0
     assert abs(rotor.residual) < 1e-12
+
+
+def test_a_feed_that_is_in_force_already_adds_no_entry_to_the_journal():
+    journal = Journal()
+    configuration = to_settings(ARM).configuration
+    simulation = Simulation(configuration, journal=journal)
+    for number, command in enumerate((STOPPED, Feed("rate", 1e-3), Feed("rate", 1e-3), STOPPED)):
+        simulation.advance_to(number * MILLISECOND)
+        simulation.apply(command)
+    entries = [(entry.time, entry.content["value"]) for entry in journal.drain()]
+    assert entries == [(MILLISECOND, 1e-3), (3 * MILLISECOND, 0.0)]
+    assert simulation.applied.feed_time == 3 * MILLISECOND
+
+
+def test_the_status_has_the_feed_in_force():
+    run = Run(Beginning(to_settings(ARM)))
+    run.begin(5)
+    for _ in run.advance_to(MILLISECOND):
+        pass
+    run.control.apply(Feed("position", 2e-3))
+    _, _, status = run.status("running", Bookkeeping())
+    assert (status["feed_mode"], status["feed_value"]) == (FeedMessage.MODE_POSITION, 2e-3)
+    assert status["feed_applied"] == {"sec": 0, "nanosec": MILLISECOND + 5}
+    _, _, status = Run(Beginning(to_settings({}))).status("running", Bookkeeping())
+    assert (status["feed_mode"], math.isnan(status["feed_value"])) == (FeedMessage.MODE_RATE, True)

@@ -246,3 +246,78 @@ def test_it_fits_a_serial_console():
     assert len(lines) == HEIGHT
     assert max(cell_len(plain(line)) for line in lines) <= WIDTH
     assert len(page_of(busy, Face(height=50))) == 50
+
+
+ARM = {
+    "mount": {
+        "position": 0.0118,
+        "feed": 0.0123,
+        "rate": 2e-4,
+        "force": 14.25,
+        "weight_on_bit": 9.75,
+        "in_contact": True,
+        "slip": 0.0,
+    },
+    "rotation": {
+        "angle": 9.0,
+        "rate": 13.5,
+        "torque": 0.0099,
+        "drive_torque": 0.0101,
+        "stalled": False,
+        "slipping": False,
+    },
+    "borehole": {
+        "depth": 0.004,
+        "penetration_rate": 2e-4,
+        "layer": "sandstone",
+        "specific_energy": 9e7,
+        "packed_cuttings": 12e-9,
+        "bit_wear": 0.25,
+        "bit_temperature": 301.5,
+        "rock_temperature": 299.0,
+        "side_offset": 0.0,
+    },
+}
+FED = {"feed_mode": 0, "feed_value": 2e-4, "feed_power": 2.5e-3}
+
+
+def test_models_around_the_percussion_have_a_line_each_while_they_are_on():
+    text = text_of(picture(FED, latest=ARM), Face())
+    lines = text.splitlines()
+    feed, rotation, rock = (
+        next(each for each in lines if each.startswith(f" {name} "))
+        for name in ("feed", "rotation", "rock")
+    )
+    assert "0.2 mm/s at 12.30 mm" in feed
+    assert "arm 14.25 N   in contact" in feed
+    assert "slip" not in feed
+    assert "actuator 48.50 W   weight 0.00 W   feed 2.50 mW" in text
+    assert "13.50 rad/s" in rotation
+    assert "torque 9.90 mN m   drive 10.10 mN m" in rotation
+    assert "sandstone" in rock
+    assert "cuttings 12 mm3   wear 0.25   bit 301.5 K" in rock
+    assert "walked" not in rock
+    assert max(map(len, lines)) <= WIDTH
+    assert len(page_of(picture(FED, latest=ARM), Face())) == HEIGHT
+    for topic, label in (("mount", "feed"), ("rotation", "rotation"), ("borehole", "rock")):
+        others = {name: values for name, values in ARM.items() if name != topic}
+        shown = text_of(picture(FED, latest=others), Face()).splitlines()
+        assert not any(each.startswith(f" {label} ") for each in shown)
+
+
+@pytest.mark.parametrize(
+    ("topic", "values", "status", "said"),
+    [
+        ("rotation", {"stalled": True}, {}, "stalled"),
+        ("rotation", {"slipping": True}, {}, "slipping"),
+        ("borehole", {"side_offset": 3e-4}, {}, "walked 0.30 mm"),
+        ("borehole", {"layer": ""}, {}, "broken through"),
+        ("mount", {"in_contact": False}, {}, "no contact"),
+        ("mount", {"slip": -2e-3}, {}, "slip -2.00 mm"),
+        ("mount", {}, {"feed_mode": 1, "feed_value": -0.01}, "to -10 mm at 12.30 mm"),
+        ("mount", {}, {"feed_value": 0.0}, "holds at 12.30 mm"),
+    ],
+)
+def test_what_happens_on_an_arm_is_said(topic, values, status, said):
+    latest = {**ARM, topic: {**ARM[topic], **values}}
+    assert said in text_of(picture({**FED, **status}, latest=latest), Face())

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from rpud_sim.inspection.report.drill_topics import Powers
 from rpud_sim.inspection.report.periods import Periods
-from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS
+from rpud_sim.inspection.report.power_flow import terms
 from rpud_sim.inspection.report.rows import Rows, show
 from rpud_sim.pages.words import number
 
@@ -52,16 +51,17 @@ def account_rows(powers: Powers, electrical: float) -> Rows:
     means = powers.means()
     if not means:
         return []
-    came, went = (_total(means, group) for group in (INFLOWS, OUTFLOWS))
+    into, out = terms(means)
+    came, went = sum(into.values()), sum(out.values())
 
     def row(text: str, power: float) -> tuple[str, ...]:
         share = 100.0 * power / came if came else math.nan
         return text, show(power * powers.seconds), show(power), show(share)
 
     return [
-        *(row(f"in: {text}", means[name]) for name, text in INFLOWS.items()),
+        *(row(f"in: {text}", power) for text, power in into.items()),
         row("in, together", came),
-        *(row(f"out: {text}", means[name]) for name, text in OUTFLOWS.items()),
+        *(row(f"out: {text}", power) for text, power in out.items()),
         row("out, together", went),
         row("residual: in − out", came - went),
         *(
@@ -70,10 +70,6 @@ def account_rows(powers: Powers, electrical: float) -> Rows:
             else ()
         ),
     ]
-
-
-def _total(means: Mapping[str, float], names: Mapping[str, str]) -> float:
-    return sum(means[name] for name in names)
 
 
 def _short(value: float) -> str:

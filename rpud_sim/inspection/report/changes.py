@@ -8,8 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-COMMANDS = ("weight_on_bit", "drive", "configure", "restore", "begin")
-"""Kinds of journal entries that end a segment of the run; a supervisor feeds all the time."""
+from rpud_sim.inspection.report.feed_changes import FeedChanges, FeedCommand, Step
+
+COMMANDS = ("weight_on_bit", "drive", "feed", "configure", "restore", "begin")
+"""Kinds of journal entries that end a segment of the run, those of the feed by ``FeedChanges``."""
+
+MOST_CHANGES = 500
+"""Number of changes that are kept."""
 
 _MOST_NAMES = 6  # parameters that a text names
 _LENGTH = 160  # characters of a text
@@ -33,9 +38,16 @@ class Change:
 
 
 class CommandsInForce:
-    """Commands that are in force, from the entries of a journal in their order."""
+    """Commands that are in force, from the entries of a journal in their order.
+
+    Attributes:
+        changes: so far, in order, ``MOST_CHANGES`` at most.
+    """
 
     def __init__(self) -> None:
+        self.changes: list[Change] = []
+        self._feed = FeedChanges()
+        self._fed: Change | None = None
         self._texts: dict[str, str] = {}
         self._parameters: dict[str, Any] = {}
         self._weight: float | None = None
@@ -52,10 +64,30 @@ class CommandsInForce:
             return None
         try:
             found = json.loads(content)
-            text = self._text(kind, found if isinstance(found, dict) else {})
+            found = found if isinstance(found, dict) else {}
+            if kind == "feed":
+                return self._take_feed(time, FeedCommand(str(found["mode"]), float(found["value"])))
+            text = self._text(kind, found)
         except (KeyError, RecursionError, TypeError, ValueError):  # another program wrote it
             text = kind
-        return Change(time, text[:_LENGTH], self.text, self._weight)
+        return self._add(time, text)
+
+    def _take_feed(self, time: float, feed: FeedCommand) -> Change | None:
+        """Return the change that a command of the feed makes; one may be taken back later."""
+        self._texts["feed"] = feed.text
+        step = self._feed.take(time, feed)
+        if step is Step.BEGINS:
+            self._fed = self._add(time, feed.text)
+            return self._fed
+        if step is Step.COMES_BACK and self._fed in self.changes:
+            self.changes.remove(self._fed)
+        return None
+
+    def _add(self, time: float, text: str) -> Change:
+        change = Change(time, text[:_LENGTH], self.text, self._weight)
+        if len(self.changes) < MOST_CHANGES:
+            self.changes.append(change)
+        return change
 
     @property
     def text(self) -> str:
@@ -73,9 +105,11 @@ class CommandsInForce:
             return self._configure(dict(content["parameters"]))
         if kind == "restore":
             self._weight = None  # the checkpoint has its own
+            self._feed.begin(known=False)
             self._texts.clear()
             return f"restore of {content['name']!s:.60}"
         self._texts.clear()
+        self._feed.begin(known=True)
         self._parameters = dict(content["parameters"])
         if self._parameters.get("feed_model", "none") == "none":
             self._press(float(self._parameters["weight_on_bit"]))

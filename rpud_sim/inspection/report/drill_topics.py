@@ -71,11 +71,13 @@ class Powers:
 
     Args:
         names: of the powers.
+        optional: names of powers that count only if every report has them, as numbers.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], optional: Sequence[str] = ()) -> None:
         self._names = tuple(names)
-        self._joules = np.zeros(len(self._names))
+        self._optional = tuple(optional)
+        self._joules = np.zeros(len(self._names) + len(self._optional))
         self._seconds = 0.0
         self._last: int | None = None
 
@@ -88,9 +90,21 @@ class Powers:
         seconds = np.clip(np.diff(stamps, prepend=first) / SECOND, 0.0, 1.0)
         self._last = int(stamps[-1])
         values = np.column_stack([columns[name].astype(float) for name in self._names])
-        valid = usable(values).all(axis=1)
+        valid = np.asarray(usable(values).all(axis=1))
+        if self._optional:
+            values = self._with_optional(columns, values, valid)
         self._joules += seconds[valid] @ values[valid]
         self._seconds += float(seconds[valid].sum())
+
+    def _with_optional(self, columns: Columns, values: np.ndarray, valid: np.ndarray) -> np.ndarray:
+        """Return values with those of the optional powers, which are given up if one lacks."""
+        if all(name in columns and columns[name].dtype.kind == "f" for name in self._optional):
+            more = np.column_stack([columns[name] for name in self._optional])
+            if usable(more[valid]).all():
+                return np.column_stack([values, more])
+        self._optional = ()
+        self._joules = self._joules[: len(self._names)]
+        return values
 
     @property
     def seconds(self) -> float:
@@ -101,7 +115,8 @@ class Powers:
         """Return the mean of each power [W]; empty if the reports span no time."""
         if not self._seconds > 0.0:
             return {}
-        return dict(zip(self._names, (self._joules / self._seconds).tolist(), strict=True))
+        names = (*self._names, *self._optional)
+        return dict(zip(names, (self._joules / self._seconds).tolist(), strict=True))
 
 
 class Segments:
@@ -235,16 +250,20 @@ class Journal:
 
     Args:
         entries: time since the bag began [s], kind, content.
-        changes: by commands.
         parameters: of the first simulation.
-        unlisted: number of entries that are not kept.
+        unlisted: number of entries that are not kept. Among these are commands of a feed that make
+            no clear change, which a controller may send 100 times a second.
     """
 
     entries: list[tuple[float, str, str]] = field(default_factory=list)
-    changes: list[Change] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
     unlisted: int = 0
     _in_force: CommandsInForce = field(default_factory=CommandsInForce)
+
+    @property
+    def changes(self) -> Sequence[Change]:
+        """Changes by commands, in order."""
+        return self._in_force.changes
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
         """Add entries at times since the bag began [s]."""
@@ -252,11 +271,9 @@ class Journal:
             if kind == "begin" and not self.parameters:
                 self.parameters = _parameters(content)
             change = self._in_force.take(float(time), str(kind), content)
-            if len(self.entries) >= MOST_ENTRIES:
+            if len(self.entries) >= MOST_ENTRIES or (kind == "feed" and change is None):
                 self.unlisted += 1
                 continue
-            if change is not None:
-                self.changes.append(change)
             cut = "…" if len(content) > _CONTENT else ""
             self.entries.append((float(time), str(kind), content[:_CONTENT] + cut))
 

@@ -5,6 +5,7 @@ A source with a negative power takes it: it is on the other side.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 # Fields of ``rpud_msgs/Status``, and their names in the picture.
@@ -19,16 +20,43 @@ OUTFLOWS = {
     "load_damper_power": "damping of the load spring",
     "stored_power": "stored in motion and springs",
 }
+FEED_POWERS = ("weight_on_bit_power", "feed_power", "mount_power")
+"""Further fields, of a drill with a feed; NaN without one, and missing in earlier messages."""
+
+FEED = "feed"
+GRAVITY = "gravity"
+MOUNT = "arm, preload of the load spring and hole"
+
+Terms = dict[str, float]
 
 
-def flows(powers: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+def terms(powers: Mapping[str, float]) -> tuple[Terms, Terms]:
+    """Return inflows and outflows by their names in the picture, of either sign [W].
+
+    With a feed, its work flows in, in place of that of the weight on bit: the weight on bit passes
+    it on to the drill.
+
+    Args:
+        powers: by the names of ``INFLOWS`` and ``OUTFLOWS``, and of ``FEED_POWERS`` if there are.
+    """
+    into = {text: powers[name] for name, text in INFLOWS.items()}
+    out = {text: powers[name] for name, text in OUTFLOWS.items()}
+    if all(math.isfinite(powers.get(name, math.nan)) for name in FEED_POWERS):
+        weight = into.pop(INFLOWS["weight_power"])
+        into[FEED] = powers["feed_power"]
+        into[GRAVITY] = weight - powers["weight_on_bit_power"]
+        out[MOUNT] = powers["mount_power"]
+    return into, out
+
+
+def flows(powers: Mapping[str, float]) -> tuple[Terms, Terms]:
     """Return inflows and outflows by their names in the picture, all positive [W].
 
     Args:
-        powers: by the names of ``INFLOWS`` and ``OUTFLOWS``.
+        powers: as of ``terms``.
     """
-    signed = [(text, powers[name]) for name, text in INFLOWS.items()]
-    signed += [(text, -powers[name]) for name, text in OUTFLOWS.items()]
+    sources, sinks = terms(powers)
+    signed = [*sources.items(), *((text, -power) for text, power in sinks.items())]
     into = {text: power for text, power in signed if power > 0.0}
     out = {text: -power for text, power in signed if power < 0.0}
     return into, out

@@ -21,7 +21,7 @@ from rpud_sim.inspection.report.drill_topics import (
     Waveform,
 )
 from rpud_sim.inspection.report.periods import Periods, to_periods
-from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS
+from rpud_sim.inspection.report.power_flow import FEED_POWERS, INFLOWS, OUTFLOWS
 from rpud_sim.inspection.report.timeline import zero_stamp
 from rpud_sim.inspection.report.topic_survey import TopicSurvey, is_latched, stamp_column
 
@@ -272,7 +272,7 @@ def _add_drill_topic(seen: Survey, summary: TopicSummary, columns: Sequence[Colu
     elif kind == "rpud_msgs/msg/Waveform":
         seen.waveforms[name] = Waveform(seen.duration)
     elif kind == "rpud_msgs/msg/Status":
-        seen.powers[name] = Powers(POWERS)
+        seen.powers[name] = Powers(POWERS, FEED_POWERS)
     elif kind == "rpud_msgs/msg/Faults":
         seen.faults[name] = FaultLog()
     else:

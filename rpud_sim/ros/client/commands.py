@@ -77,7 +77,8 @@ class Commands(ClientPart):
         else:
             mode, name, value = Feed.MODE_POSITION, "position", to_number("position", position)
         message = Feed(mode=mode, value=value)
-        self._drill.command("feed", message, {"mode": name, "value": value}, None)
+        in_status = {"feed_mode": mode, "feed_value": value}
+        self._drill.command("feed", message, {"mode": name, "value": value}, in_status)
 
     def engage(self, on: bool = True) -> None:
         """Put the drill tool into the rock, or take it out.

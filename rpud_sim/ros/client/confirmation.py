@@ -22,12 +22,12 @@ class Confirmation:
     Args:
         kind: of the command, ``weight_on_bit``, ``drive`` or ``feed``.
         values: fields of the command that the journal shows.
-        shown: the same values by the fields of the status; None if it does not show them.
+        shown: the same values by the fields of the status.
         before: the latest status when the command was sent.
     """
 
     def __init__(
-        self, kind: str, values: Mapping[str, Any], shown: Mapping[str, Any] | None, before: Status
+        self, kind: str, values: Mapping[str, Any], shown: Mapping[str, Any], before: Status
     ) -> None:
         self.kind = kind
         self._values = values
@@ -50,7 +50,7 @@ class Confirmation:
             self._accepted = self._rejected = 0  # a reset counts from zero again
         if status.commands_accepted > self._accepted:
             self._counted = True
-            self._in_force |= self._shown is not None and all(
+            self._in_force |= all(
                 getattr(status, name) == value for name, value in self._shown.items()
             )
         if status.commands_rejected > self._rejected:

@@ -142,7 +142,7 @@ class DrillConnection:
         return self.listening.until(condition, limit, what)
 
     def command(
-        self, name: str, message: Any, values: Mapping[str, Any], shown: Mapping[str, Any] | None
+        self, name: str, message: Any, values: Mapping[str, Any], shown: Mapping[str, Any]
     ) -> None:
         """Publish a command, and wait until the drill has accepted it.
 
@@ -150,7 +150,7 @@ class DrillConnection:
             name: ``weight_on_bit``, ``drive`` or ``feed``.
             message: the command.
             values: fields of it that the journal will show.
-            shown: the same values by the fields of the status; None if it does not show them.
+            shown: the same values by the fields of the status.
 
         Raises:
             RefusedError: if the drill refuses it.

@@ -38,7 +38,7 @@ _LAYOUTS = {
     "actuator_state": (ActuatorState, "12d"),
     "rotation": (Rotation, "dddd??"),
     "mount": (Mount, "ddddd?7xd"),
-    "borehole": (Borehole, "ddT5d"),
+    "borehole": (Borehole, "ddT6d"),
 }
 _CHANNELS = 6  # arrays of a waveform
 _FIXED = 16  # bytes of a waveform's fields before its arrays

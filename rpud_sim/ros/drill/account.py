@@ -172,6 +172,7 @@ class Account:
         self._last = Report(
             time=run.time,
             status=status[2],
+            process=run.simulation.process,
             faults=run.simulation.faults.active,
             bookkeeping=bookkeeping,
             requests_refused=self._inbox.requests_refused,

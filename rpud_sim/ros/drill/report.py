@@ -9,6 +9,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
+from rpud_sim.drilling.process import ProcessState
 from rpud_sim.ros.drill.pacer import Timing
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.ensemble import Figures
@@ -58,6 +59,7 @@ class Report:
     Args:
         time: simulation time [ns].
         status: the fields of its ``rpud_msgs/Status``.
+        process: state of rotation, feed and borehole.
         faults: that last.
         bookkeeping: counts and timing, as in the status.
         requests_refused: of services, since the start.
@@ -76,6 +78,7 @@ class Report:
 
     time: int
     status: Fields
+    process: ProcessState
     faults: tuple[FaultRecord, ...]
     bookkeeping: Bookkeeping
     requests_refused: int

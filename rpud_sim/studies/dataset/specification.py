@@ -122,6 +122,7 @@ class Specification:
         varied: parameters that are drawn for each run, with their intervals.
         rocks: by name.
         faults: in the order of the file.
+        commands: to the drill, the same in all runs, in the order of their times.
         left_out: kinds of fault that ``physical`` stands for and that no run can honour.
     """
 
@@ -139,6 +140,7 @@ class Specification:
     varied: Mapping[str, Interval]
     rocks: Mapping[str, Rock]
     faults: tuple[FaultSeries, ...]
+    commands: tuple[Planned, ...] = ()
     left_out: tuple[str, ...] = ()
 
     @property
@@ -171,9 +173,9 @@ class Specification:
         return None if rate is None else Feed(RATE, rate)
 
     def planned(self, rock: str) -> tuple[Planned, ...]:
-        """Return the commands of a run in a rock."""
+        """Return the commands of a run in a rock: first the feed of that rock."""
         feed = self.feed(rock)
-        return () if feed is None else (Planned(0, feed),)
+        return self.commands if feed is None else (Planned(0, feed), *self.commands)
 
     def extremes(self) -> Sequence[Mapping[str, float]]:
         """Return the varied parameters at the ends of their intervals."""

@@ -15,7 +15,9 @@ from rpud_sim.foundation.quantities import (
     shown,
     shown_name,
 )
+from rpud_sim.foundation.time import SECOND
 from rpud_sim.foundation.yaml_files import read_yaml
+from rpud_sim.simulation.changes import Planned, check_commands, parse_commands
 from rpud_sim.simulation.conditions import check_honoured
 from rpud_sim.simulation.configuration import NODE_NAMES, PARAMETERS
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
@@ -104,6 +106,7 @@ def parse_specification(content: Any) -> Specification:
         varied=varied,
         rocks=_rocks(entries["rocks"], {*fixed, *varied}),
         faults=(),
+        commands=_commands(entries.get("commands", [])),
     )
     _check_times(draft)
     _check_parameters(draft)
@@ -113,6 +116,15 @@ def parse_specification(content: Any) -> Specification:
             f"runs = {specification.run_count} is outside its range [1, {MOST_RUNS}]"
         )
     return specification
+
+
+def _commands(content: Any) -> tuple[Planned, ...]:
+    if not isinstance(content, list):
+        raise DatasetError(f"commands: {shown(content)} is not a list")
+    try:
+        return parse_commands(content)
+    except ParameterError as error:
+        raise DatasetError(f"commands: {error}") from None
 
 
 def _rocks(content: Any, taken: Iterable[str]) -> dict[str, Rock]:
@@ -209,12 +221,20 @@ def _check_parameters(draft: Specification) -> None:
                 configuration = draft.settings(rock, values).configuration
                 if (feed := draft.feed(rock)) is not None:
                     configuration.check_feed(feed)
+                check_commands(draft.commands, configuration)
             except ParameterError as error:
                 raise DatasetError(f"rocks.{rock}: {error}") from None
 
 
 def _check_times(draft: Specification) -> None:
-    """Check that each fault lies between the first window and the end of the run."""
+    """Check that each fault lies between the first window and the end of the run.
+
+    The commands must lie within the run.
+    """
+    if draft.commands and not (last := draft.commands[-1].delay / SECOND) < draft.duration:
+        raise DatasetError(
+            f"commands: time = {last:g} s is not below duration = {draft.duration:g} s"
+        )
     if draft.onset.minimum < draft.settling:
         raise DatasetError(
             f"onset.minimum = {draft.onset.minimum:g} s is before settling = {draft.settling:g} s"

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rpud_sim.inspection.report.account_rows import account_rows
 from rpud_sim.inspection.report.drill_topics import Powers
-from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS, flows
+from rpud_sim.inspection.report.power_flow import FEED_POWERS, INFLOWS, MOUNT, OUTFLOWS, flows
 
 powers = st.lists(st.floats(-100.0, 100.0), min_size=6, max_size=6)
 
@@ -79,3 +79,27 @@ def test_the_account_has_joules_watts_and_shares():
     assert table["residual: in − out"] == ["6", "2", "25"]
     assert table["electrical, drawn by the actuator"] == ["60", "20", "250"]
     assert account_rows(Powers([*values]), 20.0) == []
+
+
+def test_with_a_feed_its_work_flows_in_and_earlier_reports_have_none():
+    values = dict.fromkeys((*INFLOWS, *OUTFLOWS), 0.0)
+    values |= {"actuator_power": 8.0, "weight_power": 0.5, "absorbed_power": 8.5}
+    fed = {"weight_on_bit_power": 0.3, "feed_power": 1.0, "mount_power": 0.7}
+    columns = {name: np.full(3, value) for name, value in {**values, **fed}.items()}
+    columns["header.stamp"] = np.arange(3) * 1_000_000_000
+    powers = Powers([*values], FEED_POWERS)
+    powers.add(columns, np.arange(3.0))
+    table = {text: row for text, *row in account_rows(powers, float("nan"))}
+    assert float(table["in: feed"][1]) == 1.0
+    assert float(table["in: gravity"][1]) == pytest.approx(0.2)
+    assert float(table[f"out: {MOUNT}"][1]) == pytest.approx(0.7)
+    assert float(table["residual: in − out"][1]) == pytest.approx(0.0, abs=1e-12)
+    assert "in: weight on bit and gravity" not in table
+    # A drill without a feed, and a message of an earlier version.
+    for without in (
+        {**columns, "feed_power": np.full(3, np.nan)},
+        {name: column for name, column in columns.items() if name != "feed_power"},
+    ):
+        powers = Powers([*values], FEED_POWERS)
+        powers.add(without, np.arange(3.0))
+        assert powers.means() == pytest.approx(values)

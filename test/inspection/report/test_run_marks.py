@@ -40,9 +40,8 @@ def test_a_value_that_changes_all_the_time_has_no_steps():
 def test_marks_say_whose_they_are_where_there_are_several_drills():
     change = [Change(-1.0, "before the bag", ""), Change(1.0, "weight on bit 5 N", "")]
     log = FaultLog({(0, 1): Fault(1, "bias", "wrench", 1.0, 2.0, None)})
-    seen = SimpleNamespace(
-        journals={"/a/journal": Journal(changes=change)}, faults={"/a/faults": log}, topics={}
-    )
+    journal = SimpleNamespace(changes=change)
+    seen = SimpleNamespace(journals={"/a/journal": journal}, faults={"/a/faults": log}, topics={})
     found = [(mark.kind, mark.time, mark.end, mark.text) for mark in run_marks(seen)]
     assert found == [
         (COMMAND, 1.0, None, "weight on bit 5 N"),

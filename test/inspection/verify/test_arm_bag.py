@@ -1,13 +1,18 @@
 """A bag of a drill on an arm: it has the topics of the models that are on, and all are proved."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import rpud_sim.bag
+from rpud_sim.bag.cdr import Codec
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.configuration import Settings, to_settings
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.topics import TOPICS, offered_topics
 
 MODELS = {"rotation": "rotation_model", "mount": "feed_model", "borehole": "strata"}
@@ -52,9 +57,55 @@ def test_a_topic_is_there_while_its_model_is_on_and_has_no_place_without(topic):
     assert set(offered_topics(on)) - set(offered_topics(off)) == {topic}
 
 
+def test_the_walk_of_the_bit_is_recorded_and_proved(tmp_path):
+    scenario = Scenario(0, (ScheduledFault(100_000_000, 300_000_000, Fault("bit_walk")),))
+    settings = to_settings(VALUES)
+    write_offline_bag(tmp_path / "bag", Beginning(settings, scenario=scenario), 0.5)
+    with rpud_sim.bag.open(tmp_path / "bag") as bag:
+        found = bag.arrays("/rpud/borehole")
+        walked = found["side_offset"]
+    assert (walked[:9] == 0.0).all()
+    assert (np.diff(walked) >= 0.0).all()
+    # At its default rate of 0.5 mm/s while the fault lasts, and it stays.
+    assert walked[-1] == pytest.approx(0.5e-3 * 0.2, rel=0.02)
+    assert verify(tmp_path / "bag").proved
+
+
+def test_powers_of_the_feed_are_recorded(tmp_path):
+    with arrays(tmp_path, **VALUES) as bag:
+        status = bag.arrays("/rpud/status")
+    sums = status["mount_power"] + status["weight_on_bit_power"]
+    np.testing.assert_allclose(status["feed_power"], sums, atol=1e-9)
+    assert np.isfinite(status["feed_power"]).all()
+
+
 def test_a_tool_that_rotates_in_one_rock_has_a_borehole_too(tmp_path):
     values = {"rotation_model": "friction_drive", "rock_model": "specific_energy"}
     with arrays(tmp_path, **values) as bag:
         assert (bag.arrays("/rpud/borehole")["depth"][-1]) > 0.0
     assert verify(tmp_path / "bag").proved
     assert {"rotation", "borehole"} <= set(offered_topics(to_settings(values).values()))
+
+
+def test_a_bag_from_before_the_walk_of_the_bit_is_proved(tmp_path):
+    name = "/rpud/borehole"
+    with arrays(tmp_path, **VALUES) as bag, rpud_sim.bag.BagWriter(tmp_path / "old") as writer:
+        for summary in bag.topics:
+            topic, text = summary.topic, summary.definition
+            if topic.name == name:
+                new = Codec(topic.type, text)
+                lines = [line for line in text.splitlines() if "side_offset" not in line]
+                text = "\n".join(lines)
+                old = Codec(topic.type, text)
+                topic = dataclasses.replace(topic, type_hash=old.type_hash)
+            writer.add_topic(topic, text)
+        for message in bag.messages():
+            data = message.data
+            if message.topic == name:
+                values = dataclasses.asdict(new.decode(data))
+                data = old.encode(values)
+            writer.write(message.topic, data, message.log_time, message.publish_time)
+    found = verify(tmp_path / "old")
+    assert found.proved
+    assert found.topics[name].equal == 50
+    assert found.warnings == (f"{name} is of an earlier version, without side_offset",)

@@ -40,7 +40,7 @@ PLACES = {
 }
 FIELDS = {
     "actuator_state": "temperature",
-    "borehole": "rock_temperature",
+    "borehole": "side_offset",
     "contact_force": "energy_transferred",
     "drill_tool": "in_contact",
     "faults": "forgotten",

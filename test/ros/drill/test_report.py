@@ -51,6 +51,7 @@ def made(**counts):
     return Report(
         time=run.time,
         status=run.status("running", bookkeeping)[2],
+        process=run.simulation.process,
         faults=run.simulation.faults.active,
         bookkeeping=bookkeeping,
         requests_refused=3,

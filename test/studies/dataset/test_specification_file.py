@@ -4,6 +4,7 @@ import pytest
 from sample_datasets import CONTENT, parsed
 
 from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.simulation.commands import Feed
 from rpud_sim.simulation.faults import KINDS
 from rpud_sim.studies.dataset import specification_file
 from rpud_sim.studies.dataset.specification import DatasetError, window_starts
@@ -116,3 +117,54 @@ def test_what_is_wrong_is_one_line(entries, reason):
     with pytest.raises((DatasetError, ParameterError), match=reason) as error:
         parsed(**entries)
     assert "\n" not in str(error.value)
+
+
+FED = {"fixed": {"rock_model": "specific_energy", "feed_model": "arm"}}
+
+
+def test_commands_have_the_syntax_of_a_command_file():
+    commands = parsed(
+        **FED,
+        commands=[
+            {"time": 2.0, "drive": {"enabled": "false"}},
+            {"time": 0.5, "feed": {"rate": 2e-4}},
+        ],
+    ).commands
+    assert [each.delay for each in commands] == [500_000_000, 2_000_000_000]
+    assert commands[0].change == Feed("rate", 2e-4)
+    assert parsed().commands == ()
+
+
+@pytest.mark.parametrize(
+    ("entries", "reason"),
+    [
+        ({"commands": {"time": 1.0}}, "commands: .* is not a list"),
+        ({"commands": [{"time": 1.0}]}, "commands: command 1: it needs a time, and"),
+        (
+            {"commands": [{"time": 1.0, "feed": {"rate": 1e-4}}]},
+            "rocks.chalk: command at 1 s: a feed cannot be commanded with feed_model = none",
+        ),
+        (
+            {**FED, "commands": [{"time": 1.0, "weight_on_bit": 5.0}]},
+            "weight_on_bit cannot be commanded with feed_model = arm",
+        ),
+        (
+            {**FED, "commands": [{"time": 1.5, "feed": {"rate": 0.5}}]},
+            "command at 1.5 s: feed rate = 0.5 m/s is outside its range",
+        ),
+        (
+            {"commands": [{"time": 4.0, "weight_on_bit": 5.0}]},
+            "commands: time = 4 s is not below duration = 4 s",
+        ),
+        (
+            {
+                "fixed": {"nominal_voltage": 1.0},
+                "commands": [{"time": 1.0, "drive": {"voltage": 900.0}}],
+            },
+            "command at 1 s: .*amplitude",
+        ),
+    ],
+)
+def test_commands_that_a_run_would_refuse_are_refused(entries, reason):
+    with pytest.raises(DatasetError, match=reason):
+        parsed(**entries)

@@ -1,0 +1,37 @@
+"""The robot description has the joints that are asked for, and stays one tree."""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from rpud_sim.ros.robot_description import robot_description
+from rpud_sim.simulation.fields import JOINTS
+from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
+
+FOLDER = Path(__file__).resolve().parents[2] / "urdf"
+
+
+def moving(robot):
+    """Give the names of the joints that need a publisher."""
+    return {each.get("name") for each in robot.findall("joint") if each.get("type") != "fixed"}
+
+
+@pytest.mark.parametrize("feed", [False, True])
+@pytest.mark.parametrize("rotation", [False, True])
+def test_it_has_the_joints_that_a_drill_publishes(feed, rotation):
+    robot = ElementTree.fromstring(robot_description(FOLDER, feed, rotation))
+    wanted = {FEED_JOINT: feed, ROTATION_JOINT: rotation}
+    assert moving(robot) == {*JOINTS, *(name for name, there in wanted.items() if there)}
+    links = [link.get("name") for link in robot.findall("link")]
+    assert len(links) == len(set(links))
+    children = [joint.find("child").get("link") for joint in robot.findall("joint")]
+    parents = [joint.find("parent").get("link") for joint in robot.findall("joint")]
+    assert {*children, *parents} == set(links)
+    assert set(links) - set(children) == {"rpud_rail" if feed else "rpud_base"}
+    materials = {each.get("name") for each in robot.findall("material")}
+    assert {each.get("name") for each in robot.iter("material")} <= materials
+
+
+def test_without_models_it_is_the_file():
+    assert robot_description(FOLDER) == (FOLDER / "rpud.urdf").read_text()
