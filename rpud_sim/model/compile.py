@@ -7,8 +7,8 @@ from rpud_sim.kernels.notice import notice
 from rpud_sim.kernels.processor import this_target
 from rpud_sim.kernels.store import KernelStore, user_folders
 
-# Beside the package, so that an installation has its kernels for every user; if nobody may write
-# there, each user keeps what was compiled anew.
+# Beside the package, so that an installation has its kernels for every user. Where that folder
+# cannot be written, each user keeps what was compiled.
 STORE = KernelStore((Path(__file__).parents[1] / "kernels" / "compiled", *user_folders()))
 
 compiled = kernel_compiler(STORE, Path(__file__).parent)

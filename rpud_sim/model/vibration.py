@@ -9,7 +9,7 @@ TWO_PI = 2.0 * math.pi
 
 
 class Turn(NamedTuple):
-    """Sine and cosine of the phase angle: computed once for all that is asked at one instant."""
+    """Sine and cosine of the phase angle: computed once for all that is wanted at one instant."""
 
     sine: float
     cosine: float

@@ -286,18 +286,18 @@ def test_gravity_on_the_drill_is_borne_by_both_springs():
     assert nodal_plane(segments[-1], 0.0) == pytest.approx(sag, rel=1e-3)
 
 
-def test_a_struck_pair_gets_one_blow_where_the_free_mass_alone_strikes_anew():
+def test_a_struck_pair_gets_one_blow_where_the_free_mass_alone_strikes_again():
     """The actuator strikes during contacts in the rock where the weight on bit is great."""
-    strikes_anew, squeezes = [], []
+    new_strikes, squeezes = [], []
     for pair in (False, True):
         _, impacts = run(preset("drilling").replace(weight_on_bit=200.0, strike_pair=pair), 2.0)
         ends = impacts["seconds"] + impacts["fraction"] + impacts["contact_duration"]
         pauses = impacts["seconds"][1:] + impacts["fraction"][1:] - ends[:-1]
-        strikes_anew.append(np.count_nonzero(pauses < 1e-9))
+        new_strikes.append(np.count_nonzero(pauses < 1e-9))
         squeezes.append(np.count_nonzero(impacts["squeezed"]))
-    assert strikes_anew[0] > 50
+    assert new_strikes[0] > 50
     assert squeezes[0] > 50
-    assert strikes_anew[1] == squeezes[1] == 0
+    assert new_strikes[1] == squeezes[1] == 0
 
 
 def test_the_blow_on_a_pair_keeps_momentum_and_returns_the_closing_velocity():

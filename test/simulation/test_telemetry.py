@@ -181,7 +181,7 @@ def test_the_seed_draws_what_is_drawn():
     assert run(3) != run(4)
 
 
-def test_what_nobody_wants_is_left_out_but_counted():
+def test_what_has_no_listener_is_left_out_but_counted():
     heard = set()
     telemetry = made(wanted=heard.__contains__)
     simulation = Simulation(Parameters())

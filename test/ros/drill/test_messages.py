@@ -314,7 +314,7 @@ def test_the_ledger_is_said_record_by_record():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_fault_that_nobody_filled_is_the_default_unless_zero_is_a_magnitude(kind):
+def test_an_empty_fault_is_the_default_unless_zero_is_a_magnitude(kind):
     channel = "" if KINDS[kind].physical else "wrench"
     asked = messages.message_to_fault(FaultMessage(kind=kind, channel=channel))
     if kind in ("restitution_loss", "wrong"):
