@@ -65,6 +65,7 @@ class Drill:
             figures=self.statistics.figures(),
             published={},
             subscribers={},
+            publishers={},
             acknowledged=True,
         )
 
