@@ -13,6 +13,7 @@ from pathlib import Path
 
 from bench.checkout import work_tree
 from bench.profiled import OTHERS
+from bench.reading import TOGETHER_CODE, TOPICS
 from bench.row import Row, row
 from bench.talk import Talk
 from bench.telemetry import LOADS, ros
@@ -32,12 +33,16 @@ _ENDING = 60.0  # [s]
 # Other threads are not profiled; their processor time is one entry.
 _PROFILED = """
 import cProfile, io, json, pstats, runpy, sys, time
-out, *sys.argv = sys.argv[1:]
+out, program, *words = sys.argv[1:]
+sys.argv = [program, *words]
 profiler = cProfile.Profile(time.thread_time, builtins=False)
 began, began_here = time.process_time(), time.thread_time()
 profiler.enable()
 try:
-    runpy.run_module("rpud_sim.cli.main", run_name="__main__", alter_sys=True)
+    if program == "rpud":
+        runpy.run_module("rpud_sim.cli.main", run_name="__main__", alter_sys=True)
+    else:
+        exec(program)
 except SystemExit as end:
     if end.code:
         raise
@@ -67,13 +72,22 @@ def _commands() -> Iterator[Row]:
     with work_tree() as version, tempfile.TemporaryDirectory() as folder:
         bag = Path(folder, "bag")
         commands: dict[str, Sequence[str | Path]] = {
-            "simulate --bag": ("simulate", "--duration", str(SECONDS), "--bag", bag),
-            "verify": ("verify", bag),
-            "export": ("export", bag, "--format", "parquet", "--out", Path(folder, "tables")),
+            "simulate --bag": ("rpud", "simulate", "--duration", str(SECONDS), "--bag", bag),
+            "verify": ("rpud", "verify", bag),
+            "export": (
+                "rpud",
+                "export",
+                bag,
+                "--format",
+                "parquet",
+                "--out",
+                Path(folder, "tables"),
+            ),
+            "arrays": (TOGETHER_CODE, bag, *TOPICS),
         }
         for name, words in commands.items():
             kept = Path(folder, "profile.json")
-            version.run(["python", "-c", _PROFILED, kept, "rpud", *words])
+            version.run(["python", "-c", _PROFILED, kept, *words])
             yield from _shares(f"profile, {name} of {SECONDS} s", json.loads(kept.read_text()))
 
 

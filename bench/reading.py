@@ -33,7 +33,8 @@ topics = [f"/rpud/{name}" for name in sys.argv[2:]]
 with rpud_sim.bag.open(sys.argv[1]) as bag:
 """
 _SINGLY = f"{_OPEN}    for topic in topics: bag.arrays(topic)\n"
-_TOGETHER = f"{_OPEN}    bag.arrays(topics)\n"
+TOGETHER_CODE = f"{_OPEN}    bag.arrays(topics)\n"
+"""Reads the arrays of topics; its arguments are a bag and the names."""
 
 
 def reading(seconds: int = 120, turns: int = 3) -> Iterator[Row]:
@@ -92,7 +93,7 @@ def _command(name: str, bag: Path, out: Path) -> Sequence[str | Path]:
         return ["rpud", "export", bag, "--out", out / "tables"]
     if name == "report":
         return ["rpud", "report", bag, "--out", out / "report.html"]
-    return ["python", "-c", _TOGETHER if name == TOGETHER else _SINGLY, bag, *TOPICS]
+    return ["python", "-c", TOGETHER_CODE if name == TOGETHER else _SINGLY, bag, *TOPICS]
 
 
 def _used(version: Checkout, command: Sequence[str | Path]) -> Used:
