@@ -81,9 +81,25 @@ class Talk:
         return self.hearing.last("status")
 
     def diagnostics(self) -> dict[str, str]:
-        """Return the values of the last diagnostics, by key."""
-        last = self.hearing.last("/diagnostics")
-        return {pair.key: pair.value for status in last.status for pair in status.values}
+        """Return the values of the process' last diagnostics, by key.
+
+        Another process' may be the last that was heard: then the next ones are waited for.
+
+        Raises:
+            RuntimeError: if they do not come in time.
+        """
+        own: dict[str, str] = {}
+
+        def found() -> bool:
+            last = self.hearing.last("/diagnostics")
+            for status in last.status if last else ():
+                if status.name.startswith(f"{self.namespace}/"):
+                    own.update({pair.key: pair.value for pair in status.values})
+            return bool(own)
+
+        if not self.hearing.take_until(found, _STARTING):
+            raise RuntimeError(f"no diagnostics within {_STARTING:g} s")
+        return own
 
     def settle(self, seconds: float = _SETTLING) -> None:
         """Wait until the process is heard, and some time more.
