@@ -20,10 +20,10 @@ def cost(simulations: int, workers: int) -> float:
 
     From the first outcome on, to leave out the start of the workers, and up to both tables.
     """
-    from rpud_sim.studies.sweep.chunks import make_chunks
+    from rpud_sim.studies.processes import run_on_processes
+    from rpud_sim.studies.sweep.chunks import make_chunks, simulate
     from rpud_sim.studies.sweep.design import design_points
     from rpud_sim.studies.sweep.folder import SweepFolder
-    from rpud_sim.studies.sweep.processes import run_on_processes
     from rpud_sim.studies.sweep.specification import parse_specification
 
     specification = parse_specification(
@@ -43,7 +43,9 @@ def cost(simulations: int, workers: int) -> float:
     with tempfile.TemporaryDirectory() as out:
         folder = SweepFolder(Path(out), specification)
         with folder.held():
-            for chunk, outcome in run_on_processes(make_chunks(specification, design), workers):
+            for chunk, outcome in run_on_processes(
+                simulate, make_chunks(specification, design), workers
+            ):
                 folder.add(chunk, outcome)
                 counted += chunk.count if started else 0
                 started = started or time.perf_counter()
