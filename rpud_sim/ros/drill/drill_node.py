@@ -253,6 +253,11 @@ class DrillNode(ManagedNode):
         self._quit = True
         return TransitionCallbackReturn.SUCCESS
 
+    def destroy_node(self) -> None:
+        """Destroy the node; another process of this machine may have its name then."""
+        self._namesakes.close()
+        super().destroy_node()
+
     def refuse_request(self, reason: str) -> None:
         """Count a request that is refused, and log why."""
         self._inbox.refuse_request(reason)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import socket
+import sys
 import time
 
 import rclpy
@@ -14,17 +17,55 @@ _ANSWER = 2.0  # that a node may take to answer; one that was killed never does 
 _POLL_PERIOD = 0.01  # [s]
 
 
+class NameHold:
+    """Hold of a node's name on this machine, which ends with the process at the latest.
+
+    Discovery takes seconds on a busy machine; this knows at once. It is an abstract Unix socket,
+    which no process can connect to and which leaves no file. Only Linux has them: elsewhere no
+    name is ever taken.
+
+    Args:
+        name: full name of the node.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.taken = False
+        """Whether a living process of this machine holds the name, in the same domain."""
+        self._socket: socket.socket | None = None
+        if sys.platform != "linux":
+            return
+        domain = rclpy.get_default_context().get_domain_id()
+        digest = hashlib.sha256(f"{domain} {name}".encode()).hexdigest()  # names may be too long
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind(f"\0rpud_sim/{digest}")
+        except OSError:
+            self.taken = True
+            self.release()
+
+    def release(self) -> None:
+        """Let others hold the name."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
 class Namesakes:
     """Count of the other nodes of a node's name, with a warning if there are some.
 
     Args:
-        node: that has the name.
+        node: that has the name; it holds the name from now on.
     """
 
     def __init__(self, node: Node) -> None:
         self._node = node
         self._name = (node.get_name(), node.get_namespace())
         self._count = 0
+        self._hold = NameHold(node.get_fully_qualified_name())
+
+    def close(self) -> None:
+        """Hold the name no longer."""
+        self._hold.release()
 
     def count(self) -> int:
         """Return how many other nodes have the name; one that was killed counts for 20 s more."""
@@ -42,6 +83,8 @@ class Namesakes:
 class NamesakeSearch:
     """Search for a living drill of a name, before one of that name is made.
 
+    It holds the name from now on, so of two that search at the same time one finds the other.
+
     Args:
         name: of the node to look for.
         namespace: of that node.
@@ -57,6 +100,7 @@ class NamesakeSearch:
             start_parameter_services=False,
         )
         self._name = (name, self._node.get_namespace())
+        self._hold = NameHold(self.name)
         self._end = time.monotonic() + _DISCOVERY
 
     @property
@@ -66,8 +110,10 @@ class NamesakeSearch:
         return f"{namespace.rstrip('/')}/{name}"
 
     def finish(self) -> bool:
-        """Return whether such a drill is found within 0.6 s of the start and answers."""
+        """Return whether one runs on this machine, or is found within 0.6 s and answers."""
         try:
+            if self._hold.taken:
+                return True
             while not (found := self._name in self._node.get_node_names_and_namespaces()):
                 if time.monotonic() >= self._end:
                     break
@@ -75,6 +121,10 @@ class NamesakeSearch:
             return found and self._answers()
         finally:
             self._node.destroy_node()
+
+    def close(self) -> None:
+        """Hold the name no longer."""
+        self._hold.release()
 
     def _answers(self) -> bool:
         client = self._node.create_client(GetState, f"{self._name[0]}/get_state")

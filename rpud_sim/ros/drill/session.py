@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from typing import Any
 
 import rclpy
@@ -60,9 +60,10 @@ def open_drill(
     except InvalidNamespaceException as error:
         raise name_error(error) from error
     start_ros()
-    try:
+    with ExitStack() as stack:
+        stack.callback(rclpy.try_shutdown)
         if not allow_duplicate:
-            search = NamesakeSearch(NAME, namespace)
+            search = stack.enter_context(closing(NamesakeSearch(NAME, namespace)))
             # Meanwhile, so that the search costs no time.
             compile_kernels(settings.configuration.parameters, get_logger(NAME).info)
             if search.finish():
@@ -75,8 +76,6 @@ def open_drill(
             for name, value in values.items()
         ]
         yield DrillNode(duration, start, namespace=namespace, parameter_overrides=overrides)
-    finally:
-        rclpy.try_shutdown()
 
 
 def await_recorder(node: DrillNode, stop: StopRequest) -> None:
