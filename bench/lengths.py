@@ -10,7 +10,7 @@ from bench.checkout import Checkout, work_tree
 from bench.growth import Point
 
 LENGTHS = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)  # of bags [s]
-REPEATS = 3
+REPEATS = 2
 
 _ARRAYS = """
 import sys
