@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import struct
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
@@ -164,6 +166,26 @@ def write_offline_bag(
     """Write the bag of a run without ROS at the default rates."""
     settings = Settings(Configuration(parameters))
     offline_bag.write_offline_bag(path, Beginning(settings, phase, seed, scenario), duration)
+
+
+def write_without_walk(path: Path, source: Path) -> Path:
+    """Copy a bag of a drill as a version before the walk of the bit wrote it; return the copy."""
+    name = f"{offline_bag.NAMESPACE}/borehole"
+    with rpud_sim.bag.open(source) as bag, BagWriter(path) as writer:
+        for summary in bag.topics:
+            topic, text = summary.topic, summary.definition
+            if topic.name == name:
+                new = Codec(topic.type, text)
+                text = "\n".join(line for line in text.splitlines() if "side_offset" not in line)
+                old = Codec(topic.type, text)
+                topic = dataclasses.replace(topic, type_hash=old.type_hash)
+            writer.add_topic(topic, text)
+        for message in bag.messages():
+            data = message.data
+            if message.topic == name:
+                data = old.encode(dataclasses.asdict(new.decode(data)))
+            writer.write(message.topic, data, message.log_time, message.publish_time)
+    return path
 
 
 def write_commanded_bag(

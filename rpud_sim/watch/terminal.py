@@ -21,13 +21,13 @@ from rpud_sim.watch.live_drill import LiveDrill
 from rpud_sim.watch.picture import Picture
 from rpud_sim.watch.terminal_course import ASCII, BLOCKS
 from rpud_sim.watch.terminal_page import Face, list_of, page_of
-from rpud_sim.watch.terminal_prompts import PROMPTS, Prompt
+from rpud_sim.watch.terminal_prompts import PROMPTS, Prompt, has_feed
 from rpud_sim.watch.terminal_screen import Lines
 
 UPDATES = 2.0
 """Updates of the terminal in a second: some 1000 characters, as many as 9600 baud carry."""
 
-_KEYS = " p press  d drive  e engage  i inject  c clear  space pause  s step  r reset  q quit"
+_KEYS = "d drive  e engage  i inject  c clear  space pause  s step  r reset  q quit"
 _SEARCH_PERIOD = 1.0  # between looks at which drills there are [s]
 _PLAIN_TERMINALS = ("ansi", "vt100", "vt102", "vt220", "vt320")  # which know no block characters
 
@@ -240,12 +240,17 @@ class TerminalView(App[None]):
             keys = " 1-9 shows a drill   q quit"
         else:
             self._lines.show(page_of(picture, face, len(self._found)))
-            keys = _KEYS
+            keys = keys_of(picture)
         if len(keys) > face.width:
             keys = keys.replace("  ", " ")
         keys = f"{keys:{face.width}}"
         if keys != self._keys.content:
             self._keys.update(keys)
+
+
+def keys_of(picture: Picture) -> str:
+    """Return the line of keys: a drill on an arm takes a feed, any other a weight on bit."""
+    return f" {'f feed' if has_feed(picture) else 'p press'}  {_KEYS}"
 
 
 def speaks_ascii(environment: Mapping[str, str]) -> bool:

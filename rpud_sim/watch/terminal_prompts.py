@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -58,6 +59,24 @@ def read_drive(text: str, picture: Picture) -> Arguments | None:
     if len(words) > 2:
         raise ParameterError(f"drive = {shown(text)} is more than a voltage and a frequency")
     return {"enabled": True, **dict(zip(("voltage", "frequency"), words, strict=False))}
+
+
+def has_feed(picture: Picture) -> bool:
+    """Return whether the drill hangs on an arm: its feed is commanded, and no weight on bit."""
+    return math.isfinite(picture.status.get("feed_value", math.nan))
+
+
+def read_feed(text: str, picture: Picture) -> Arguments | None:
+    """Return the arguments of ``feed``: a rate, or ``to`` and a position."""
+    words = text.split()
+    if not words:
+        return None
+    name = "rate"
+    if words[0] == "to":
+        name, words = "position", words[1:]
+    if len(words) != 1:
+        raise ParameterError(f"feed = {shown(text)} is not a rate, or to and a position")
+    return {name: _number(name, words[0])}
 
 
 def read_inject(text: str, picture: Picture) -> Arguments | None:
@@ -129,7 +148,22 @@ PROMPTS: Mapping[str, Prompt] = {
         "press",
         "weight on bit [N]:",
         _read_number("force"),
-        hint=lambda picture: "Enter presses, Esc leaves it",
+        hint=lambda picture: (
+            "on an arm the weight on bit follows from the feed: f commands the feed, Esc leaves it"
+            if has_feed(picture)
+            else "Enter presses, Esc leaves it"
+        ),
+    ),
+    "feed": Prompt(
+        "f",
+        "feed",
+        "rate of the feed [m/s]:",
+        read_feed,
+        hint=lambda picture: (
+            "such as: 0.0005   or: -0.001 retracts   or: 0 holds   or a position [m]: to 0.01"
+            if has_feed(picture)
+            else "without an arm there is no feed: p commands the weight on bit, Esc leaves it"
+        ),
     ),
     "drive": Prompt(
         "d",

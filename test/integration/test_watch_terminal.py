@@ -207,6 +207,50 @@ def test_a_refused_command_shows_the_drills_reason_and_a_wrong_answer_its_own(cl
     seated("/desk", act)
 
 
+def test_on_an_arm_a_key_commands_the_feed_and_the_drill_rejects_a_weight_on_bit(
+    start_drill, connect
+):
+    start_drill("/arm", publish_clock=True, start_paused=True, feed_model="arm")
+    client = connect("/arm")
+    client.begin()
+
+    async def act(seat):
+        await seat.sees("paused")
+        await seat.until(lambda: "f feed" in str(seat.view.query_one("#keys").content))
+        await seat.key("f", "0.0005")
+        await seat.sees("feed rate=0.0005: done")
+        client.until(lambda: (latest(client).feed_mode, latest(client).feed_value) == (0, 0.0005))
+        await seat.key("s", "0.1")
+        await seat.sees("0.5 mm/s at ")
+        await seat.key("f", "to 0.01")
+        await seat.sees("feed position=0.01: done")
+        client.until(lambda: (latest(client).feed_mode, latest(client).feed_value) == (1, 0.01))
+        await seat.key("f", "0.9")
+        await seat.sees("feed rate=0.9: refused: ")
+        await seat.key("f", "fast")
+        await seat.until(lambda: "rate = 'fast' is not a number" in seat.hint)
+        await seat.key("p", "25")
+        await seat.sees("press 25.0: refused: weight_on_bit cannot be commanded with")
+        client.until(lambda: latest(client).commands_rejected == 2)
+        assert (latest(client).feed_mode, latest(client).feed_value) == (1, 0.01)
+
+    seated("/arm", act)
+
+
+def test_without_an_arm_the_drill_rejects_a_feed(client):
+    client.begin()
+
+    async def act(seat):
+        await seat.sees("paused")
+        await seat.until(lambda: "p press" in str(seat.view.query_one("#keys").content))
+        await seat.key("f", "0.0005")
+        reason = "a feed cannot be commanded with feed_model = none"
+        await seat.sees("feed rate=0.0005: refused: ")
+        await seat.until(lambda: reason in " ".join(seat.page.split()), reason)
+
+    seated("/desk", act)
+
+
 def test_a_drill_that_vanishes_and_returns_has_a_banner(start_drill):
     first = start_drill("/lost", start_paused=True, weight_on_bit=11.0)
 

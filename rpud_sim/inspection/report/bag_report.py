@@ -43,7 +43,8 @@ _SLOW = (
     ("rpud_msgs/msg/Mount", "force", "force of the arm on the mount"),
     ("rpud_msgs/msg/Mount", "weight_on_bit", "weight on bit"),
     ("rpud_msgs/msg/Mount", "feed", "position of the feed"),
-    ("rpud_msgs/msg/Borehole", "depth", "depth of the hole"),
+    (rows.BOREHOLE, "depth", "depth of the hole"),
+    (rows.BOREHOLE, rows.WALK, "walk of the bit"),
     ("rpud_msgs/msg/Rotation", "rate", "rate of rotation"),
     ("rpud_msgs/msg/Rotation", "torque", "torque of rock and cuttings"),
 )
@@ -200,8 +201,11 @@ def _beside(seen: Survey, name: str, plots: TimePlots) -> Iterator[Plot]:
         topic = seen.sibling(name, kind)
         series = topic.series if topic is not None else ()
         for item in series:
-            if item.column.name == column and item.values.count:
-                yield plots.series(item, title)
+            if item.column.name != column or not item.values.count:
+                continue
+            if column == rows.WALK and not item.values.greatest > 0.0:
+                continue  # a bit that stays in its place needs no plot
+            yield plots.series(item, title)
 
 
 def _segments(seen: Survey) -> Iterator[dict[str, Any]]:

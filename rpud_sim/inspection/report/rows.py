@@ -18,6 +18,9 @@ MOST_ROWS = 300
 """Number of rows in a table of topics."""
 
 STATUS = "rpud_msgs/msg/Status"
+BOREHOLE = "rpud_msgs/msg/Borehole"
+WALK = "side_offset"
+"""Column of a borehole: how far the bit has walked. Bags of earlier versions do not have it."""
 _UNSET = "–"
 
 # Counters of a status, and their names in the report.
@@ -170,7 +173,7 @@ def energy_rows(seen: Survey, name: str) -> Rows:
         rows.append(("energy_transferred_rate", show(stayed, "W"), text))
     status = seen.sibling(name, STATUS)
     if status is None:
-        return rows
+        return rows + _walk_rows(seen, name)
     electrical = status.find("electrical_power")
     if electrical.count:
         part = power / electrical.mean if electrical.mean > 0.0 else math.nan
@@ -189,7 +192,16 @@ def energy_rows(seen: Survey, name: str) -> Rows:
         ]
     else:
         rows.append(("depth", _UNSET, "rock_model is none: it is not modelled"))
-    return rows
+    return rows + _walk_rows(seen, name)
+
+
+def _walk_rows(seen: Survey, name: str) -> Rows:
+    """Return how far the bit of a drill has walked; nothing if it has not, or nothing says so."""
+    hole = seen.sibling(name, BOREHOLE)
+    walked = hole.find(WALK).greatest if hole is not None else math.nan
+    if not walked > 0.0:
+        return []
+    return [("walk of the bit", show(1e3 * walked, "mm"), "from the intended place of the hole")]
 
 
 def mean_powers(seen: Survey, name: str) -> dict[str, float]:

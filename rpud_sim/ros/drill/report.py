@@ -9,6 +9,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
+from rpud_sim.drilling.feed import FEED_MODES, RATE
 from rpud_sim.drilling.process import ProcessState
 from rpud_sim.ros.drill.pacer import Timing
 from rpud_sim.ros.lateness import Lateness
@@ -141,6 +142,7 @@ def report_to_diagnostics(
                     "drive_enabled": status["drive_enabled"],
                     "drive_voltage [V]": f"{status['drive_voltage']:g}",
                     "drive_frequency [Hz]": f"{status['drive_frequency']:g}",
+                    **_feed_values(report),
                     "commanders": counts.commanders,
                 },
             ),
@@ -157,6 +159,7 @@ def report_to_diagnostics(
                     "electrical_power [W]": f"{status['electrical_power']:g}",
                     "depth [m]": f"{status['depth']:g}",
                     "penetration_rate [m/s]": f"{status['penetration_rate']:g}",
+                    **_borehole_values(report),
                     "active_faults": status["active_faults"],
                     "namesakes": report.namesakes,
                 },
@@ -173,6 +176,22 @@ def report_to_diagnostics(
             ),
         ],
     )
+
+
+def _feed_values(report: Report) -> dict[str, object]:
+    """Return the feed in force, in the unit of its mode; nothing without a feed."""
+    if report.process.mount is None:
+        return {}
+    mode = FEED_MODES[report.status["feed_mode"]]
+    unit = "m/s" if mode == RATE else "m"
+    return {"feed_mode": mode, f"feed_value [{unit}]": f"{report.status['feed_value']:g}"}
+
+
+def _borehole_values(report: Report) -> dict[str, object]:
+    """Return how far the bit has walked; nothing without a borehole."""
+    if (borehole := report.process.borehole) is None:
+        return {}
+    return {"side_offset [m]": f"{borehole.side_offset:g}"}
 
 
 def _command_health(counts: Bookkeeping) -> tuple[bytes, str]:

@@ -1,12 +1,10 @@
 """A bag of a drill on an arm: it has the topics of the models that are on, and all are proved."""
 
-import dataclasses
-
 import numpy as np
 import pytest
+from sample_bags import write_without_walk
 
 import rpud_sim.bag
-from rpud_sim.bag.cdr import Codec
 from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.configuration import Settings, to_settings
@@ -89,22 +87,8 @@ def test_a_tool_that_rotates_in_one_rock_has_a_borehole_too(tmp_path):
 
 def test_a_bag_from_before_the_walk_of_the_bit_is_proved(tmp_path):
     name = "/rpud/borehole"
-    with arrays(tmp_path, **VALUES) as bag, rpud_sim.bag.BagWriter(tmp_path / "old") as writer:
-        for summary in bag.topics:
-            topic, text = summary.topic, summary.definition
-            if topic.name == name:
-                new = Codec(topic.type, text)
-                lines = [line for line in text.splitlines() if "side_offset" not in line]
-                text = "\n".join(lines)
-                old = Codec(topic.type, text)
-                topic = dataclasses.replace(topic, type_hash=old.type_hash)
-            writer.add_topic(topic, text)
-        for message in bag.messages():
-            data = message.data
-            if message.topic == name:
-                values = dataclasses.asdict(new.decode(data))
-                data = old.encode(values)
-            writer.write(message.topic, data, message.log_time, message.publish_time)
+    arrays(tmp_path, **VALUES).close()
+    write_without_walk(tmp_path / "old", tmp_path / "bag")
     found = verify(tmp_path / "old")
     assert found.proved
     assert found.topics[name].equal == 50

@@ -9,8 +9,9 @@ from rclpy.serialization import serialize_message
 
 from rpud_sim.ros.drill.pacer import Timing
 from rpud_sim.ros.drill.report import Delays, Report, report_to_diagnostics
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Settings, to_configuration
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.run import Beginning, Run
 
@@ -41,13 +42,24 @@ COUNTS = Bookkeeping(
 
 def made(**counts):
     """Give the report of a run that was commanded, at 20 ms."""
-    bookkeeping = dataclasses.replace(COUNTS, **counts)
-    run = Run(Beginning(Settings(to_configuration({"rock_model": "specific_energy"}))))
-    run.begin(ORIGIN)
+    run = begun(rock_model="specific_energy")
     run.simulation.apply(WeightOnBit(30.0))
     list(run.advance_to(10 * MILLISECOND))
     run.simulation.apply(Drive(False, 80.0, 17000.0))
     list(run.advance_to(20 * MILLISECOND))
+    return report_of(run, **counts)
+
+
+def begun(**values):
+    """Give a run with these parameters at its beginning."""
+    run = Run(Beginning(Settings(to_configuration(values))))
+    run.begin(ORIGIN)
+    return run
+
+
+def report_of(run, **counts):
+    """Give the report of a run."""
+    bookkeeping = dataclasses.replace(COUNTS, **counts)
     return Report(
         time=run.time,
         status=run.status("running", bookkeeping)[2],
@@ -169,3 +181,48 @@ def test_faults_that_last_are_told_with_their_number():
         dataclasses.replace(REPORT, status={**REPORT.status, "active_faults": 2})
     ).status[2]
     assert (drill.level, drill.message) == (DiagnosticStatus.WARN, "2 faults injected")
+
+
+ARM = {"feed_model": "arm", "initial_feed": 1e-3}
+HOLE = {"strata": "sandstone"}
+
+
+def values_of(run):
+    """Give the values of the diagnostics of commands and drill, by key."""
+    _, commands, drill, _ = diagnostics(report_of(run)).status
+    return ({pair.key: pair.value for pair in each.values} for each in (commands, drill))
+
+
+@pytest.mark.parametrize(
+    ("feed", "expected"),
+    [
+        (Feed("rate", -2.5e-4), {"feed_mode": "rate", "feed_value [m/s]": "-0.00025"}),
+        (Feed("position", 0.012), {"feed_mode": "position", "feed_value [m]": "0.012"}),
+    ],
+)
+def test_on_an_arm_the_diagnostics_have_the_feed_in_force_in_the_unit_of_its_mode(feed, expected):
+    run = begun(**ARM)
+    run.simulation.apply(feed)
+    list(run.advance_to(20 * MILLISECOND))
+    commands, drill = values_of(run)
+    assert {key: value for key, value in commands.items() if key.startswith("feed")} == expected
+    assert "side_offset [m]" not in drill
+
+
+def test_with_a_borehole_the_diagnostics_have_the_walk_of_the_bit():
+    run = begun(**ARM, **HOLE)
+    commands, drill = values_of(run)
+    assert commands["feed_value [m/s]"] == drill["side_offset [m]"] == "0"
+    run.simulation.apply(Feed("rate", 1e-3))
+    run.simulation.inject(Fault("bit_walk"))
+    list(run.advance_to(200 * MILLISECOND))
+    walked = run.simulation.process.borehole.side_offset
+    assert walked > 0.0
+    _, drill = values_of(run)
+    assert drill["side_offset [m]"] == f"{walked:g}"
+
+
+def test_without_feed_and_borehole_the_diagnostics_have_neither():
+    commands, drill = values_of(begun(rock_model="specific_energy"))
+    assert not any(key.startswith("feed") for key in commands)
+    assert "side_offset [m]" not in drill
