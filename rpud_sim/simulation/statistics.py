@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -78,6 +79,7 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, floa
         duration: of what was added [s].
         quantile: class of the 99 % quantile of the contact force; -1 for none.
     """
+    sums: Any = tally.item()
     (
         events,
         actuator_impacts,
@@ -93,7 +95,7 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, floa
         transferred,
         impulse,
         account,
-    ) = tally.item()
+    ) = sums
     timed = duration > 0.0
     absorption = absorbed(account[IMPACTS], account[RELEASE], account[DRILL_TOOL_DAMPER])
     return {
