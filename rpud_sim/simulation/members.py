@@ -135,12 +135,15 @@ class QuietRuns:
         self._advance(end, tallies, _room.classes, (True, True, True, True, whole))
         return [self._result(tallies, number, whole) for number in range(len(tallies))]
 
-    def advance_to(self, time: int, statistics: Statistics | None = None) -> np.ndarray:
+    def advance_to(
+        self, time: int, statistics: Statistics | None = None, whole: bool = True
+    ) -> np.ndarray:
         """Advance a single run to a time [ns], and return its impacts since the last call.
 
         Args:
             time: not before the present one.
             statistics: to add to what happens; None for none.
+            whole: whether the energy account is wanted; the figures need only a part of it.
 
         Returns:
             ``IMPACT`` records, which the next call of any run in this thread overwrites.
@@ -156,7 +159,7 @@ class QuietRuns:
         else:
             tallies, classes = statistics.sums
             counts = counts and not statistics.begun
-        options = (not self._begun, False, statistics is not None, counts, True)
+        options = (not self._begun, False, statistics is not None, counts, whole)
         count = self._advance(time, tallies, classes, options)
         if (error := self._error(0)) is not None:
             raise error

@@ -6,15 +6,16 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
 
 from rpud_sim.foundation.time import SECOND
-from rpud_sim.model.segment import join_records
+from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
-from rpud_sim.simulation.members import QuietRuns, runs_by_itself
+from rpud_sim.simulation.members import Figures, QuietRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
@@ -162,7 +163,8 @@ def _parts(
     for start, end in itertools.pairwise(edges):
         statistics = Statistics()
         if quiet:
-            impacts = quiet.advance_to(end, statistics).copy()
+            # A copy by bytes: NumPy copies structures field by field.
+            impacts = join_records([quiet.advance_to(end, statistics, whole=False)], IMPACT)
             yield _Part(start, end, statistics, impacts)
         if simulation:
             block = simulation.advance_to(end)
@@ -179,33 +181,39 @@ class _Window:
     """Figures of consecutive parts of a run."""
 
     def __init__(self) -> None:
-        self._statistics = Statistics()
         self._parts: list[_Part] = []
-        self._impacts: np.ndarray | None = None
 
     def add(self, part: _Part) -> None:
-        self._statistics.merge(part.statistics)
         self._parts.append(part)
 
     def figure(self, item: Measure) -> float:
-        impacts = self._all_impacts()
         if item.figure in IMPACT_VALUES:
-            return impact_statistic(impacts[IMPACT_VALUES[item.figure][0]], item)
+            return impact_statistic(self._impacts[IMPACT_VALUES[item.figure][0]], item)
         if item.figure == "impacts":
-            return float(len(impacts))
+            return float(len(self._impacts))
         if item.figure == "kinetic_energy":
-            return float(impacts["energy"].sum())
+            return float(self._impacts["energy"].sum())
         if item.figure in WINDOW_FIGURES:
             channel = _CHANNELS[item.figure]
             return max(_greatest(part.block, channel) for part in self._parts if part.block)
-        value = self._statistics.figures()[item.figure]
+        value = self._figures[item.figure]
         return math.nan if value is None else float(value)
 
-    def _all_impacts(self) -> np.ndarray:
-        if self._impacts is None:
-            records = [part.impacts for part in self._parts]
-            self._impacts = join_records(records, records[0].dtype)
-        return self._impacts
+    @cached_property
+    def _figures(self) -> Figures:
+        """Figures of all parts; one part needs no merging."""
+        if len(self._parts) == 1:
+            return self._parts[0].statistics.figures()
+        statistics = Statistics()
+        for part in self._parts:
+            statistics.merge(part.statistics)
+        return statistics.figures()
+
+    @cached_property
+    def _impacts(self) -> np.ndarray:
+        if len(self._parts) == 1:
+            return self._parts[0].impacts
+        return join_records([part.impacts for part in self._parts], IMPACT)
 
 
 def impact_statistic(values: np.ndarray, item: Measure) -> float:

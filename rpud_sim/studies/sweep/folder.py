@@ -27,6 +27,7 @@ from rpud_sim.studies.sweep.tables import PointTables, simulation_table
 SIMULATIONS = "simulations.parquet"
 POINTS = "points.parquet"
 _CHUNKS = "chunks"
+_TOGETHER = 16  # chunks in one group of rows of a table: each group takes its time
 
 
 def make_manifest(specification: Specification) -> dict[str, Any]:
@@ -90,7 +91,7 @@ class SweepFolder:
             pq.write_table(table, unfinished)
 
     def complete_tables(self) -> None:
-        """Write both tables from the chunks, one by one in their order, and remove the chunks."""
+        """Write both tables from the chunks, a few at a time in their order, and remove them."""
         if not self.complete:
             tables = PointTables(self._specification)
             with (
@@ -99,8 +100,10 @@ class SweepFolder:
                 _Writer(simulations) as all_simulations,
                 _Writer(points) as all_points,
             ):
-                for number in range(self.manifest["chunks"]):
-                    table = pq.read_table(self._chunk_path(number))
+                count = self.manifest["chunks"]
+                for first in range(0, count, _TOGETHER):
+                    numbers = range(first, min(first + _TOGETHER, count))
+                    table = pa.concat_tables([_rows(self._chunk_path(each)) for each in numbers])
                     all_simulations.write(table)
                     all_points.write(tables.add(table))
         shutil.rmtree(self.path / _CHUNKS, ignore_errors=True)
@@ -129,6 +132,12 @@ class SweepFolder:
             return pq.read_metadata(self._chunk_path(number)).num_rows == rows
         except (OSError, pa.ArrowInvalid):
             return False
+
+
+def _rows(path: Path) -> pa.Table:
+    """Return all rows of a file; ``read_table`` would look for a folder of files as well."""
+    with pq.ParquetFile(path) as file:
+        return file.read()
 
 
 class _Writer:
