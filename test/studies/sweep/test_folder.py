@@ -56,6 +56,21 @@ def test_chunks_in_any_order_make_the_same_tables(folder, outcomes, tmp_path):
     }
 
 
+@pytest.mark.parametrize("together", [1, 2, 3])
+def test_rows_do_not_depend_on_how_many_chunks_are_written_together(
+    folder, outcomes, tmp_path, monkeypatch, together
+):
+    other = SweepFolder(tmp_path / "other", sweep())
+    with other.held():
+        for kept in (folder, other):
+            for chunk, outcome in outcomes:
+                kept.add(chunk, outcome)
+            kept.complete_tables()
+            monkeypatch.setattr("rpud_sim.studies.sweep.folder._TOGETHER", together)
+    for name in ("simulations.parquet", "points.parquet"):
+        assert pq.read_table(folder.path / name).equals(pq.read_table(other.path / name))
+
+
 def test_the_tables_are_what_any_reader_of_parquet_sees(folder, outcomes):
     for chunk, outcome in outcomes:
         folder.add(chunk, outcome)
