@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import faulthandler
 import importlib
 import io
 import multiprocessing
@@ -24,6 +25,7 @@ from typing import Any
 from rpud_sim.cli.main import execute
 
 CPU = 10  # seconds that a command may take
+PATIENCE = 120  # seconds after which a command that waits is ended, and its stack printed
 MEMORY = 2**30  # bytes that a command may have resident
 LONGEST_LINE = 2000
 WAYS = ("info", "recover", "export", "report", "arrays")
@@ -150,12 +152,15 @@ def attack(seed: int, number: int, folder: Path) -> tuple[str, bool, float, int,
     used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
     resource.setrlimit(resource.RLIMIT_CPU, (int(used) + CPU + 2, hard))  # SIGXCPU ends it
     harms, refused = [], False
+    faulthandler.dump_traceback_later(PATIENCE, exit=True)
     try:
         refused = _arrays(bag) if way == "arrays" else _command(way, bag, folder, drawn)
     except HarmError as harm:
         harms.append(str(harm))
     except Exception:
         harms.append("".join(traceback.format_exc().splitlines(keepends=True)[-6:]))
+    finally:
+        faulthandler.cancel_dump_traceback_later()
     cpu = time.process_time() - began
     memory = _peak() - held
     if cpu > CPU:

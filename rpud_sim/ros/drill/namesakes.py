@@ -26,15 +26,15 @@ class NameHold:
 
     Args:
         name: full name of the node.
+        domain: ROS domain of its context.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, domain: int) -> None:
         self.taken = False
         """Whether a living process of this machine holds the name, in the same domain."""
         self._socket: socket.socket | None = None
         if sys.platform != "linux":
             return
-        domain = rclpy.get_default_context().get_domain_id()
         digest = hashlib.sha256(f"{domain} {name}".encode()).hexdigest()  # names may be too long
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
@@ -61,7 +61,7 @@ class Namesakes:
         self._node = node
         self._name = (node.get_name(), node.get_namespace())
         self._count = 0
-        self._hold = NameHold(node.get_fully_qualified_name())
+        self._hold = NameHold(node.get_fully_qualified_name(), node.context.get_domain_id())
 
     def close(self) -> None:
         """Hold the name no longer."""
@@ -100,7 +100,7 @@ class NamesakeSearch:
             start_parameter_services=False,
         )
         self._name = (name, self._node.get_namespace())
-        self._hold = NameHold(self.name)
+        self._hold = NameHold(self.name, self._node.context.get_domain_id())
         self._end = time.monotonic() + _DISCOVERY
 
     @property

@@ -1,6 +1,5 @@
 """A name that a process of this machine holds is known without discovery."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -12,18 +11,17 @@ from rpud_sim.ros.drill.drill_node import DrillNode
 from rpud_sim.ros.drill.namesakes import NameHold, Namesakes, NamesakeSearch
 
 NAME = "/a_namespace/a_node"
+DOMAIN = 7
 LONG_NAME = "/" + "/".join(["a_long_part_of_a_namespace"] * 8) + "/a_node"
 HOLDER = f"""
-import rclpy
 from rpud_sim.ros.drill.namesakes import NameHold
-rclpy.init()
-hold = NameHold({NAME!r})
+hold = NameHold({NAME!r}, {DOMAIN})
 print(hold.taken, flush=True)
 input()
 """
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def ros():
     rclpy.init()
     yield
@@ -43,39 +41,37 @@ def holder():
 
 @pytest.mark.parametrize("name", [NAME, LONG_NAME])
 def test_a_name_is_held_once_until_it_is_released(name):
-    first = NameHold(name)
-    second = NameHold(name)
+    first = NameHold(name, DOMAIN)
+    second = NameHold(name, DOMAIN)
     assert (first.taken, second.taken) == (False, True)
     second.release()  # it holds nothing: the first still does
-    assert NameHold(name).taken
+    assert NameHold(name, DOMAIN).taken
     first.release()
-    third = NameHold(name)
+    third = NameHold(name, DOMAIN)
     assert not third.taken
     third.release()
 
 
 def test_another_name_or_another_domain_is_no_hindrance(holder):
-    other = NameHold(f"{NAME}_2")
+    other = NameHold(f"{NAME}_2", DOMAIN)
     assert not other.taken
     other.release()
-    rclpy.shutdown()
-    rclpy.init(domain_id=int(os.environ["ROS_DOMAIN_ID"]) ^ 1)
-    elsewhere = NameHold(NAME)
+    elsewhere = NameHold(NAME, DOMAIN + 1)
     assert not elsewhere.taken
     elsewhere.release()
 
 
 def test_a_frozen_process_keeps_its_name_and_a_killed_one_does_not(holder):
     holder.send_signal(signal.SIGSTOP)
-    assert NameHold(NAME).taken
+    assert NameHold(NAME, DOMAIN).taken
     holder.kill()
     holder.wait()
-    hold = NameHold(NAME)
+    hold = NameHold(NAME, DOMAIN)
     assert not hold.taken
     hold.release()
 
 
-def test_a_drill_is_found_although_discovery_has_no_time(monkeypatch):
+def test_a_drill_is_found_although_discovery_has_no_time(ros, monkeypatch):
     monkeypatch.setattr("rpud_sim.ros.drill.namesakes._DISCOVERY", 0.0)
     drill = DrillNode(namespace="/twin")
     search = NamesakeSearch("drill_node", "twin")
@@ -87,7 +83,7 @@ def test_a_drill_is_found_although_discovery_has_no_time(monkeypatch):
     search.close()
 
 
-def test_of_two_that_search_at_the_same_time_one_finds_the_other():
+def test_of_two_that_search_at_the_same_time_one_finds_the_other(ros):
     first = NamesakeSearch("drill_node", "twin")
     second = NamesakeSearch("drill_node", "twin")
     assert (first.finish(), second.finish()) == (False, True)
@@ -97,13 +93,24 @@ def test_of_two_that_search_at_the_same_time_one_finds_the_other():
 
 def test_a_system_without_such_sockets_leaves_it_to_discovery(monkeypatch):
     monkeypatch.setattr("sys.platform", "darwin")
-    assert not NameHold(NAME).taken
-    assert not NameHold(NAME).taken
+    assert not NameHold(NAME, DOMAIN).taken
+    assert not NameHold(NAME, DOMAIN).taken
 
 
-def test_nodes_of_one_process_may_share_a_name():
+def test_nodes_of_one_process_may_share_a_name(ros):
     node = rclpy.create_node("a_node", namespace="/a_namespace")
     first, second = Namesakes(node), Namesakes(node)
     first.close()
     second.close()
     node.destroy_node()
+
+
+def test_the_domain_is_that_of_the_node_s_own_context():
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=DOMAIN)
+    node = rclpy.create_node("a_node", namespace="/a_namespace", context=context)
+    namesakes = Namesakes(node)
+    assert NameHold(NAME, DOMAIN).taken
+    namesakes.close()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
