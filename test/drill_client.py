@@ -141,10 +141,14 @@ class Client:
 
     def call_async(self, kind, name, request):
         """Call a service of another node and give the future of its response."""
+        return self.service(kind, name).call_async(request)
+
+    def service(self, kind, name):
+        """Give the client of a service that is there."""
         if name not in self._services:
             self._services[name] = self.node.create_client(kind, name)
         self.until(self._services[name].service_is_ready)
-        return self._services[name].call_async(request)
+        return self._services[name]
 
     def step(self, seconds):
         """Let a paused drill go on; give the stamp that it reached [ns]."""

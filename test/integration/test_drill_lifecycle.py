@@ -199,10 +199,13 @@ def test_a_reset_that_cannot_be_changes_nothing(client, drill, scenario):
     ],
 )
 def test_a_shutdown_ends_the_process(start_drill, connect, before, transition):
-    process = start_drill("/shut", WAITING, **PARAMETERS)
+    process, node = start_drill("/shut", WAITING, **PARAMETERS), "/shut/drill_node"
     client = connect("/shut")
+    # A drill that has ended cannot be asked again. One that answers the later client knows both.
+    client.service(ChangeState, f"{node}/change_state")
+    client.call(GetState, f"{node}/get_state", GetState.Request())
     for each in (*before, transition):
-        assert change(client, each, "/shut/drill_node")
+        assert change(client, each, node)
     assert process.wait() == 0
     assert "Traceback" not in process.output
 
