@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -79,7 +78,6 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, floa
         duration: of what was added [s].
         quantile: class of the 99 % quantile of the contact force; -1 for none.
     """
-    sums: Any = tally.item()
     (
         events,
         actuator_impacts,
@@ -94,25 +92,33 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, floa
         energy,
         transferred,
         impulse,
-        account,
-    ) = sums
-    timed = duration > 0.0
-    absorption = absorbed(account[IMPACTS], account[RELEASE], account[DRILL_TOOL_DAMPER])
+        _,
+    ) = tally.item()
+    account = tally["account"].tolist()
+
+    def rate(total: float) -> float | None:
+        return total / duration if duration > 0.0 else None
+
+    def mean(total: float) -> float | None:
+        return total / count if count else None
+
     return {
         "duration": duration,
         "events": events,
-        "drill_tool_impact_rate": count / duration if timed else None,
-        "actuator_impact_rate": actuator_impacts / duration if timed else None,
-        "impact_velocity_mean": velocity / count if count else None,
-        "contact_force_mean": force / count if count else None,
+        "drill_tool_impact_rate": rate(count),
+        "actuator_impact_rate": rate(actuator_impacts),
+        "impact_velocity_mean": mean(velocity),
+        "contact_force_mean": mean(force),
         "contact_force_p99": force_of(quantile),
         "contact_force_max": greatest if count else None,
-        "contact_duration_mean": contact / count if count else None,
-        "squeezed_impact_rate": squeezed / duration if timed else None,
-        "kinetic_energy_rate": energy / duration if timed else None,
-        "energy_transferred_rate": transferred / duration if timed else None,
-        "energy_absorbed_rate": absorption / duration if timed else None,
-        "reacting_force_mean": impulse / duration if timed else None,
+        "contact_duration_mean": mean(contact),
+        "squeezed_impact_rate": rate(squeezed),
+        "kinetic_energy_rate": rate(energy),
+        "energy_transferred_rate": rate(transferred),
+        "energy_absorbed_rate": rate(
+            absorbed(account[IMPACTS], account[RELEASE], account[DRILL_TOOL_DAMPER])
+        ),
+        "reacting_force_mean": rate(impulse),
     }
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.lib.recfunctions import repack_fields
 
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model import engine
@@ -82,7 +83,8 @@ def test_a_run_in_parts_is_that_of_a_simulation(configuration, phase, times):
     impacts = run.advance_to(times[-1], statistics)
     expected, expected_impacts = statistics_of(configuration, phase, times)
     assert run.time == times[-1]
-    assert impacts.tobytes() == expected_impacts.tobytes()
+    # The bytes between the fields have no value.
+    assert repack_fields(impacts).tobytes() == repack_fields(expected_impacts).tobytes()
     assert exact(statistics.figures()) == exact(expected.figures())
     assert exact(statistics.account) == exact(expected.account)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import socket
 import sys
@@ -21,8 +22,8 @@ class NameHold:
     """Hold of a node's name on this machine, which ends with the process at the latest.
 
     Discovery takes seconds on a busy machine; this knows at once. It is an abstract Unix socket,
-    which no process can connect to and which leaves no file. Only Linux has them: elsewhere no
-    name is ever taken.
+    which receives nothing and leaves no file. Only Linux has them: elsewhere no name is ever
+    taken.
 
     Args:
         name: full name of the node.
@@ -39,8 +40,8 @@ class NameHold:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
             self._socket.bind(f"\0rpud_sim/{digest}")
-        except OSError:
-            self.taken = True
+        except OSError as error:  # where a sandbox forbids it, discovery has to do
+            self.taken = error.errno == errno.EADDRINUSE
             self.release()
 
     def release(self) -> None:

@@ -1,6 +1,8 @@
 """A name that a process of this machine holds is known without discovery."""
 
+import errno
 import signal
+import socket
 import subprocess
 import sys
 
@@ -100,9 +102,23 @@ def test_a_system_without_such_sockets_leaves_it_to_discovery(monkeypatch):
 def test_nodes_of_one_process_may_share_a_name(ros):
     node = rclpy.create_node("a_node", namespace="/a_namespace")
     first, second = Namesakes(node), Namesakes(node)
-    first.close()
+    domain = node.context.get_domain_id()
     second.close()
+    assert NameHold(NAME, domain).taken  # by the first
+    first.close()
+    last = NameHold(NAME, domain)
+    assert not last.taken
+    last.release()
     node.destroy_node()
+
+
+def test_where_such_sockets_are_forbidden_no_name_is_called_taken(monkeypatch):
+    class Forbidden(socket.socket):
+        def bind(self, address):
+            raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(socket, "socket", Forbidden)
+    assert not NameHold(NAME, DOMAIN).taken
 
 
 def test_the_domain_is_that_of_the_node_s_own_context():
