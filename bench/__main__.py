@@ -26,7 +26,7 @@ from bench.results import Part
 from bench.row import Row
 
 # How long nodes are listened to in these measurements [s].
-LISTENING: Mapping[str, float] = {"telemetry": 20.0, "arm": 60.0}
+LISTENING: Mapping[str, float] = {"telemetry": 600.0, "arm": 60.0}
 MEASUREMENTS: Mapping[str, str] = {
     "engine": "bench.engine:engine",
     "sweeps": "bench.sweep:sweeps",
@@ -172,7 +172,7 @@ def main() -> int:
             type=float,
             default=default,
             metavar="S",
-            help=f"how long {name} listens to a node at each of its loads (%(default)g)",
+            help=f"how long {name} listens to its nodes (%(default)g)",
         )
     parser.add_argument("--compare", metavar="BASE", help="commit to compare the work tree with")
     parser.add_argument(

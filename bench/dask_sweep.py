@@ -5,7 +5,7 @@ Everything listens on 127.0.0.1 alone.
 
 from __future__ import annotations
 
-import collections
+import dataclasses
 import json
 import os
 import signal
@@ -19,12 +19,15 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.machine import used_by
 from bench.row import Goal, Row, row
 
 SIMULATIONS = 100_000
 WANTED = 1_000_000
 WORKERS = 2
-NOTHING = 2_000  # chunks of which workers do nothing
+NOTHING = 4_000  # chunks of which workers do nothing
+WARMING = NOTHING // 10
+MANY = 100  # workers to estimate for
 _SWEEP = """
 design: latin_hypercube
 points: {points}
@@ -36,9 +39,14 @@ swept:
 
 
 class Processes:
-    """A scheduler and its workers in processes of their own, which end with the context."""
+    """A scheduler and its workers in processes of their own, which end with the context.
 
-    def __init__(self) -> None:
+    Args:
+        threads: of each worker, which run a chunk each at a time.
+    """
+
+    def __init__(self, threads: int = 1) -> None:
+        self._threads = str(threads)
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self._port = free.getsockname()[1]
@@ -69,8 +77,14 @@ class Processes:
                 time.sleep(0.05)
 
     def start_worker(self) -> None:
-        """Start a worker of one thread."""
-        self._workers.append(_start("worker", self.address, "--nthreads", "1", "--no-nanny"))
+        """Start a worker."""
+        words = (self.address, "--nthreads", self._threads, "--no-nanny")
+        self._workers.append(_start("worker", *words))
+
+    def served(self) -> tuple[float, float]:
+        """Return the processor times of the scheduler and of this process [s]."""
+        assert self._scheduler is not None
+        return used_by(self._scheduler.pid), used_by(os.getpid())
 
     def kill_worker(self) -> None:
         """Kill one worker."""
@@ -148,7 +162,7 @@ def _chunk_count(out: Path) -> int:
 
 
 def _wait_for(sweep: subprocess.Popen[str], out: Path, count: int) -> None:
-    while len(list((out / "chunks").glob("*.parquet"))) < count:
+    while len(list((out / "chunks").glob("*.arrow"))) < count:
         if sweep.poll() is not None:
             raise RuntimeError(f"the sweep ended with {sweep.returncode}")
         time.sleep(0.02)
@@ -174,6 +188,11 @@ def do_nothing(chunk: object) -> object:
 
 
 def _limit() -> Iterator[Row]:
+    """Serve as many threads as there would be workers, of which none simulates anything.
+
+    Workers have processors of their own: what bounds their number is the busier one of scheduler
+    and sweep, which serve all of them.
+    """
     from rpud_sim.studies.cluster import run_on_cluster
     from rpud_sim.studies.sweep.chunks import make_chunks, simulate
     from rpud_sim.studies.sweep.design import design_points
@@ -189,25 +208,33 @@ def _limit() -> Iterator[Row]:
             "swept": {"weight_on_bit": {"minimum": 5.0, "maximum": 20.0}},
         }
     )
-    chunks = list(make_chunks(specification, design_points(specification)))[:NOTHING]
+    made = list(make_chunks(specification, design_points(specification)))
+    chunks = [
+        dataclasses.replace(made[number % len(made)], number=number) for number in range(NOTHING)
+    ]
     simulate(chunks[0])
     began = time.process_time()
     simulate(chunks[1])
     each = time.process_time() - began
     os.environ["PYTHONPATH"] = os.pathsep.join(["", *sys.path])  # of the workers: this file
-    counts = collections.Counter[int]()
-    with tempfile.TemporaryDirectory() as name, Processes() as cluster:
+    with tempfile.TemporaryDirectory() as name, Processes(MANY // WORKERS) as cluster:
         folder = SweepFolder(Path(name), specification)
         with folder.held():
             outcomes = run_on_cluster(chunks, cluster.address, do_nothing)
-            for chunk, outcome in outcomes:
+            for number, (chunk, outcome) in enumerate(outcomes):
                 folder.add(chunk, outcome)
-                counts[chunk.number] += 1
-                if len(counts) == NOTHING // 10:
-                    began = time.perf_counter()
-            rate = (len(counts) - NOTHING // 10) / (time.perf_counter() - began)
-    yield row("Dask: chunks per second that scheduler and sweep serve", [rate], "1/s")
+                if number == WARMING:
+                    began, before = time.perf_counter(), cluster.served()
+            served = NOTHING - 1 - WARMING
+            rate = served / (time.perf_counter() - began)
+            costs = [
+                (now - then) / served for now, then in zip(cluster.served(), before, strict=True)
+            ]
+    busiest = max(costs)
+    yield row("Dask: chunks per second, with all on this machine", [rate], "1/s")
     yield row("Dask: processor time of a chunk", [each], "s")
-    yield row("Dask: workers that this keeps busy", [rate * each], "", Goal(least=100))
-    runs = min(rate, 100 / each) * chunks[0].count
-    yield row(f"Dask, {WANTED} runs on 100 workers: wall time, estimated", [WANTED / runs], "s")
+    yield row("Dask: processor time of the scheduler for a chunk", [costs[0]], "s")
+    yield row("Dask: processor time of the sweep for a chunk", [costs[1]], "s")
+    yield row("Dask: workers that this keeps busy", [each / busiest], "", Goal(least=MANY))
+    runs = min(1.0 / busiest, MANY / each) * made[0].count
+    yield row(f"Dask, {WANTED} runs on {MANY} workers: wall time, estimated", [WANTED / runs], "s")

@@ -42,6 +42,16 @@ def processor_time() -> tuple[float, float]:
     return sum(ticks), ticks[7]
 
 
+def used_by(process: int) -> float:
+    """Return the time of processors that a process has used so far [s].
+
+    Args:
+        process: its id.
+    """
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def _processor() -> str:
     lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
     names = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))

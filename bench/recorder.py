@@ -18,6 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from bench.machine import used_by
 from bench.quiet import undisturbed
 from bench.row import Goal, Row, row
 from rpud_sim.bag import BagReader, BagWriter, Message, Topic
@@ -27,7 +28,7 @@ from rpud_sim.ros.record.writing_thread import WritingThread
 
 SECONDS = 5.0  # of talking
 RATES: Mapping[int, Sequence[int]] = {
-    100: (10_000, 20_000, 30_000, 35_000, 40_000),
+    100: (10_000, 20_000, 30_000, 40_000, 45_000, 50_000),
     1_000_000: (20, 50, 100, 200),
 }
 STARTS = 5
@@ -183,9 +184,9 @@ def _talk(name: str, folder: Path, size: int, rate: int) -> _Recorded:
         try:
             assert talking.stdout is not None
             talking.stdout.readline()  # it begins
-            before = _used(listening.pid)
+            before = used_by(listening.pid)
             said = talking.stdout.readline()
-            used = _used(listening.pid) - before
+            used = used_by(listening.pid) - before
             talking.wait(_ENDING)
             time.sleep(1.0)
         finally:
@@ -199,9 +200,3 @@ def _talk(name: str, folder: Path, size: int, rate: int) -> _Recorded:
         recorded = reader.message_count
     elapsed = float(found[2])
     return _Recorded(int(found[1]), elapsed, recorded, used / elapsed)
-
-
-def _used(pid: int) -> float:
-    """Time of processors that a process has used [s]."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

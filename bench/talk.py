@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import rclpy
@@ -17,6 +16,7 @@ from rpud_msgs.msg import Result
 from rpud_msgs.srv import ResetSimulation
 
 from bench.hearing import Hearing
+from bench.machine import used_by
 from rpud_sim.ros.drill.publishers import DIAGNOSTICS
 from rpud_sim.ros.types import message_class
 from rpud_sim.simulation.topics import TOPICS
@@ -153,8 +153,7 @@ class Talk:
 
     def processor_time(self) -> float:
         """Return the time of processors that the process has used [s]."""
-        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return used_by(self._process.pid)
 
     def _counts(self) -> tuple[float, float, float]:
         return self.hearing.bytes, self.hearing.messages["contact_force"], self.processor_time()

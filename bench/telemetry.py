@@ -15,17 +15,21 @@ from pathlib import Path
 
 import rclpy
 from rclpy.client import Client
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rpud_msgs.msg import WeightOnBit
 from rpud_msgs.srv import ListFaults
 
 from bench.bare_timer import SHARES
+from bench.block_talker import KINDS
+from bench.hearing import Hearing
 from bench.row import Goal, Row, row
 from bench.talk import Talk
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.configuration import Settings
 
-SECONDS = 20.0  # of listening at each load
+SECONDS = 600.0  # of listening at the default rates: one block of 1,000 comes in 10 s
+LARGEST_SECONDS = 60.0  # of listening at the largest, where it comes each second
 TURNS = 5  # of the comparison of bytes
 TURN_SECONDS = 3.0
 LOADS: Mapping[str, Mapping[str, object]] = {
@@ -42,6 +46,7 @@ _REQUESTS = 20.0  # of commands and of calls of a service, each [1/s]
 _PRIORITY = Settings().thread_priority
 _TIME_SHARING = "an ordinary bare timer, without a priority"
 _OF_ITS_PRIORITY = "a bare timer with the node's priority"
+_SAME_BLOCKS = "a bare publisher of such blocks"
 _CALLS = 200  # of a service
 _ANSWERING = 10.0  # that a reply may take [s]
 _POLL_PERIOD = 1e-4  # between looks for a reply [s]
@@ -52,11 +57,11 @@ def telemetry(seconds: float = SECONDS) -> Iterator[Row]:
     """Run the node under an independent listener, at its default rates and at the largest.
 
     Args:
-        seconds: of listening at each load.
+        seconds: of listening at the default rates, and at most at the largest.
     """
     with ros():
-        for name, parameters in LOADS.items():
-            yield from _real_time(name, parameters, seconds)
+        yield from _real_time("default", seconds)
+        yield from _real_time("largest", min(seconds, LARGEST_SECONDS))
         for name, parameters in LOADS.items():
             yield from _throughput(name, parameters)
 
@@ -71,19 +76,27 @@ def ros() -> Iterator[None]:
         rclpy.try_shutdown()
 
 
-def _real_time(name: str, parameters: Mapping[str, object], seconds: float) -> Iterator[Row]:
-    """Listen to the node beside bare timers; at the largest load beside a recorder."""
+def _real_time(name: str, seconds: float) -> Iterator[Row]:
+    """Listen to the node beside bare programs; at the largest load beside a recorder."""
     largest = name == "largest"
-    timers = {} if largest else {_TIME_SHARING: 0, _OF_ITS_PRIORITY: _PRIORITY}
     with contextlib.ExitStack() as stack:
-        talk = stack.enter_context(Talk("drill_node", parameters))
+        talk = stack.enter_context(Talk("drill_node", LOADS[name]))
+        running: dict[str, Bare] = {}
         if largest:
             stack.enter_context(_recorder(talk.namespace))
-        running = {key: stack.enter_context(_Timer(value)) for key, value in timers.items()}
+        else:
+            namespace = f"{talk.namespace}/blocks"
+            hear_blocks(talk.node, namespace)
+            for key, words in (
+                (_TIME_SHARING, ("bare_timer", "0")),
+                (_OF_ITS_PRIORITY, ("bare_timer", str(_PRIORITY))),
+                (_SAME_BLOCKS, ("block_talker", namespace)),
+            ):
+                running[key] = stack.enter_context(Bare(*words))
         talk.settle()
         talk.reset()  # the starts of the others took time from it
         counted = talk.measure(seconds)
-        late = {key: timer.quantiles() for key, timer in running.items()}
+        late = {key: each.quantiles() for key, each in running.items()}
         status, values = talk.status(), talk.diagnostics()
         impacts = talk.hearing.delays["contact_force"]
         yield row(
@@ -99,11 +112,11 @@ def _real_time(name: str, parameters: Mapping[str, object], seconds: float) -> I
             last = key == "p99.9"
             goal = LATEST if largest and last else None
             yield row(f"telemetry, {name}: lateness of blocks, {key}", [ours], "ms", goal)
-            for timer, quantiles in late.items():
-                what = f"telemetry, {name}: lateness of {timer}, {key}"
+            for bare, quantiles in late.items():
+                what = f"telemetry, {name}: lateness of {bare}, {key}"
                 yield row(what, [quantiles[key]], "ms")
-                what = f"telemetry, {name}: lateness of blocks over that of {timer}, {key}"
-                goal = RATIO if last and timer == _OF_ITS_PRIORITY else None  # like with like
+                what = f"telemetry, {name}: lateness of blocks over that of {bare}, {key}"
+                goal = RATIO if last and bare == _OF_ITS_PRIORITY else None  # like with like
                 yield row(what, [ours / quantiles[key]], "", goal)
         yield row(f"telemetry, {name}: greatest lateness of each second", talk.late, "ms")
         missed = status.deadlines_missed
@@ -155,14 +168,24 @@ def _await_reply(client: Client) -> None:
         time.sleep(_POLL_PERIOD)
 
 
-class _Timer:
-    """A bare timer in a process of its own."""
+def hear_blocks(node: Node, namespace: str) -> Hearing:
+    """Return a listener to the topics of a ``block_talker``, which begins when all are heard."""
+    return Hearing(node, {f"{namespace}/{topic}": kind for topic, kind in KINDS.items()})
 
-    def __init__(self, priority: int) -> None:
-        words = (sys.executable, "-m", "bench.bare_timer", str(priority))
+
+class Bare:
+    """A program of the bench in a process of its own, which does nothing but keep deadlines.
+
+    Args:
+        program: its module.
+        argument: of the program.
+    """
+
+    def __init__(self, program: str, argument: str) -> None:
+        words = (sys.executable, "-m", f"bench.{program}", argument)
         self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
 
-    def __enter__(self) -> _Timer:
+    def __enter__(self) -> Bare:
         assert self._process.stdout
         self._process.stdout.readline()  # it has begun
         return self

@@ -5,17 +5,16 @@ It needs a Chromium, whose own load is not counted.
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
+from bench.machine import used_by
 from bench.row import Row, row
 from rpud_sim.ros.client import DrillClient
 from toolchain.browser import OPTIONS, find_chromium
@@ -56,9 +55,9 @@ def watch() -> Iterator[Row]:
                 page.goto(url)
                 page.wait_for_function("Number(document.documentElement.dataset.frame) > 0")
                 opened += 1
-            before, began = _cpu(server.pid), time.monotonic()
+            before, began = used_by(server.pid), time.monotonic()
             lateness = _lateness(client)
-            load = (_cpu(server.pid) - before) / (time.monotonic() - began)
+            load = (used_by(server.pid) - before) / (time.monotonic() - began)
             yield row(f"watch, {pages} pages: lateness of the latest block", lateness, "ms")
             yield row(f"watch, {pages} pages: server's share of one core", [100.0 * load], "%")
 
@@ -72,12 +71,6 @@ def _lateness(client: DrillClient) -> list[float]:
         client.until(lambda count=count: client.status_number != count)  # type: ignore[misc]
         found.append(1e3 * client.status.lateness_max)
     return found
-
-
-def _cpu(process: int) -> float:
-    """Return the time that a process has computed [s]."""
-    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _end(process: subprocess.Popen) -> None:

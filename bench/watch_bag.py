@@ -18,6 +18,7 @@ import sys
 import time
 from pathlib import Path
 
+from bench.machine import used_by
 from toolchain.browser import OPTIONS, find_chromium
 
 WIDTHS = (1000.0, 100.0, 10.0, 1.0, 0.05, 1e-3, 2e-5)
@@ -40,12 +41,6 @@ _ZOOM = """([start, end]) => new Promise((done) => {
 })"""
 
 
-def processor_time(process: int) -> float:
-    """Return the processor time of a process so far [s]."""
-    fields = Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def measure(bag: str, turns: int) -> None:
     """Print the times of one bag."""
     from playwright.sync_api import sync_playwright
@@ -64,14 +59,14 @@ def measure(bag: str, turns: int) -> None:
             address = re.search(r"http://\S+", server.stdout.readline())
             if address is None:
                 raise SystemExit("rpud watch printed no address")
-            listening, spent = time.perf_counter() - began, processor_time(server.pid)
+            listening, spent = time.perf_counter() - began, used_by(server.pid)
             print(
                 f"start of the command to its address: {listening:.2f} s, processor {spent:.2f} s"
             )
             page.goto(address[0])
             page.wait_for_function(_DRAWN)
             page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")
-            opened, spent = time.perf_counter() - began, processor_time(server.pid)
+            opened, spent = time.perf_counter() - began, used_by(server.pid)
             print(
                 f"start of the command to the drawn page: {opened:.2f} s, processor {spent:.2f} s"
             )
@@ -98,11 +93,11 @@ def _zoom(page, process: int, turns: int, *, settled: bool) -> None:
     for width in WIDTHS:
         if width > whole[1]:
             continue
-        times, spent = [], processor_time(process)
+        times, spent = [], used_by(process)
         for _ in range(turns):
             start = numbers.uniform(whole[0], whole[1] - width)
             times.append(page.evaluate(_ZOOM, [start, start + width]))
-        spent = (processor_time(process) - spent) / turns
+        spent = (used_by(process) - spent) / turns
         share = "" if not settled else f", processor {1e3 * spent:.0f} ms each"
         figures = f"median {statistics.median(times):.0f} ms, greatest {max(times):.0f} ms"
         print(

@@ -48,7 +48,7 @@ def alive(pid):
 
 
 def chunks(folder):
-    return set(folder.glob("chunks/*.parquet"))
+    return set(folder.glob("chunks/*.arrow"))
 
 
 def same(folder, other):

@@ -21,8 +21,8 @@ from rpud_sim.studies.sweep.specification import Specification
 # A chunk takes about a quarter of a second: much longer than sending and writing it, and short
 # enough to lose. Small sweeps are cut finer, so that several workers have work. The size depends on
 # the specification alone, since a folder may be completed on another machine.
-_LONGEST, _SHORTEST = 300.0, 10.0  # simulated [s]
-_MOST = 1536  # simulations
+_LONGEST, _SHORTEST = 600.0, 10.0  # simulated [s]
+_MOST = 3072  # simulations
 _WANTED = 32  # chunks of a small sweep
 
 _NO_FIGURES = [np.nan] * len(FIGURES)

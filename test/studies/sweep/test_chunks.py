@@ -58,7 +58,7 @@ def test_chunks_hold_every_simulation_once_with_its_point(points, repeat, durati
     weights = np.arange(points, dtype=float)
     found = []
     for chunk in make_chunks(specification, {"weight_on_bit": weights}):
-        assert 1 <= chunk.count <= size <= 1536
+        assert 1 <= chunk.count <= size <= 3072
         assert chunk.first == chunk.number * size
         held = chunk.points["weight_on_bit"]
         assert held[0] == chunk.first // repeat
