@@ -89,8 +89,8 @@ def _beside(
 
 def _time_of_sweep(version: Checkout) -> float:
     """Return the wall time of a run in a sweep on all cores, without start and end [s]."""
-    least, most = (_sweep(version, points) for points in (50, 1050))
-    return (most - least) / 10_000
+    least, most = (_sweep(version, points) for points in (50, 3050))
+    return (most - least) / 30_000
 
 
 def _sweep(version: Checkout, points: int) -> float:

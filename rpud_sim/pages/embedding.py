@@ -119,13 +119,13 @@ class Embedding:
         """Return the elements at the end of the page, and the sources that its policy allows."""
         if self.empty:
             return Markup(""), []
-        from bokeh.embed import json_item
+        from rpud_sim.pages.figures import standalone
 
         parts = [
             json_element(content, "plot-group", name) for name, content in self._groups.items()
         ]
         parts += [
-            json_element(json_item(drawn.figure), "plot-data", drawn.figure.name)
+            json_element(standalone(drawn.figure), "plot-data", drawn.figure.name)
             for drawn in self._drawn
         ]
         parts.append(_theme_element())

@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from bokeh.embed import json_item
 from bokeh.models import DataRange1d, LogScale, Quad, Span, Step, VSpan, VStrip
 
-from rpud_sim.pages.figures import draw_column, draw_plot, mark_sources
+from rpud_sim.pages.figures import draw_column, draw_plot, mark_sources, standalone
 from rpud_sim.pages.plot import (
     COMMAND,
     FAULT,
@@ -131,3 +132,18 @@ def test_lines_across_are_drawn_through_the_plot():
     found = draw_plot(Plot("a", (LAYERS[0], Rule("r", 2.0, across=False))), "p").figure
     [span] = [model for model in found.references() if isinstance(model, Span)]
     assert (span.location, span.dimension) == (2.0, "height")
+
+
+@pytest.mark.parametrize(("live", "expected"), [(False, set()), (True, {COMMAND, FAULT, GAP})])
+def test_marks_that_cannot_come_are_not_drawn(live, expected):
+    column = TimeColumn((Plot("title", (LAYERS[0],)),), 0.0, 4.0)
+    (drawn,) = draw_column(column, ("plot-1",), live=live)
+    names = {renderer.name or "" for renderer in drawn.figure.renderers}
+    assert {name.removeprefix("mark ") for name in names if name.startswith("mark ")} == expected
+
+
+@pytest.mark.parametrize("layer", LAYERS, ids=lambda layer: layer.name)
+def test_a_figure_is_embedded_as_bokeh_does(layer):
+    figure = draw_plot(Plot("title", (layer,)), "plot-1").figure
+    found = standalone(figure)
+    assert json.dumps(found) == json.dumps(json_item(figure))

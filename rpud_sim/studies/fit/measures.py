@@ -221,8 +221,20 @@ def impact_statistic(values: np.ndarray, item: Measure) -> float:
     if not len(values):
         return math.nan
     if item.statistic == "quantile":
-        return float(np.quantile(values, item.quantile))
+        return _quantile(values, item.quantile)
     return float(getattr(values, item.statistic)())
+
+
+def _quantile(values: np.ndarray, share: float) -> float:
+    """Return the quantile of NumPy's ``quantile``, whose calls would be a tenth of a fit's time."""
+    place = share * (len(values) - 1)
+    below = math.floor(place)
+    above = min(below + 1, len(values) - 1)
+    low, high = np.partition(values, (below, above))[[below, above]].tolist()
+    part = place - below
+    if part < 0.5:
+        return float(low + (high - low) * part)
+    return float(high - (high - low) * (1.0 - part))
 
 
 def _greatest(block: Block, channel: str) -> float:

@@ -122,7 +122,8 @@ class SweepFolder:
 
     def points(self) -> Mapping[str, Any]:
         """Return the table of points, by column."""
-        table = pq.read_table(self.path / POINTS)
+        with pq.ParquetFile(self.path / POINTS) as file:  # read_table imports pandas
+            table = file.read()
         return {name: table[name].to_numpy() for name in table.column_names}
 
     def _chunk_path(self, number: int) -> Path:

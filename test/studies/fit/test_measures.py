@@ -4,13 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation import Simulation, preset
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.ensemble import run_ensemble
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.fit.measures import UNITS, Measure, measure
+from rpud_sim.studies.fit.measures import UNITS, Measure, impact_statistic, measure
 from rpud_sim.studies.reproduction.single_contact import single_contact
 from rpud_sim.studies.reproduction.windows import run_windows
 
@@ -82,3 +84,15 @@ def test_every_figure_can_be_measured(figure):
     item = Measure(figure, 0.0, 0.1, "mean" if impact else statistic)
     assert math.isfinite(measure(DRILL, 0.0, [item])[0])
     assert figure in str(item)
+
+
+@given(
+    values=st.lists(st.floats(0.0, 1e6), min_size=1, max_size=40),
+    share=st.one_of(st.floats(0.0, 1.0), st.sampled_from([0.0, 0.05, 0.5, 0.95, 1.0])),
+)
+def test_a_quantile_of_impacts_is_that_of_numpy_to_the_last_bit(values, share):
+    impacts = np.array([(0, value) for value in values], [("contact", "u1"), ("force", "f8")])
+    found = impact_statistic(
+        impacts["force"], Measure("contact_force", 0.0, 1.0, "quantile", share)
+    )
+    assert found == np.quantile(values, share)
