@@ -177,4 +177,5 @@ install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/mod
 
 install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@$(COLCON_BUILD) rpud_sim
+	@$(if $(PYTHONDONTWRITEBYTECODE),$(WITH_ENV) python toolchain/keep_bytecode.py rpud_sim)
 	@touch $@
