@@ -151,11 +151,11 @@ class PacedRun:
         self._pacer.wait(until)
         self._publishers.publish_clock(self._run.origin + until)
         self._publishers.send(messages)
+        self._pacer.finish(until)
         if self._pacer.paces:
             struck = [time for time, name, _ in entries if name == "contact_force"]
             self._account.add_impact_delays(map(self._pacer.delay_since, struck))
         changed = self._apply_planned() | self._apply_commands()
-        self._pacer.finish(until)
         if not self._pacer.ahead:
             self._publish_rest()
         for refusal in self._run.simulation.drain_refusals():

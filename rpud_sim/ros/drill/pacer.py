@@ -147,7 +147,7 @@ class Pacer:
         return self._schedule() - self._due(time)
 
     def finish(self, time: int) -> None:
-        """Note that the block up to a simulation time [ns] is finished."""
+        """Note that the block up to a simulation time [ns] is finished: all of it is published."""
         self._blocks += 1
         self._time = time
         if not self.paces:
