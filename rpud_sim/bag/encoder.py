@@ -157,12 +157,19 @@ def _encode_ragged(
     for code, place, value in written:
         begins = starts + head + place
         if isinstance(value, Ragged):
-            size = _SIZES[code]
-            begins = np.repeat(begins - size * value.cuts[:-1], value.counts)
-            begins += size * np.arange(len(begins))
-            value = value.values
-        _column_at(data, begins, code, value)
+            _sequences_at(data, begins, value)
+        else:
+            _column_at(data, begins, code, value)
     return data, sizes
+
+
+def _sequences_at(data: np.ndarray, begins: np.ndarray, sequences: Ragged) -> None:
+    """Write each sequence to its place in bytes."""
+    content = np.ascontiguousarray(sequences.values).view(np.uint8).data
+    target = data.data
+    cuts = (sequences.cuts * sequences.values.itemsize).tolist()
+    for begin, first, end in zip(begins.tolist(), cuts, cuts[1:], strict=False):
+        target[begin : begin + end - first] = content[first:end]
 
 
 def _column_at(data: np.ndarray, begins: np.ndarray, code: str, value: Any) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from heapq import merge
 from typing import Any
@@ -64,9 +64,17 @@ class Columns:
         """Place of each among all messages of the span; equal where they follow each other."""
         return self.blocks * len(_ORDER) + _ORDER[self.topic]
 
-    def row(self, number: int) -> Fields:
-        """Return the fields of one message."""
-        return _row(self.fields, number)
+    def row(self, number: int, names: Collection[str] | None = None) -> Fields:
+        """Return the fields of one message.
+
+        Args:
+            number: of the message.
+            names: of the fields to return, as far as there are any; None for all. A message of
+                samples or segments has long sequences.
+        """
+        if names is None:
+            return _row(self.fields, number)
+        return _row({name: self.fields[name] for name in names if name in self.fields}, number)
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,8 @@ KINDS = [ContactForce, DrillTool, Faults, JointState, JournalEntry, NodalPlane, 
 KINDS += [ActuatorState, Status, Trajectory, Waveform, WrenchStamped, Clock]
 KINDS += [Borehole, Mount, Rotation]
 
+HEADER = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+
 NUMBERS = {
     "boolean": st.booleans(),
     "double": st.floats(),
@@ -160,13 +162,18 @@ def mixed(first, other, ragged):
     return found
 
 
+def test_sequences_of_different_lengths_may_all_be_empty():
+    encoder = Encoder(members_of(JointState))
+    lists = {"name": [], "velocity": array("d"), "effort": array("d")}
+    columns = {"header": HEADER, **lists, "position": Ragged(np.empty(0), np.zeros(3, np.int64))}
+    encoded, _ = encoder.encode_columns(columns, 2)
+    assert encoded.tobytes() == 2 * encoder.encode({**columns, "position": array("d")})
+
+
 def test_a_column_that_does_not_fit_is_an_error():
     header = {"stamp": {"sec": np.array([1, 2**31]), "nanosec": np.array([0, 0])}, "frame_id": ""}
     with pytest.raises(ValueError, match="does not fit int32"):
         Encoder(members_of(ReactingForce)).encode_columns({"header": header, "force": 1.0}, 2)
-
-
-HEADER = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
 
 
 @pytest.mark.parametrize(

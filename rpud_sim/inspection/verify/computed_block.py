@@ -10,7 +10,7 @@ import numpy as np
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.inspection.encoded import encoded_columns
-from rpud_sim.inspection.verify.messages import Key, computed_key
+from rpud_sim.inspection.verify.messages import KEY_FIELDS, Key, computed_key
 from rpud_sim.inspection.verify.recorded_journal import Position
 from rpud_sim.simulation.fields import Fields
 from rpud_sim.simulation.together import Columns, Together
@@ -38,7 +38,7 @@ class ComputedBlock:
 
     def key(self, number: int) -> Key:
         """Return the key of a message."""
-        return computed_key(self.fields(number))
+        return computed_key(self.source.row(number, KEY_FIELDS))
 
     def position(self, number: int) -> Position:
         """Return the progress of the drill at a message."""

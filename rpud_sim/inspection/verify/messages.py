@@ -18,6 +18,9 @@ from rpud_sim.simulation.fields import Fields, stamp_of
 Key = tuple[int, int]
 """Stamp [ns] and sequence number: unique within a topic, unless something is wrong."""
 
+KEY_FIELDS = ("header", "sequence")
+"""Fields of a computed message that its key is made of; not every type has the second one."""
+
 UNREADABLE: Key = (-1, -1)
 """Key of a recorded message that cannot be decoded."""
 

@@ -120,11 +120,18 @@ class Stretches:
             for first, second in pairwise(times)
         )
 
-    def hold(self, stretch: int, publish_times: np.ndarray) -> np.ndarray:
-        """Return whether messages may belong to a stretch, by their publishing times [ns]."""
+    def fitting(self, stretch: int, publish_times: np.ndarray) -> int:
+        """Return how many messages, from the first on, may belong to a stretch by these times [ns].
+
+        Stretches ascend with the times. So if the earliest and the latest time fit, all do.
+        """
+        if (
+            self._range(int(publish_times.max()))[0] <= stretch
+            and stretch <= self._range(int(publish_times.min()))[1]
+        ):
+            return len(publish_times)
         first, last = self.ranges(publish_times)
-        found: np.ndarray = (first <= stretch) & (stretch <= last)
-        return found
+        return int(np.argmin((first <= stretch) & (stretch <= last)))
 
     def ranges(self, publish_times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the first and the last stretch that messages may belong to, by these times."""
@@ -137,9 +144,13 @@ class Stretches:
 
     def of(self, message: Message) -> tuple[int, int]:
         """Return the first and the last stretch that a message may belong to."""
+        return self._range(message.publish_time)
+
+    def _range(self, publish_time: int) -> tuple[int, int]:
+        """Return the first and the last stretch of a publishing time [ns]."""
         final = max(0, len(self._begins) - 1)
         if not self._ordered:
             return 0, final
-        first = bisect_left(self._begins, message.publish_time) - 1
-        last = bisect_right(self._earliest, message.publish_time) - 1
+        first = bisect_left(self._begins, publish_time) - 1
+        last = bisect_right(self._earliest, publish_time) - 1
         return max(0, first), min(max(0, first, last), final)

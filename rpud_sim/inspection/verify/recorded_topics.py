@@ -8,15 +8,16 @@ from collections.abc import Callable, Collection, Iterator
 import numpy as np
 
 from rpud_sim.bag import BagReader, Message
-from rpud_sim.bag.message_block import MessageBlock, items
+from rpud_sim.bag.message_block import MessageBlock, gathered
 
-TimesFit = Callable[[np.ndarray], np.ndarray]
-"""Returns whether each of some publishing times [ns] fits."""
+FittingTimes = Callable[[np.ndarray], int]
+"""Returns how many of some publishing times [ns], at least one, fit from the first on."""
 
 _MOST_WAITING = 64 * 2**20
 """Greatest size of the messages that wait for their turn [bytes]."""
 
-# Messages of at most this size are compared all at once, larger ones one by one [bytes].
+# Messages of at most this size are compared all at once. To put larger ones one behind the other
+# takes longer than to compare them one by one [bytes].
 _SMALL = 2048
 
 
@@ -105,13 +106,13 @@ class RecordedMessages:
         log_time, publish_time = int(block.log_times[number]), int(block.publish_times[number])
         return Message(self._topic, log_time, publish_time, data)
 
-    def pass_equal(self, computed: MessageBlock, first: int, times_fit: TimesFit) -> int:
+    def pass_equal(self, computed: MessageBlock, first: int, fitting: FittingTimes) -> int:
         """Skip the messages that are computed, bit for bit, and return their number.
 
         Args:
             computed: messages that all differ from their neighbours.
             first: number of the first of them that counts.
-            times_fit: whether messages may be these by their publishing times [ns].
+            fitting: how many messages may be these by their publishing times [ns].
         """
         passed = 0
         while first + passed < len(computed) and (block := self._first()) is not None:
@@ -119,9 +120,8 @@ class RecordedMessages:
             own = block.part(slice(self._next, self._next + count))
             others = computed.part(slice(first + passed, first + passed + count))
             equal = _equal_count(own, others)
-            fitting = times_fit(own.publish_times[:equal])
-            if not fitting.all():
-                equal = int(np.argmin(fitting))
+            if equal:
+                equal = fitting(own.publish_times[:equal])
             if not equal:
                 break
             self._next += equal
@@ -154,17 +154,14 @@ def _equal_count(first: MessageBlock, second: MessageBlock) -> int:
     same = first.sizes == second.sizes
     if not same.all():
         count = int(np.argmin(same))
-    if not count:
-        return 0
-    size = int(first.sizes[0])
-    if 0 < size <= _SMALL and (first.sizes[:count] == size).all():
-        rows = [
-            items(block.data, size)[block.starts[:count]].view(np.uint8).reshape(count, size)
-            for block in (first, second)
-        ]
-        if np.array_equal(*rows):
+    sizes = first.sizes[:count]
+    if count and int(sizes.max()) <= _SMALL:
+        one, other = (
+            gathered(block.data, block.starts[:count], sizes) for block in (first, second)
+        )
+        if np.array_equal(one, other):
             return count
-        return int(np.argmin((rows[0] == rows[1]).all(axis=1)))
+        return int(np.searchsorted(np.cumsum(sizes), np.argmax(one != other), side="right"))
     for number in range(count):
         if not np.array_equal(_bytes(first, number), _bytes(second, number)):
             return number

@@ -173,7 +173,7 @@ class TopicComparison:
                 number += 1
                 continue
             passed = self._source.pass_equal(
-                computed.messages, number, partial(self._stretches.hold, computed.stretch)
+                computed.messages, number, partial(self._stretches.fitting, computed.stretch)
             )
             if passed:
                 self._count_equal(passed)

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from altered_bags import altered, numbered, unchanged
 from inspection.verify.proof_bags import JOURNAL
@@ -46,6 +47,28 @@ def test_a_message_belongs_to_the_run_in_which_it_was_published(time, expected):
     stretches = Stretches(journal(*TWO_RUNS))
     assert stretches.of(Message("/rpud/wrench", 99, time, b"")) == expected
     assert stretches.runs == 2
+
+
+@pytest.mark.parametrize(
+    ("times", "expected"),
+    [
+        ([20, 25, 29], 3),
+        ([25, 20, 29], 3),  # not in order
+        ([25, 29, 45], 2),
+        ([25, 45, 29], 1),
+        ([45, 25], 0),
+        ([5, 45, 25], 1),  # the earliest fits, the latest does not
+        ([0, 35], 2),
+    ],
+)
+def test_messages_fit_a_stretch_up_to_the_first_that_was_published_in_another(times, expected):
+    stretches = Stretches(journal(*TWO_RUNS))
+    assert stretches.fitting(1, np.array(times)) == expected
+
+
+def test_stretches_that_the_clock_does_not_show_fit_every_message():
+    stretches = Stretches(journal(("begin", 100), ("stop", 110), ("begin", 50), ("stop", 60)))
+    assert [stretches.fitting(number, np.array([5, 105, 55])) for number in (0, 1)] == [3, 3]
 
 
 def test_only_a_last_entry_ends_the_runs():

@@ -11,6 +11,7 @@ from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.inspection.verify import recorded_topics
 from rpud_sim.inspection.verify.computed_block import computed_blocks
 from rpud_sim.inspection.verify.installed_types import installed_codec
+from rpud_sim.inspection.verify.messages import computed_key
 from rpud_sim.inspection.verify.recorded_journal import Span, Stretches
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.topic_comparison import TopicComparison
@@ -188,6 +189,41 @@ def test_undamaged_blocks_are_compared_without_single_messages():
         ):
             comparison.add_block(block)
     assert comparison.counts.equal == len(recorded) > 100
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_key_of_a_computed_message_is_that_of_its_fields(name):
+    for together, stretch in COMPUTED[1]:
+        for _, block in computed_blocks(together, {name: CODECS[name]}, stretch, 0):
+            for number in range(len(block.messages)):
+                assert block.key(number) == computed_key(block.fields(number))
+
+
+def small_messages():
+    """Messages of several small sizes, each with bytes of its own."""
+    data = [bytes([number + 1]) * (4 + number % 3) for number in range(9)]
+    return [Message("/a", number, number, each) for number, each in enumerate(data)]
+
+
+@pytest.mark.parametrize("number", range(9))
+@pytest.mark.parametrize("place", [0, -1])
+def test_small_messages_of_different_sizes_are_equal_up_to_the_first_that_differs(number, place):
+    own = small_messages()
+    data = bytearray(own[number].data)
+    data[place] ^= 1
+    altered = [*own]
+    altered[number] = own[number]._replace(data=bytes(data))
+    recorded = RecordedMessages(Source(altered, []), "/a")
+    assert recorded.pass_equal(block_of(own), 0, len) == number
+
+
+def test_small_messages_are_equal_up_to_the_first_of_another_size():
+    own = small_messages()
+    for number, each in enumerate(own):
+        altered = [*own]
+        altered[number] = each._replace(data=each.data + each.data[:1])
+        recorded = RecordedMessages(Source(altered, []), "/a")
+        assert recorded.pass_equal(block_of(own), 0, len) == number
 
 
 # --- reading ----------------------------------------------------------------------------------
