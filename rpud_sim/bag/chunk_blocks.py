@@ -133,30 +133,31 @@ def _blocks(
     data: np.ndarray, places: np.ndarray, topics: Mapping[int, str], start_time: int
 ) -> list[MessageBlock]:
     heads = _heads(data, places)
-    channels = np.fromiter(topics, np.uint16, len(topics))
-    chosen = np.isin(heads["channel"], channels)
+    held = np.bincount(heads["channel"])
+    numbers = np.full(len(held), -1)  # of the topic of each channel; -1 if it is not wanted
+    names: dict[str, int] = {}
+    for channel in np.flatnonzero(held).tolist():
+        if channel in topics:
+            numbers[channel] = names.setdefault(topics[channel], len(names))
+    of_message = numbers[heads["channel"]]
     if start_time > 0:
-        chosen &= heads["log_time"] >= np.uint64(min(start_time, 2**64 - 1))
-    heads, places = heads[chosen], places[chosen]
-    names = list(dict.fromkeys(topics.values()))
-    numbers = np.zeros(2**16, np.int64)
-    number_of = {name: number for number, name in enumerate(names)}
-    numbers[channels] = [number_of[name] for name in topics.values()]
-    of_topic = numbers[heads["channel"]]
-    order = np.argsort(of_topic, kind="stable")
-    counts = np.bincount(of_topic, minlength=len(names))
+        of_message[heads["log_time"] < np.uint64(min(start_time, 2**64 - 1))] = -1
+    order = np.argsort(of_message, kind="stable")
+    counts = np.bincount(of_message + 1, minlength=len(names) + 1)
     blocks = []
-    end = 0
-    for number in np.flatnonzero(counts):
-        rows = order[end : end + counts[number]]
-        end += counts[number]
+    end = counts[0]
+    for name, number in names.items():
+        rows = order[end : end + counts[number + 1]]
+        end += len(rows)
+        if not len(rows):
+            continue
         times = heads["log_time"][rows]
         if (times[1:] < times[:-1]).any():
             rows = rows[np.argsort(times, kind="stable")]
         found = heads[rows]
         blocks.append(
             MessageBlock(
-                names[number],
+                name,
                 _times(found["log_time"]),
                 _times(found["publish_time"]),
                 data,

@@ -247,7 +247,7 @@ class _Values:
 
     def _counts(self, field: Field) -> np.ndarray:
         count: Whole | None = field.count
-        return np.broadcast_to(np.asarray(count, np.int64), self._starts.shape)
+        return np.full(self._starts.shape, count, np.int64)
 
 
 def _holds_texts(codec: Codec, attribute: str) -> bool:

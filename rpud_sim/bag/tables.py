@@ -271,7 +271,7 @@ class _Waiting:
         limit: their size as a batch [bytes].
 
     Attributes:
-        blocks: of these messages alone.
+        blocks: of these messages alone, unless one block fills the batch.
         size: memory that they take [bytes].
         full: whether they must become a batch now.
     """
@@ -283,15 +283,23 @@ class _Waiting:
         self.full = False
 
     def add(self, block: MessageBlock, decoded: np.ndarray) -> int:
-        """Add the first messages of a block until they are full, and return their number."""
+        """Add the first messages of a block until they are full, and return their number.
+
+        A block that makes less than two batches is not divided if none wait.
+        """
         sizes = self.size + np.cumsum(block.sizes + _OVERHEAD)
         memory = self._decoded + np.cumsum(decoded)
-        over = (sizes >= self._limit) | (memory >= DECODED_SIZE)
-        self.full = bool(over[-1])
-        count = int(np.argmax(over)) + 1 if self.full else len(block)
-        self.blocks.append(block.part(slice(0, count)).packed())
-        self.size, self._decoded = int(sizes[count - 1]), int(memory[count - 1])
-        return count
+        size, used = int(sizes[-1]), int(memory[-1])
+        self.full = size >= self._limit or used >= DECODED_SIZE
+        alone = self.full and not self.blocks
+        if self.full and (used >= DECODED_SIZE or not alone or size >= 2 * self._limit):
+            over = (sizes >= self._limit) | (memory >= DECODED_SIZE)
+            block = block.part(slice(0, int(over.argmax()) + 1))
+            size, used = int(sizes[len(block) - 1]), int(memory[len(block) - 1])
+        # A batch of one block is made at once. What waits must not keep the chunk in memory.
+        self.blocks.append(block if alone else block.packed())
+        self.size, self._decoded = size, used
+        return len(block)
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -15,11 +15,16 @@ from rpud_sim.bag.tables import Batch, Table
 if TYPE_CHECKING:
     import pandas
 
-PART_SIZE = 2**20
+PART_SIZE = 2**19
 """Size of messages that are copied into the arrays together [bytes]: a processor's cache holds it.
+
+A topic that fills half of a chunk is read from the chunk without a copy of its messages.
 """
 
-_GREATEST_GROWTH = 256  # a damaged count of messages must not take all memory
+# A damaged count of messages must not take all memory. The first step is smaller, since arrays that
+# are nearly whole would take long to copy.
+_FIRST_GROWTH = 32
+_GREATEST_GROWTH = 256
 
 
 def filled(
@@ -67,7 +72,8 @@ class _Growing:
         if end > self._room or not self.begun:
             # As many rows in each message that is still to come as in those so far.
             expected = math.ceil(self._count * end / max(self._messages, 1))
-            self._resize(batch, max(end, min(expected, end * _GREATEST_GROWTH)))
+            growth = _GREATEST_GROWTH if self.begun else _FIRST_GROWTH
+            self._resize(batch, max(end, min(expected, end * growth)))
         for name, array in self._arrays.items():
             array[self._rows : end] = batch.columns[name]
         self._rows = end

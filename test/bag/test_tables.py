@@ -26,6 +26,7 @@ from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
 from rpud_sim.bag.blocks import _offsets as offsets_of_blocks
 from rpud_sim.bag.columns import Kind
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.tables import Batch, Table
 from rpud_sim.bag.topic_summary import TopicSummary
 from rpud_sim.bag.whole_tables import filled
@@ -239,10 +240,50 @@ def test_batches_are_the_whole_in_pieces_of_bounded_size(tmp_path, monkeypatch):
         pieces = list(bag.batches())
         whole = bag.arrays("/all")
     assert {piece.topic for piece in pieces} == {"/all"}
-    assert max(len(piece) for piece in pieces) < 10
+    assert max(len(piece) for piece in pieces) < 20
     assert sum(piece.message_count for piece in pieces) == 50
     joined = np.concatenate([piece.columns["log_time"] for piece in pieces])
     assert np.array_equal(joined, whole["log_time"])
+
+
+def test_a_block_that_fills_a_batch_is_neither_divided_nor_copied(tmp_path, monkeypatch):
+    with BagWriter(tmp_path / "bag", compression="none", chunk_size=30_000) as bag:
+        bag.add_topic(TALK, STRING_DEFINITION)
+        for number in range(45):
+            bag.write(TALK.name, serialized_string(f"{number:02d}" * 1000), number, 0)
+    copied = []
+    pack = MessageBlock.packed
+    monkeypatch.setattr(MessageBlock, "packed", lambda block: copied.append(block) or pack(block))
+
+    def counts(size):
+        copied.clear()
+        monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", size)
+        with rpud_sim.bag.open(tmp_path / "bag") as bag:
+            batches = list(bag.batches(TALK.name))
+        texts = [text[:2] for batch in batches for text in batch.columns["data"]]
+        assert texts == [f"{number:02d}" for number in range(45)]
+        return [len(batch) for batch in batches]
+
+    # Chunks of 15 messages.
+    assert counts(20_000) == [15, 15, 15]
+    assert not copied
+    assert counts(50_000) == [23, 22]
+    assert len(copied) == 4
+
+
+def test_the_first_rows_make_no_room_that_a_damaged_count_would_waste():
+    times = np.arange(1000)
+    columns = {name: times.astype(object) for name in COLUMNS}
+    batches = [Batch("/talk", columns, 1000) for _ in range(40)]
+    tracemalloc.start()
+    try:
+        filled({"/talk": TABLE}, {"/talk": 10**9}, batches[:1])
+        once = tracemalloc.get_traced_memory()[1]
+        found = filled({"/talk": TABLE}, {"/talk": 40_000}, batches)["/talk"]
+    finally:
+        tracemalloc.stop()
+    assert once < 40 * len(COLUMNS) * times.nbytes
+    assert all(np.array_equal(found[name], np.tile(times, 40)) for name in COLUMNS)
 
 
 def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
