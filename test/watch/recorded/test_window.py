@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 from altered_bags import altered
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from watch.recorded.recorded_bags import DURATION
 
@@ -88,6 +88,7 @@ def test_samples_of_any_range_are_those_of_rebuild_bit_for_bit(windows, rebuilt,
 
 
 @given(st.integers(0, 200))
+@example(36)  # begins under force
 @settings(max_examples=15)
 def test_a_contact_shows_its_peak(recording, windows, impacts, number):
     number %= len(impacts["peak_force"])
@@ -101,8 +102,12 @@ def test_a_contact_shows_its_peak(recording, windows, impacts, number):
     # Another contact may begin within the range.
     inside = (force.x >= time) & (force.x <= time + duration)
     assert inside.sum() > 200
-    peak = np.nanmax(force.y[inside])
-    assert peak == pytest.approx(impacts["peak_force"][number], rel=1e-5)
+    times, values = force.x[inside], force.y[inside]
+    peak = np.nanmax(values)
+    # One that begins under force has its peak at once, in a pixel that shows the contact before it.
+    pixel = 1.4 * duration / request.width
+    fall = (values[0] - values[9]) / (times[9] - times[0]) if peak == values[0] else 0.0
+    assert peak == pytest.approx(impacts["peak_force"][number], rel=1e-5, abs=pixel * fall)
 
 
 def test_samples_give_way_to_the_waveform_that_they_sample(recording, windows):
