@@ -175,6 +175,7 @@ install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/mod
 	@PYTHONPATH="$$PWD" .venv/bin/python -m rpud_sim.cli.main precompile
 	@touch $@
 
+# Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.
 install/.package: install/.messages package.xml setup.py setup.cfg $(wildcard launch/*.launch.py config/* urdf/*)
 	@$(COLCON_BUILD) rpud_sim
 	@$(if $(PYTHONDONTWRITEBYTECODE),$(WITH_ENV) python toolchain/keep_bytecode.py rpud_sim)

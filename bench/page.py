@@ -19,9 +19,7 @@ _SPEED = re.compile(
     r"engine, (?P<regime>\w+): "
     r"(speed over that of (?P<other>.+)|simulated seconds per second, rpud_sim)"
 )
-_LATE = re.compile(
-    r"telemetry, default: lateness of (blocks|(a|an ordinary) bare timer.*), p99[.]9"
-)
+_LATE = re.compile(r"telemetry, default: lateness of (blocks|(a|an ordinary) bare .*), p99[.]9")
 _PROFILE = re.compile(r"profile, (?P<command>[^:]+): (?P<place>.+)")
 _MARKED = re.compile(r"(<!-- figures: (\w+) -->\n)(.*?)(<!-- end of figures -->)", re.DOTALL)
 
@@ -80,7 +78,7 @@ def profiles(parts: Sequence[Part]) -> Iterator[str]:
 
 
 def lateness(parts: Sequence[Part]) -> Iterator[str]:
-    """Yield the latest blocks of a node at its defaults, and bare timers of the same minutes."""
+    """Yield the latest blocks of a node at its defaults, and of bare programs at the same time."""
     found = [row for row in results.rows_of(parts) if _LATE.fullmatch(row.name)]
     if not found:
         yield "Not measured yet."

@@ -86,7 +86,7 @@ def _real_time(name: str, seconds: float) -> Iterator[Row]:
             stack.enter_context(_recorder(talk.namespace))
         else:
             namespace = f"{talk.namespace}/blocks"
-            hear_blocks(talk.node, namespace)
+            hear_blocks(talk.node, namespace)  # the node keeps what listens
             for key, words in (
                 (_TIME_SHARING, ("bare_timer", "0")),
                 (_OF_ITS_PRIORITY, ("bare_timer", str(_PRIORITY))),
