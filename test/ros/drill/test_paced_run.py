@@ -110,6 +110,23 @@ def test_blocks_are_computed_ahead_of_their_deadlines_and_published_at_them(dril
     assert timing.lateness_max == pytest.approx(0.0, abs=1e-8)
 
 
+def test_a_block_ends_when_it_is_published_and_what_acts_after_it_is_not_its_lateness(
+    drill, monkeypatch
+):
+    drill = drill()
+    drill.play()
+    drain = drill.inbox.drain
+
+    def slow():
+        drill.clock.now += 3 * MILLISECOND
+        return drain()
+
+    monkeypatch.setattr(drill.inbox, "drain", slow)
+    drill.advance()
+    assert drill.clock.now >= START + PERIOD + 3 * MILLISECOND
+    assert drill.pacer.read().lateness_max == pytest.approx(0.0, abs=1e-8)
+
+
 def test_a_command_that_comes_while_a_block_waits_acts_at_its_end(drill):
     drill = drill()
     drill.play()
