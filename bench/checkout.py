@@ -8,13 +8,14 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import io
+import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tarfile
 import tempfile
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,35 +90,32 @@ class Checkout:
             place = folder or stack.enter_context(tempfile.TemporaryDirectory())
             output = stack.enter_context(tempfile.TemporaryFile())
             errors = stack.enter_context(tempfile.TemporaryFile())
-            began = time.perf_counter()
-            process = subprocess.Popen(
-                words,
+            file = Path(stack.enter_context(tempfile.TemporaryDirectory()), "used.json")
+            with subprocess.Popen(
+                [sys.executable, str(ROOT / "bench/used.py"), str(file), *words],
                 cwd=place,
                 env={**self.environment, **(variables or {})},
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=errors,
-            )
-            try:
-                _, status, usage = os.wait4(process.pid, 0)
-            except BaseException:
-                process.kill()
-                process.wait()
-                raise
-            wall = time.perf_counter() - began
-            process.returncode = code = os.waitstatus_to_exitcode(status)
+            ) as process:
+                try:
+                    process.wait()
+                except BaseException:
+                    process.send_signal(signal.SIGINT)  # it ends the command
+                    raise
             output.seek(0)
             errors.seek(0)
-            if code not in codes:
+            found = json.loads(file.read_text()) if file.exists() else {"code": process.returncode}
+            if found["code"] not in codes:
                 lines = errors.read().decode(errors="replace").strip().splitlines()
                 name = self.commit[:7] or "work tree"
                 raise CheckoutError(
-                    f"{name}: {' '.join(map(str, command))}: exit code {code}: "
+                    f"{name}: {' '.join(map(str, command))}: exit code {found['code']}: "
                     f"{lines[-1] if lines else 'no message'}"
                 )
-            used = usage.ru_utime + usage.ru_stime
             text = output.read().decode(errors="replace")
-            return Used(used, wall, usage.ru_maxrss * 1024, text)
+            return Used(found["processor"], found["wall"], found["memory"], text)
 
     def words(self, command: Sequence[str | Path]) -> Iterator[str]:
         """Yield the words to start a command with, for callers that start it themselves."""

@@ -62,4 +62,4 @@ def sweeps() -> Iterator[Row]:
         values = [1e3 * cost(simulations, 2) for _ in range(1 if simulations > 10_000 else PAIRS)]
         yield row(f"sweep of {simulations} simulations: each", values, "ms")
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        yield row(f"sweep of {simulations} simulations: peak memory", [memory], "MiB")
+        yield row(f"sweep of {simulations} simulations: peak memory of the bench", [memory], "MiB")

@@ -74,6 +74,15 @@ def test_a_command_tells_its_times_memory_and_code(tmp_path):
         made.run(["python", "-c", "import sys; print('no way', file=sys.stderr); sys.exit(4)"])
 
 
+def test_the_memory_of_a_command_is_its_own_and_not_that_of_the_bench(tmp_path):
+    made = version(tmp_path, 1.0)
+    held = bytearray(b"1" * 2**28)
+
+    used = made.run(["python", "-c", "print(1)"])
+
+    assert used.memory < len(held)
+
+
 def test_nothing_that_was_built_here_is_found_from_a_checkout(tmp_path, monkeypatch):
     entries = [ROOT / "install/rpud_msgs", ROOT / ".venv/share", Path("/opt/ros/jazzy")]
     monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join(map(str, entries)))
