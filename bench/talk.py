@@ -62,19 +62,26 @@ class Talk:
                 *(word for pair in words for word in ("-p", pair)),
             ]
         )
+        self._interrupted = False
         self.late: list[float] = []
 
     def __enter__(self) -> Talk:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._process.send_signal(signal.SIGINT)
+        self.interrupt()
         try:
             self._process.wait(30.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
         self.node.destroy_node()
+
+    def interrupt(self) -> None:
+        """Ask the process to end; the end of the context waits for it."""
+        if not self._interrupted:
+            self._interrupted = True
+            self._process.send_signal(signal.SIGINT)
 
     def status(self) -> Any:
         """Return the last status."""
