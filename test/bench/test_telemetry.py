@@ -9,7 +9,7 @@ from bench.bare_timer import SHARES
 from bench.talk import Talk
 from bench.telemetry import Bare, hear_blocks, ros
 
-A_SECOND = 100  # blocks, after which it begins anew
+A_SECOND = 100  # blocks, after which it begins again
 # What a drill publishes when it has time, and when something changes.
 OTHERS = {"waveform", "trajectory", "status", "/diagnostics", "journal", "faults"}
 
