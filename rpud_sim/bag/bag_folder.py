@@ -38,10 +38,8 @@ class BagFolder:
     """New bag that is written by channels; one of its files is open, all have the same channels.
 
     Args:
-        path: of the folder.
         compression: of the chunks, one of ``COMPRESSIONS``.
         chunk_size: uncompressed size after which a chunk is closed [bytes].
-        custom_data: for the bag's metadata.
         reserved: whether ``hold`` keeps room on the disk.
         ahead: chunks that another thread compresses meanwhile.
 

@@ -25,15 +25,10 @@ _LARGEST = 2**63 - 1
 
 @dataclass(frozen=True)
 class _Part:
-    """Messages of one source and topic that are not due yet.
+    """Messages of one source and topic that are not due yet."""
 
-    Attributes:
-        block: the messages.
-        times: from which they may be passed on [ns]: not before their source was due.
-    """
-
-    block: MessageBlock
-    times: np.ndarray
+    block: MessageBlock  # the messages
+    times: np.ndarray  # from which they may be passed on [ns]: not before their source was due
 
     def cut(self, first: int, end: int | None) -> _Part:
         chosen = slice(first, end)
@@ -85,7 +80,6 @@ def gathered_blocks(messages: Iterable[Message], end: int | None = None) -> Iter
     """Yield messages in blocks, in their order; what was read before an error comes before it.
 
     Args:
-        messages: one by one.
         end: log time of the first message that does not count [ns]; None for no end.
     """
     found: dict[str, list[Message]] = {}

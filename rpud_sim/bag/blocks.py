@@ -52,7 +52,6 @@ def to_rows(
     Each row has the values that its block has once. ``sequence`` is the number of the row.
 
     Args:
-        columns: of the blocks.
         blocks: values of these columns, one for each block.
 
     Raises:

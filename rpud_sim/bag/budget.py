@@ -29,19 +29,12 @@ _LEAST_TEXT = 5  # its length, and the zero at its end
 
 
 class _Shape(NamedTuple):
-    """Bounds of one part of a message.
+    """Bounds of one part of a message."""
 
-    Attributes:
-        fields: number of fields.
-        memory: that it takes without the content of texts and sequences [bytes].
-        size: least number of bytes in the message.
-        share: greatest memory for each byte of texts and sequences [bytes].
-    """
-
-    fields: int
-    memory: int
-    size: int
-    share: float
+    fields: int  # number of fields
+    memory: int  # that it takes without the content of texts and sequences [bytes]
+    size: int  # least number of bytes in the message
+    share: float  # greatest memory for each byte of texts and sequences [bytes]
 
 
 class Budget:
@@ -49,7 +42,6 @@ class Budget:
 
     Args:
         store: holds the type, with all types that it needs.
-        type_name: of the messages.
 
     Raises:
         BagFormatError: if the type has more than ``FIELDS_LIMIT`` fields.

@@ -42,8 +42,6 @@ def chunk_blocks(
     thread may call this.
 
     Args:
-        stream: the file.
-        index: of the chunk.
         topics: names of the wanted channels, by their numbers.
         start_time: earliest log time [ns].
 

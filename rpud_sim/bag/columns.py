@@ -49,25 +49,15 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a table.
+    """One column of a table."""
 
-    Attributes:
-        name: of the field, with dots between messages and the fields in them.
-        kind: of its values.
-        dtype: of its numbers.
-        length: of an array.
-        unit: from the comment behind the field; empty without one.
-        description: the comment; empty without one.
-        attribute: of the field in decoded messages, with dots; empty if there is no field.
-    """
-
-    name: str
-    kind: Kind
+    name: str  # of the field, with dots between messages and the fields in them
+    kind: Kind  # of its values
     dtype: np.dtype = np.dtype(object)  # noqa: RUF009 - it never changes
-    length: int = 0
-    unit: str = ""
-    description: str = ""
-    attribute: str = ""
+    length: int = 0  # of an array
+    unit: str = ""  # from the comment behind the field; empty without one
+    description: str = ""  # the comment; empty without one
+    attribute: str = ""  # of the field in decoded messages, with dots; empty if there is no field
 
     def values(self, messages: Sequence[Any]) -> np.ndarray | Sequences:
         """Return the values of decoded messages, one for each, in the form of ``kind``.
@@ -97,15 +87,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Sequences:
-    """Sequences of numbers, one for each message.
+    """Sequences of numbers, one for each message."""
 
-    Attributes:
-        values: of all of them, one behind the other.
-        counts: numbers in each, int64, shape (n,).
-    """
-
-    values: np.ndarray
-    counts: np.ndarray
+    values: np.ndarray  # of all of them, one behind the other
+    counts: np.ndarray  # numbers in each, int64, shape (n,)
 
     @classmethod
     def of(cls, rows: Iterable[np.ndarray], dtype: np.dtype) -> Sequences:
@@ -125,7 +110,6 @@ def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
     """Return the columns of a type in the order of its fields; messages give one for each field.
 
     Args:
-        codec: of the type.
         definition: ``ros2msg`` text of the type, for the comments.
 
     Raises:

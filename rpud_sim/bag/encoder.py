@@ -109,7 +109,6 @@ class Encoder:
             columns: as the values of one message, with an array in place of each number that
                 differs from message to message. Sequences of numbers are arrays with a row for each
                 message, or ``Ragged``; texts and other sequences are the same in all.
-            count: of the messages.
 
         Raises:
             KeyError: if a member is missing.

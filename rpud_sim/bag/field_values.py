@@ -24,18 +24,13 @@ _ORDERS = {0: ">", 256: "<"}  # by the first two bytes of a message
 
 @dataclass(frozen=True)
 class FieldValues:
-    """Values of fields.
+    """Values of fields."""
 
-    Attributes:
-        rows: places of the readable messages in the block, in their order, shape (n,).
-        columns: values of each column, by its name, in the form of ``Kind``; ``Sequences`` for
-            sequences of numbers.
-        errors: place of each other message, and the reason.
-    """
-
-    rows: np.ndarray
+    rows: np.ndarray  # places of the readable messages in the block, in their order, shape (n,)
+    # values of each column, by its name, in the form of ``Kind``; ``Sequences`` for sequences
+    # of numbers
     columns: dict[str, np.ndarray | Sequences]
-    errors: tuple[tuple[int, str], ...]
+    errors: tuple[tuple[int, str], ...]  # place of each other message, and the reason
 
     def array(self, name: str) -> np.ndarray:
         """Return the values of a column that holds no sequences."""
@@ -52,7 +47,6 @@ class FieldReader:
     other than that of the first message, and messages that are not of the type, for the reason.
 
     Args:
-        codec: of the type.
         columns: to be read, of ``columns_of``.
     """
 

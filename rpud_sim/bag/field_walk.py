@@ -27,17 +27,12 @@ _DTYPES = {"bool": "u1", "byte": "u1", "char": "u1"}
 
 @dataclass(frozen=True)
 class Field:
-    """One field of many messages.
+    """One field of many messages."""
 
-    Attributes:
-        place: of its first byte, from the beginning of each message [bytes].
-        dtype: of its numbers, as they are in the messages; None for a text or a list.
-        count: of the numbers of an array or a sequence, or of the bytes of a text or a list of
-            texts; None for a single number.
-    """
-
-    place: Whole
-    dtype: np.dtype | None
+    place: Whole  # of its first byte, from the beginning of each message [bytes]
+    dtype: np.dtype | None  # of its numbers, as they are in the messages; None for a text or a list
+    # of the numbers of an array or a sequence, or of the bytes of a text or a list of texts;
+    # None for a single number
     count: Whole | None = None
 
 
@@ -45,16 +40,11 @@ class FieldWalk:
     """Walk along the fields of messages, all at once.
 
     Args:
-        codec: of the type.
         wanted: attributes of the fields to note, with dots.
         data: bytes of all messages, uint8.
         starts: where each message begins in ``data``.
         sizes: of each message [bytes].
         order: of the bytes of numbers, ``<`` or ``>``.
-
-    Attributes:
-        fields: by attribute.
-        bad: messages that are not of the type, shape (n,).
     """
 
     def __init__(
@@ -66,8 +56,8 @@ class FieldWalk:
         sizes: np.ndarray,
         order: str,
     ) -> None:
-        self.fields: dict[str, Field] = {}
-        self.bad = np.zeros(len(starts), bool)
+        self.fields: dict[str, Field] = {}  # by attribute
+        self.bad = np.zeros(len(starts), bool)  # messages that are not of the type, shape (n,)
         self._codec, self._wanted, self._order = codec, wanted, order
         self._data, self._starts, self._sizes = data, starts, sizes
         self._least = int(sizes.min(initial=0)) if len(sizes) else 0

@@ -33,9 +33,6 @@ class FileRecovery:
 
     Args:
         file: an MCAP file, torn or not.
-        bag: the new bag.
-        recovery: its account.
-        channels: of the new bag.
         repeats: whether to keep messages that the file repeats of the previous one.
     """
 

@@ -18,17 +18,12 @@ RECORDING_RECORD = "rpud_recording"
 
 @dataclass(frozen=True)
 class Losses:
-    """Numbers of lost messages of one topic.
+    """Numbers of lost messages of one topic."""
 
-    Attributes:
-        transport: lost on the way to the recorder; None if the middleware does not number messages.
-        queue: dropped because the recorder's queue was full.
-        damaged: arrived with unreadable data or an impossible time.
-    """
-
+    # lost on the way to the recorder; None if the middleware does not number messages
     transport: int | None = 0
-    queue: int = 0
-    damaged: int = 0
+    queue: int = 0  # dropped because the recorder's queue was full
+    damaged: int = 0  # arrived with unreadable data or an impossible time
 
     @property
     def total(self) -> int | None:

@@ -22,28 +22,19 @@ _PACKAGES = ("rpud_sim", "numpy", "numba", "mcap")
 
 @dataclass(frozen=True)
 class Manifest:
-    """Origin of a run, as far as its recorder knows it.
+    """Origin of a run, as far as its recorder knows it."""
 
-    Attributes:
-        node: full name of the drill; empty without one.
-        time: of the parameters [ns since the epoch].
-        parameters: all parameters of the drill.
-        scenario: text of the drill's scenario, from a recorder with the faults as they were drawn;
-            empty without one, None if it is unknown.
-        command: command line of the program that wrote the bag.
-        versions: of the software of that program.
-        machine: architecture and processor of its computer.
-        forked_from: of a fork: the ``bag`` and the ``run`` in it, the instant ``at`` [s], the
-            ``journal``'s SHA-256 up to there, and the ``changes``.
-    """
-
-    node: str = ""
-    time: int = 0
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    node: str = ""  # full name of the drill; empty without one
+    time: int = 0  # of the parameters [ns since the epoch]
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # all parameters of the drill
+    # text of the drill's scenario, from a recorder with the faults as they were drawn; empty
+    # without one, None if it is unknown
     scenario: str | None = ""
-    command: tuple[str, ...] = ()
-    versions: Mapping[str, str] = field(default_factory=dict)
-    machine: str = ""
+    command: tuple[str, ...] = ()  # command line of the program that wrote the bag
+    versions: Mapping[str, str] = field(default_factory=dict)  # of the software of that program
+    machine: str = ""  # architecture and processor of its computer
+    # of a fork: the ``bag`` and the ``run`` in it, the instant ``at`` [s], the ``journal``'s
+    # SHA-256 up to there, and the ``changes``
     forked_from: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -35,14 +35,10 @@ class McapFile:
     """Open MCAP file with its summary section.
 
     Args:
-        path: of the file.
         repeats: whether to include messages that the file repeats of the previous one.
         shown: name of the file in errors; None for ``path``.
         unclosed: whether to read a file that was not closed, or lost its end, up to its last whole
             record.
-
-    Attributes:
-        closed: whether the file was closed.
 
     Raises:
         BagNotFoundError: if the file does not exist.
@@ -65,7 +61,7 @@ class McapFile:
         try:
             with reading(self._shown):
                 self.size = os.fstat(self._stream.fileno()).st_size
-                self.closed = True
+                self.closed = True  # whether the file was closed
                 try:
                     check_ends(self._stream, self.size, self._shown)
                     self._index = read_summary(self._stream, self.size)

@@ -115,9 +115,7 @@ class MessageTimes:
     """First and last log times of channels, from the message indexes of the chunks.
 
     Args:
-        stream: the file.
         size: its length [bytes].
-        indexes: of its chunks.
     """
 
     def __init__(self, stream: BinaryIO, size: int, indexes: list[ChunkIndex]) -> None:

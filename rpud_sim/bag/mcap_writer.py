@@ -40,14 +40,10 @@ class McapWriter:
     """Writer of a new MCAP file.
 
     Args:
-        stream: of the file.
         chunk_size: uncompressed size beyond which a chunk is closed [bytes].
         compression: of the chunks: ``zstd``, ``lz4``, or empty for none.
         ahead: chunks that another thread compresses meanwhile; with 0 a chunk is in the stream as
             soon as it is full.
-
-    Attributes:
-        chunk_count: chunks that were closed so far.
     """
 
     def __init__(self, stream: BinaryIO, chunk_size: int, compression: str, ahead: int = 0) -> None:
@@ -65,7 +61,7 @@ class McapWriter:
         self._chunk_indexes: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
         self._metadata: list[MetadataIndex] = []
-        self.chunk_count = 0
+        self.chunk_count = 0  # chunks that were closed so far
 
     @property
     def pending(self) -> int:

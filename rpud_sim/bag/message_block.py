@@ -10,24 +10,16 @@ import numpy as np
 
 @dataclass(frozen=True)
 class MessageBlock:
-    """Consecutive serialized messages of one topic.
+    """Consecutive serialized messages of one topic."""
 
-    Attributes:
-        topic: its name.
-        log_times: when they were received [ns since the epoch], int64, shape (n,); uint64 only if a
-            damaged file has a time that int64 cannot hold.
-        publish_times: when they were sent [ns since the epoch], as ``log_times``.
-        data: bytes (CDR) of all messages, uint8; they may have other bytes between them.
-        starts: where each message begins in ``data``, int64, shape (n,).
-        sizes: of each message [bytes], int64, shape (n,).
-    """
-
-    topic: str
+    topic: str  # its name
+    # when they were received [ns since the epoch], int64, shape (n,); uint64 only if a
+    # damaged file has a time that int64 cannot hold
     log_times: np.ndarray
-    publish_times: np.ndarray
-    data: np.ndarray
-    starts: np.ndarray
-    sizes: np.ndarray
+    publish_times: np.ndarray  # when they were sent [ns since the epoch], as ``log_times``
+    data: np.ndarray  # bytes (CDR) of all messages, uint8; they may have other bytes between them
+    starts: np.ndarray  # where each message begins in ``data``, int64, shape (n,)
+    sizes: np.ndarray  # of each message [bytes], int64, shape (n,)
 
     def __len__(self) -> int:
         """Return the number of messages."""

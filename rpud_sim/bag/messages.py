@@ -42,57 +42,37 @@ OVERLAP_LIMIT = 256 * 2**20
 
 
 class Message(NamedTuple):
-    """One serialized message; a tuple, as it is made three times as fast as a data class.
+    """One serialized message; a tuple, as it is made three times as fast as a data class."""
 
-    Attributes:
-        topic: its name.
-        log_time: when it was received [ns since the epoch].
-        publish_time: when it was sent [ns since the epoch].
-        data: its bytes (CDR).
-    """
-
-    topic: str
-    log_time: int
-    publish_time: int
-    data: bytes
+    topic: str  # its name
+    log_time: int  # when it was received [ns since the epoch]
+    publish_time: int  # when it was sent [ns since the epoch]
+    data: bytes  # its bytes (CDR)
 
 
 @dataclass(frozen=True)
 class Source:
-    """Messages in the order of their log times.
+    """Messages in the order of their log times."""
 
-    Attributes:
-        start_time: no message is earlier [ns].
-        size: memory that they take while they are open [bytes].
-        open: begins to read them.
-        blocks: returns all of them as blocks; None if there may be too many.
-    """
-
-    start_time: int
-    size: int
-    open: Callable[[], Iterator[Message]]
+    start_time: int  # no message is earlier [ns]
+    size: int  # memory that they take while they are open [bytes]
+    open: Callable[[], Iterator[Message]]  # begins to read them
+    # returns all of them as blocks; None if there may be too many
     blocks: Callable[[], list[MessageBlock]] | None = None
 
 
 @dataclass(frozen=True)
 class Piece:
-    """Part of a bag that can be read by itself, such as a chunk.
+    """Part of a bag that can be read by itself, such as a chunk."""
 
-    Attributes:
-        start_time: no message is earlier [ns].
-        end_time: no message is later [ns].
-        size: memory that its messages take [bytes].
-        topics: names of the topics that it may hold.
-        read: yields the messages of topics in the order of their log times; None for all. It raises
-            BagFormatError if the part is damaged.
-        blocks: returns the same in blocks, one for each topic; None if only ``read`` can.
-    """
-
-    start_time: int
-    end_time: int
-    size: int
-    topics: frozenset[str]
+    start_time: int  # no message is earlier [ns]
+    end_time: int  # no message is later [ns]
+    size: int  # memory that its messages take [bytes]
+    topics: frozenset[str]  # names of the topics that it may hold
+    # yields the messages of topics in the order of their log times; None for all. It raises
+    # BagFormatError if the part is damaged.
     read: Callable[[Collection[str] | None], Iterator[Message]]
+    # returns the same in blocks, one for each topic; None if only ``read`` can
     blocks: Callable[[Collection[str] | None], list[MessageBlock]] | None = None
 
 
@@ -131,8 +111,6 @@ def chunk_messages(
     """Yield a chunk's messages from ``start_time`` [ns] on, in the order of their log times.
 
     Args:
-        stream: the file.
-        index: of the chunk.
         topics: names of the wanted channels, by their numbers.
         start_time: earliest log time [ns].
 
@@ -153,7 +131,6 @@ def unchunked_messages(
     """Yield the messages of a file without an index of chunks, in the order of the file.
 
     Args:
-        path: of the file.
         size: its length [bytes].
         topics: names of the wanted channels, by their numbers.
         start_time: earliest log time [ns].
@@ -185,7 +162,6 @@ def messages_in(data: bytes, topics: Mapping[int, str], start_time: int) -> Iter
     """Yield the messages of a chunk's uncompressed data, in the order of their log times.
 
     Args:
-        data: of the chunk.
         topics: names of the wanted channels, by their numbers.
         start_time: earliest log time [ns].
 

@@ -39,21 +39,13 @@ _OUTER_KEY = "rosbag2_bagfile_information"
 
 @dataclass(frozen=True)
 class Topic:
-    """Recorded topic.
+    """Recorded topic."""
 
-    Attributes:
-        name: absolute name.
-        type: such as ``std_msgs/msg/Header``.
-        type_hash: ``RIHS01_...`` hash of the type; empty if it is unknown.
-        offered_qos: quality of service of each publisher.
-        serialization_format: of the messages.
-    """
-
-    name: str
-    type: str
-    type_hash: str = ""
-    offered_qos: tuple[QosProfile, ...] = ()
-    serialization_format: str = "cdr"
+    name: str  # absolute name
+    type: str  # such as ``std_msgs/msg/Header``
+    type_hash: str = ""  # ``RIHS01_...`` hash of the type; empty if it is unknown
+    offered_qos: tuple[QosProfile, ...] = ()  # quality of service of each publisher
+    serialization_format: str = "cdr"  # of the messages
 
 
 @dataclass(frozen=True)

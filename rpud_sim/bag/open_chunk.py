@@ -32,19 +32,12 @@ _SMALL = 2048
 
 @dataclass(frozen=True)
 class Records:
-    """Message records one behind the other, as a chunk holds them.
+    """Message records one behind the other, as a chunk holds them."""
 
-    Args:
-        data: their bytes, uint8.
-        ends: where each ends in ``data``, int64, shape (n,).
-        channels: number of the channel of each, shape (n,).
-        log_times: of each [ns], int64, shape (n,).
-    """
-
-    data: np.ndarray
-    ends: np.ndarray
-    channels: np.ndarray
-    log_times: np.ndarray
+    data: np.ndarray  # their bytes, uint8
+    ends: np.ndarray  # where each ends in ``data``, int64, shape (n,)
+    channels: np.ndarray  # number of the channel of each, shape (n,)
+    log_times: np.ndarray  # of each [ns], int64, shape (n,)
 
 
 def in_order(parts: list[tuple[int, MessageBlock, np.ndarray]]) -> Records:
@@ -90,16 +83,11 @@ def _place(data: np.ndarray, begins: np.ndarray, channel: int, block: MessageBlo
 
 
 class OpenChunk:
-    """Chunk in progress.
-
-    Attributes:
-        size: uncompressed [bytes].
-        count: number of the messages.
-    """
+    """Chunk in progress."""
 
     def __init__(self) -> None:
-        self.size = 0
-        self.count = 0
+        self.size = 0  # uncompressed [bytes]
+        self.count = 0  # number of the messages
         self._parts: list[bytes | memoryview] = []
         self._first = self._last = 0
         self._entries: dict[int, array[int]] = {}  # log time and place of each, by channel
@@ -151,19 +139,12 @@ class OpenChunk:
 
 @dataclass(frozen=True)
 class ClosedChunk:
-    """Chunk that is full, uncompressed.
+    """Chunk that is full, uncompressed."""
 
-    Args:
-        data: its bytes.
-        first: log time of its earliest message [ns].
-        last: log time of its latest one [ns].
-        entries: log time and place of each message in turn, by channel.
-    """
-
-    data: bytes
-    first: int
-    last: int
-    entries: Mapping[int, array[int]]
+    data: bytes  # its bytes
+    first: int  # log time of its earliest message [ns]
+    last: int  # log time of its latest one [ns]
+    entries: Mapping[int, array[int]]  # log time and place of each message in turn, by channel
 
     @property
     def indexes(self) -> dict[int, bytes]:

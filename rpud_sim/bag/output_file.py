@@ -26,7 +26,6 @@ class OutputFile:
     """New MCAP file: channels, messages in chunks, records.
 
     Args:
-        path: of the file.
         compression: of the chunks, one of ``COMPRESSIONS``.
         chunk_size: uncompressed size after which a chunk is closed [bytes].
         reserve: room for the file's end; None without one.

@@ -32,28 +32,17 @@ class QosProfile:
     """Quality of service that one publisher offers, in rosbag2's words.
 
     Discovery does not carry history and depth: recorded offers have ``unknown`` and 0.
-
-    Attributes:
-        history: policy.
-        depth: of the history.
-        reliability: policy.
-        durability: policy.
-        deadline: [ns].
-        lifespan: [ns].
-        liveliness: policy.
-        liveliness_lease_duration: [ns].
-        avoid_ros_namespace_conventions: whether the topic's name is used as it is.
     """
 
-    history: str = "unknown"
-    depth: int = 0
-    reliability: str = "reliable"
-    durability: str = "volatile"
-    deadline: int = INFINITE
-    lifespan: int = INFINITE
-    liveliness: str = "automatic"
-    liveliness_lease_duration: int = INFINITE
-    avoid_ros_namespace_conventions: bool = False
+    history: str = "unknown"  # policy
+    depth: int = 0  # of the history
+    reliability: str = "reliable"  # policy
+    durability: str = "volatile"  # policy
+    deadline: int = INFINITE  # [ns]
+    lifespan: int = INFINITE  # [ns]
+    liveliness: str = "automatic"  # policy
+    liveliness_lease_duration: int = INFINITE  # [ns]
+    avoid_ros_namespace_conventions: bool = False  # whether the topic's name is used as it is
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the fields as in rosbag2's YAML."""

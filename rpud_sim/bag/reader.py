@@ -36,23 +36,19 @@ class BagReader:
         unclosed: whether to read MCAP files that were not closed, or lost their end, as far as they
             are whole.
 
-    Attributes:
-        path: that the bag was opened with.
-        size: of the storage files [bytes].
-        files: the storage files.
-
     Raises:
         BagNotFoundError: if there is no bag at ``path``.
         BagFormatError: if a file is damaged or incomplete.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, unclosed: bool = False) -> None:
-        self.path = Path(path)
+        self.path = Path(path)  # that the bag was opened with
         self._opened = ExitStack()
         try:
             self._paths, self._compressed = storage_files(self.path)
             self._files = open_storage_files(self._paths, self._opened, unclosed=unclosed)
-            self.files = tuple(self._paths)
+            self.files = tuple(self._paths)  # the storage files
+            # of the storage files [bytes]
             self.size = sum(file.stat().st_size for file in self._paths)
             # Statistics of a file without messages say that it starts at 0.
             self._filled = [file for file in self._files if file.message_count]

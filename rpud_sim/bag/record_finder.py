@@ -117,7 +117,6 @@ class RecordFinder:
         """Return the offset of the next record that proves itself, or the end of the file.
 
         Args:
-            start: of the search.
             messages: whether messages count. In a file with chunks, they are those of a damaged
                 chunk.
         """

@@ -32,21 +32,13 @@ _ENDS = (Opcode.DATA_END, Opcode.FOOTER)
 
 @dataclass
 class Stretch:
-    """Consecutive records outside of chunks.
+    """Consecutive records outside of chunks."""
 
-    Args:
-        start: offset of the first record [bytes].
-        end: offset behind the last one [bytes].
-        first: log time of the earliest message [ns].
-        last: log time of the latest message [ns].
-        channels: of the messages.
-    """
-
-    start: int
-    end: int
-    first: int
-    last: int
-    channels: set[int] = field(default_factory=set)
+    start: int  # offset of the first record [bytes]
+    end: int  # offset behind the last one [bytes]
+    first: int  # log time of the earliest message [ns]
+    last: int  # log time of the latest message [ns]
+    channels: set[int] = field(default_factory=set)  # of the messages
 
 
 class RecordWalk:
@@ -55,24 +47,18 @@ class RecordWalk:
     The content of chunks is not read, unless their indexes do not say what they hold.
 
     Args:
-        stream: the file.
         size: its length [bytes].
-
-    Attributes:
-        summary: what the summary section of a closed file holds.
-        stretches: messages outside of chunks.
-        end: offset behind the last whole record [bytes].
     """
 
     def __init__(self, stream: BinaryIO, size: int) -> None:
         self._stream, self._size = stream, size
         self._finder = RecordFinder(stream, size)
-        self.summary = Summary()
-        self.stretches: list[Stretch] = []
+        self.summary = Summary()  # what the summary section of a closed file holds
+        self.stretches: list[Stretch] = []  # messages outside of chunks
         self._counts: dict[int, int] = {}
         self._first, self._last = 2**64 - 1, 0
         self._chunk: ChunkIndex | None = None
-        self.end = len(MAGIC)
+        self.end = len(MAGIC)  # offset behind the last whole record [bytes]
         while (end := self._record(self.end)) is not None:
             self.end = end
         self._complete_chunk()

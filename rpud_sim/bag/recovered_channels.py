@@ -18,12 +18,7 @@ _LISTED_LIMIT = SIZE_LIMIT * 3 // 4  # of metadata.yaml, for its topics
 
 
 class RecoveredChannels:
-    """Channels of the new bag; files of one bag have the same ones under other numbers.
-
-    Args:
-        bag: the new bag.
-        recovery: its account.
-    """
+    """Channels of the new bag; files of one bag have the same ones under other numbers."""
 
     def __init__(self, bag: BagFolder, recovery: Recovery) -> None:
         self._bag = bag

@@ -39,7 +39,6 @@ def recover(
 
     Args:
         torn: an MCAP file, or the directory of a bag.
-        out: directory of the new bag.
         progress: called with the bytes that were read since the last call.
 
     Raises:

@@ -13,49 +13,32 @@ _SHOWN = 1000  # damages that are kept one by one
 
 @dataclass
 class TopicRecovery:
-    """Recovered and lost messages of one topic.
+    """Recovered and lost messages of one topic."""
 
-    Attributes:
-        name: of the topic.
-        type: of its messages.
-        recovered: messages in the new bag.
-        unchecked: those of them without a checksum.
-        lost: messages that are known to have been in the file.
-        gaps: messages missing by the numbers in the messages; None if they have no numbers.
-        recording_losses: messages that the recorder lost; None if they were not counted.
-    """
-
-    name: str
-    type: str
-    recovered: int = 0
-    unchecked: int = 0
-    lost: int = 0
+    name: str  # of the topic
+    type: str  # of its messages
+    recovered: int = 0  # messages in the new bag
+    unchecked: int = 0  # those of them without a checksum
+    lost: int = 0  # messages that are known to have been in the file
+    # messages missing by the numbers in the messages; None if they have no numbers
     gaps: int | None = None
+    # messages that the recorder lost; None if they were not counted
     recording_losses: Losses | None = None
 
 
 @dataclass
 class Recovery:
-    """Result of a recovery.
+    """Result of a recovery."""
 
-    Attributes:
-        path: of the new bag.
-        topics: by their names.
-        closed: whether every file has the end of a closed one. If not, the messages that its
-            recorder had not written yet are missing.
-        max_loss: greatest duration of those messages [s]; None if it is unknown.
-        size_lost: unreadable bytes.
-        damage_count: unreadable places, and parts that the new bag cannot hold.
-        damages: reasons for the first of these.
-    """
-
-    path: Path
-    topics: dict[str, TopicRecovery] = field(default_factory=dict)
+    path: Path  # of the new bag
+    topics: dict[str, TopicRecovery] = field(default_factory=dict)  # by their names
+    # whether every file has the end of a closed one. If not, the messages that its recorder
+    # had not written yet are missing.
     closed: bool = True
-    max_loss: float | None = None
-    size_lost: int = 0
-    damage_count: int = 0
-    damages: list[str] = field(default_factory=list)
+    max_loss: float | None = None  # greatest duration of those messages [s]; None if it is unknown
+    size_lost: int = 0  # unreadable bytes
+    damage_count: int = 0  # unreadable places, and parts that the new bag cannot hold
+    damages: list[str] = field(default_factory=list)  # reasons for the first of these
 
     def note(self, reason: str) -> None:
         """Count a lost or omitted part, and keep the reason if there are few."""

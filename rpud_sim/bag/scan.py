@@ -59,17 +59,12 @@ class Scan:
     """Everything readable in a file, to be iterated over once.
 
     Args:
-        stream: the file.
         size: its length [bytes].
-
-    Attributes:
-        position: offset of the scan in the file [bytes].
-        closed: at the end, whether the file has the end of a closed one.
     """
 
     def __init__(self, stream: BinaryIO, size: int) -> None:
-        self.position = 0
-        self.closed = False
+        self.position = 0  # offset of the scan in the file [bytes]
+        self.closed = False  # at the end, whether the file has the end of a closed one
         self._finder = RecordFinder(stream, size)
         self._size = size
         self._index_lost = False  # whether the next message indexes are those of a lost chunk

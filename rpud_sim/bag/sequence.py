@@ -20,13 +20,10 @@ class SequenceGaps:
 
     Args:
         publisher_count: returns the present number of publishers; called at gaps only.
-
-    Attributes:
-        missing: messages that never arrived.
     """
 
     def __init__(self, publisher_count: Callable[[], int]) -> None:
-        self.missing = 0
+        self.missing = 0  # messages that never arrived
         self._publisher_count = publisher_count
         self._last: list[int] = []  # number of each sequence, the most recent at the end
 
@@ -53,7 +50,6 @@ class SequenceCounter:
 
     Args:
         definition: ``ros2msg`` text of the type.
-        publishers: number of publishers.
     """
 
     def __init__(self, definition: str, publishers: int) -> None:

@@ -33,7 +33,6 @@ class SqliteFile:
     It has no metadata records. The log time of a message is also its publish time.
 
     Args:
-        path: of the file.
         shown: name of the file in errors.
 
     Attributes:

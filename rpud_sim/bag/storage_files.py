@@ -65,7 +65,6 @@ def open_storage_files(
 
     Args:
         files: of the bag, in their order.
-        opened: closes them later.
         unclosed: whether to read MCAP files that were not closed, as far as they are whole.
 
     Raises:

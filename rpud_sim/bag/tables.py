@@ -41,17 +41,12 @@ _RECEIVED = tuple(Column(name, Kind.TIME, np.dtype(np.int64)) for name in RECEIV
 
 @dataclass(frozen=True)
 class Batch:
-    """Consecutive rows of one topic.
+    """Consecutive rows of one topic."""
 
-    Attributes:
-        topic: its name.
-        columns: values of each column, by its name; ``Kind`` describes their form.
-        message_count: number of messages that the rows come from.
-    """
-
-    topic: str
+    topic: str  # its name
+    # values of each column, by its name; ``Kind`` describes their form
     columns: Mapping[str, np.ndarray]
-    message_count: int
+    message_count: int  # number of messages that the rows come from
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -63,9 +58,6 @@ class Table:
 
     Each message becomes a row. In blocks each sample or segment becomes a row, and the first column
     is its exact ``time``.
-
-    Args:
-        summary: of the topic.
 
     Raises:
         BagFormatError: if messages of its type cannot be rows.
@@ -99,7 +91,6 @@ class Table:
         """Return the rows of messages.
 
         Args:
-            block: the messages.
             leave_out: called with the reason for each message that is not of the type, which is
                 then skipped; None for an error.
 
@@ -176,8 +167,6 @@ def open_tables(
     """Return the tables of topics by their names, and the reasons why others have none.
 
     Args:
-        path: of the bag.
-        summaries: of the bag's readable topics.
         errors: of damaged topics, by their names.
         topics: those that must have a table; None for all that can.
 
@@ -223,7 +212,6 @@ def batches(
     """Yield the rows of messages, in their order within each topic.
 
     Args:
-        path: of the bag.
         blocks: messages of the topics in ``tables``.
         tables: by the names of topics.
         leave_out: called with the topic and the reason for each message that is not of its topic's
@@ -269,18 +257,14 @@ class _Waiting:
 
     Args:
         limit: their size as a batch [bytes].
-
-    Attributes:
-        blocks: of these messages alone, unless one block fills the batch.
-        size: memory that they take [bytes].
-        full: whether they must become a batch now.
     """
 
     def __init__(self, limit: int) -> None:
         self._limit = limit
+        # of these messages alone, unless one block fills the batch
         self.blocks: list[MessageBlock] = []
-        self.size = self._decoded = 0
-        self.full = False
+        self.size = self._decoded = 0  # memory that they take [bytes]
+        self.full = False  # whether they must become a batch now
 
     def add(self, block: MessageBlock, decoded: np.ndarray) -> int:
         """Add the first messages of a block until they are full, and return their number.

@@ -13,24 +13,17 @@ RATE_MESSAGES = 10
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """Content of a bag, or of one file, for one topic.
+    """Content of a bag, or of one file, for one topic."""
 
-    Attributes:
-        topic: name, type and offered quality of service; of the first channel if several differ.
-        message_count: messages of the topic.
-        first_time: log time of the first message [ns]; None without messages or without an index.
-        last_time: log time of the last message [ns]; None as for ``first_time``.
-        definition: ``ros2msg`` text of the type; None if the file lacks it.
-        losses: messages that the recorder lost; None if they were not counted.
-        kinds: encoding, type and definition without comments, of all channels.
-    """
-
+    # name, type and offered quality of service; of the first channel if several differ
     topic: Topic
-    message_count: int
+    message_count: int  # messages of the topic
+    # log time of the first message [ns]; None without messages or without an index
     first_time: int | None
-    last_time: int | None
-    definition: str | None
-    losses: Losses | None = None
+    last_time: int | None  # log time of the last message [ns]; None as for ``first_time``
+    definition: str | None  # ``ros2msg`` text of the type; None if the file lacks it
+    losses: Losses | None = None  # messages that the recorder lost; None if they were not counted
+    # encoding, type and definition without comments, of all channels
     kinds: frozenset[tuple[str, str, str]] = frozenset()
 
     @property

@@ -35,7 +35,6 @@ def filled(
     Args:
         tables: by the names of topics.
         counts: of the messages that the bag holds of each topic; arrays are allocated for these.
-        pieces: all batches.
     """
     growing = {name: _Growing(table.columns, counts[name]) for name, table in tables.items()}
     for piece in pieces:
@@ -50,7 +49,6 @@ class _Growing:
     """Columns of one table that grow in arrays allocated for the whole.
 
     Args:
-        columns: of the table.
         count: messages that may become rows.
     """
 

@@ -28,10 +28,8 @@ class BagWriter:
     not share a writer.
 
     Args:
-        path: of the new directory.
         compression: of the chunks: ``none``, ``lz4`` or ``zstd``.
         chunk_size: uncompressed size after which a chunk is closed [bytes].
-        custom_data: for the bag's metadata.
         max_file_size: a new file begins before one is larger [bytes], unless a single message is.
         max_file_duration: a new file begins before one lasts longer [s].
         reserved: whether ``reserve`` keeps room on the disk to close the bag.
@@ -118,7 +116,6 @@ class BagWriter:
 
         Args:
             topic: its name.
-            data: the message (CDR).
             log_time: when it was received [ns since the epoch].
             publish_time: when it was sent [ns since the epoch].
 

@@ -13,7 +13,6 @@ EXAMPLE = "rpud clear free_mass_jammed"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud clear``."""
     parser.add_argument(
         "fault", nargs="?", metavar="FAULT", help="number of a fault, or a kind of faults"
     )

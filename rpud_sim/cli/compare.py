@@ -32,7 +32,6 @@ _MOST_LINES = 40  # of commands or faults; the page and --json have all
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud compare``."""
     parser.add_argument("bag", metavar="A", help="bag of the reference: a folder or one MCAP file")
     parser.add_argument("others", metavar="B", nargs="+", help="bags to compare with it, up to 5")
     parser.add_argument(

@@ -29,7 +29,6 @@ DETAILS = "With --evaluate it judges two baseline detectors on a data set instea
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud dataset``."""
     parser.add_argument(
         "spec", nargs="?", metavar="SPEC", help="the data set, such as config/dataset_example.yaml"
     )

@@ -12,7 +12,6 @@ EXAMPLE = "rpud drive --voltage 80"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud drive``."""
     parser.add_argument("--off", action="store_true", help="do not drive the actuator")
     parser.add_argument(
         "--voltage", type=number, metavar="V", help="amplitude in volts (default: the present one)"

@@ -31,7 +31,6 @@ _WAIT = 0.1  # between looks at the clock and at signals [s]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud echo``."""
     parser.add_argument(
         "topic", metavar="TOPIC", help="name, relative to the namespace or absolute"
     )

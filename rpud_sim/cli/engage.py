@@ -12,7 +12,6 @@ EXAMPLE = "rpud engage --off"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud engage``."""
     parser.add_argument("--off", action="store_true", help="take the tool out of the rock")
     add_drill_arguments(parser)
 

@@ -32,7 +32,6 @@ _FORMATS = ("parquet", "csv", "numpy")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud export``."""
     add_bag_argument(parser)
     parser.add_argument("--out", required=True, metavar="DIR", help="new folder for the files")
     parser.add_argument(

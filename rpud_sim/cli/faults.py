@@ -16,7 +16,6 @@ EXAMPLE = "rpud faults --json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud faults``."""
     add_json_argument(parser)
     add_drill_arguments(parser)
 

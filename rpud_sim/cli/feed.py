@@ -12,7 +12,6 @@ EXAMPLE = "rpud feed --rate 0.0005"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud feed``."""
     motion = parser.add_mutually_exclusive_group(required=True)
     motion.add_argument(
         "--rate", type=number, metavar="V", help="toward the rock in m/s; 0 holds the mount"

@@ -30,7 +30,6 @@ _PROOF = "proof.json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud fit``."""
     parser.add_argument(
         "targets", metavar="TARGETS", help="the fit, such as config/fit_paper_drilling.yaml"
     )

@@ -33,7 +33,6 @@ EXAMPLE = "rpud fork bags/first --at 1.5 --inject hard_rock,magnitude=5 --out ba
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud fork``."""
     add_bag_argument(parser)
     parser.add_argument(
         "--at",

@@ -17,7 +17,6 @@ EXAMPLE = "rpud info bags/first"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud info``."""
     add_bag_argument(parser)
     add_json_argument(parser)
 

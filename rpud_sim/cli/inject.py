@@ -13,7 +13,6 @@ EXAMPLE = "rpud inject free_mass_jammed --for 5"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud inject``."""
     parser.add_argument(
         "kind",
         metavar="KIND",

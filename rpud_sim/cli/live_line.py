@@ -83,7 +83,6 @@ def logging_above(live: bool, opening: AbstractContextManager[Opened]) -> Iterat
 
     Args:
         live: whether there is a live line.
-        opening: to enter.
     """
     with ExitStack() as stack:
         before = os.environ.get(_LOG_FORMAT)
@@ -103,7 +102,6 @@ def live_text(report: Report, width: int | None = None) -> str:
     """Return the live line of a report.
 
     Args:
-        report: to tell.
         width: of the terminal in columns; None for no limit. Less important parts get shorter or
             are left out where the line is as long: a longer one would wrap, and scroll.
     """
@@ -123,9 +121,7 @@ def summary_text(
     """Return the summary of a run of the drill.
 
     Args:
-        figures: of the whole run.
         report: the last one; None if there was none.
-        faults: of the whole run.
     """
     jammed = any(record.fault.kind == _JAMMED for record in faults)
     rate = _rate_text(figures, jammed, "impacts/s")

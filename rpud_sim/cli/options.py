@@ -133,7 +133,6 @@ def add_range_arguments(parser: argparse.ArgumentParser, verb: str, longest: flo
     """Declare --start and --duration of a part of a bag.
 
     Args:
-        parser: of the command.
         verb: what the command does with the part.
         longest: greatest number of seconds.
     """

@@ -11,7 +11,6 @@ EXAMPLE = "rpud pause"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud pause``."""
     add_drill_arguments(parser)
 
 

@@ -11,7 +11,6 @@ EXAMPLE = "rpud play"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud play``."""
     add_drill_arguments(parser)
 
 

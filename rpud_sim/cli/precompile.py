@@ -23,7 +23,6 @@ EXAMPLE = "rpud precompile --into kernels"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud precompile``."""
     parser.add_argument(
         "--into",
         metavar="DIR",

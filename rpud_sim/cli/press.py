@@ -12,7 +12,6 @@ EXAMPLE = "rpud press 30"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud press``."""
     parser.add_argument("force", type=number, metavar="FORCE", help="weight on bit in newtons")
     add_drill_arguments(parser)
 

@@ -47,12 +47,7 @@ class ExitCode(enum.IntEnum):
 
 
 class CommandError(Exception):
-    """Expected end of a command: one line and an exit code.
-
-    Args:
-        reason: one line for the user.
-        code: exit code.
-    """
+    """Expected end of a command: one line and an exit code."""
 
     def __init__(self, reason: object, code: ExitCode = ExitCode.FAILED) -> None:
         super().__init__(str(reason))
@@ -73,7 +68,6 @@ def report_errors(program: str, run: Callable[[], int]) -> int:
 
     Args:
         program: name that begins the line.
-        run: returns the exit code.
     """
     try:
         return run()
@@ -166,14 +160,10 @@ def _open_streams() -> None:
 
 
 class _Interrupt:
-    """Handler of SIGINT that raises KeyboardInterrupt.
-
-    Attributes:
-        seen: whether there was a SIGINT.
-    """
+    """Handler of SIGINT that raises KeyboardInterrupt."""
 
     def __init__(self) -> None:
-        self.seen = False
+        self.seen = False  # whether there was a SIGINT
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             signal.signal(signal.SIGINT, self._handle)
             signal.signal(signal.SIGALRM, self._handle)

@@ -39,10 +39,8 @@ def progress_bar(
     """Return a ``tqdm`` bar, to be entered and updated.
 
     Args:
-        unit: of what is counted.
         total: at which all is done, where it is known.
         scaled: whether to write large counts with k, M and so on.
-        title: of what is done.
         delay: before a terminal shows it [s].
         layout: ``bar_format`` of tqdm; None for its own.
     """
@@ -67,9 +65,6 @@ def progress_bar(
 @contextmanager
 def status_line(title: str) -> Iterator[Callable[[str], None]]:
     """Show the latest text of a task without an end, after its title.
-
-    Args:
-        title: of the task.
 
     Yields:
         A function that takes the next text; how often it is shown is decided here.

@@ -32,7 +32,6 @@ _LONGEST = 1e6  # s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud rebuild``."""
     add_bag_argument(parser)
     parser.add_argument(
         "--rate",

@@ -17,7 +17,6 @@ EXAMPLE = "rpud record --out bags/first --duration 10"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud record`` and of the executable ``recorder``."""
     parser.add_argument(
         "topics",
         nargs="*",

@@ -28,8 +28,6 @@ class RecorderProcess:
     """Process of ``rpud record``.
 
     Args:
-        bag: the new bag's folder.
-        namespace: to record.
         max_loss: that a crash of the recorder may cost at most [s].
     """
 

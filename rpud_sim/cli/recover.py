@@ -22,7 +22,6 @@ EXAMPLE = "rpud recover bags/torn --out bags/whole"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud recover``."""
     parser.add_argument(
         "torn", metavar="TORN", help="a bag's folder or one MCAP file; it is not changed"
     )

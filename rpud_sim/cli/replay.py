@@ -42,7 +42,6 @@ def remapping(text: str) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud replay`` and of the executable ``replayer``."""
     add_bag_argument(parser)
     add_range_arguments(parser, "replay", LONGEST)
     parser.add_argument(

@@ -21,7 +21,6 @@ EXAMPLE = "rpud report bags/first --out first.html"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud report``."""
     add_bag_argument(parser)
     parser.add_argument(
         "--out", default="report.html", metavar="FILE", help="new file (default: %(default)s)"

@@ -18,7 +18,6 @@ EXAMPLE = "rpud reproduce --out reproduction"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud reproduce``."""
     parser.add_argument(
         "--out",
         default="reproduction",

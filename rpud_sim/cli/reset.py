@@ -17,7 +17,6 @@ SEED = Quantity("", "a seed", 0, 2**32 - 1, whole=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud reset``."""
     parser.add_argument(
         "--scope", choices=SCOPES, default="all", help="what begins again (default: %(default)s)"
     )

@@ -28,7 +28,6 @@ EXAMPLE = "rpud run --duration 10 --record bags/first --set weight_on_bit=20"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud run``."""
     add_parameter_arguments(parser)
     parser.add_argument(
         "--duration",
@@ -118,8 +117,6 @@ def drill(
     """Drill to the end, and print a summary; return the exit code.
 
     Args:
-        node: of the drill.
-        stop: a request to stop.
         program: that complains.
         record: new bag to record the node's namespace into; None for none.
         max_loss: seconds of messages that a crash may cost the bag at most.

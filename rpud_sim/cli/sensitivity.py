@@ -20,7 +20,6 @@ EXAMPLE = "rpud sensitivity config/sensitivity.yaml --out sensitivity.json"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud sensitivity``."""
     parser.add_argument("spec", metavar="SPEC", help="the study, such as config/sensitivity.yaml")
     parser.add_argument("--out", metavar="FILE", help="file for all numbers as one JSON object")
     add_json_argument(parser)

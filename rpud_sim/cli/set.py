@@ -13,7 +13,6 @@ EXAMPLE = "rpud set real_time_factor=0.5"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud set``."""
     parser.add_argument(
         "assignments",
         nargs="+",

@@ -38,7 +38,6 @@ _SEED = Quantity("", "seed", 0, 2**63, whole=True)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud simulate``."""
     add_parameter_arguments(parser)
     parser.add_argument(
         "--duration",

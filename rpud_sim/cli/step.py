@@ -12,7 +12,6 @@ EXAMPLE = "rpud step 0.1"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud step``."""
     parser.add_argument("seconds", type=number, metavar="SECONDS", help="of simulation time")
     add_drill_arguments(parser)
 

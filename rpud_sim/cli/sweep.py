@@ -22,7 +22,6 @@ EXAMPLE = "rpud sweep config/sweep.yaml --out sweeps/first"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud sweep``."""
     parser.add_argument("spec", metavar="SPEC", help="the sweep, such as config/sweep.yaml")
     parser.add_argument(
         "--out",

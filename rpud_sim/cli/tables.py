@@ -13,7 +13,6 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]], left: int) -> list
     """Return the lines of a table, aligned and printable.
 
     Args:
-        head: titles of the columns.
         rows: cells of each row, of any type.
         left: number of columns, from the first, that are aligned to the left.
     """

@@ -27,7 +27,6 @@ EXAMPLE = "rpud test bags/first --expect config/expectations.yaml"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud test``."""
     parser.add_argument(
         "subject",
         metavar="BAG|CAMPAIGN",

@@ -27,7 +27,6 @@ _COUNTS = ("equal", "different", "unexpected", "missing", "tail")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud verify``."""
     add_bag_argument(parser)
     add_json_argument(parser)
 

@@ -35,7 +35,6 @@ _SEARCH_PERIOD = 0.05  # s
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of ``rpud watch``."""
     parser.add_argument(
         "bag",
         nargs="?",

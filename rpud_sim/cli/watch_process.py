@@ -28,7 +28,6 @@ def watching(port: int | None, namespace: str, stop: StopRequest) -> Iterator[No
 
     Args:
         port: of the page; None for no page.
-        namespace: of the drill.
         stop: a request to stop, which also ends the wait for the server.
 
     Raises:

@@ -22,19 +22,12 @@ from typing import NamedTuple
 
 @dataclasses.dataclass(frozen=True)
 class Arm:
-    """Constants of the arm.
+    """Constants of the arm."""
 
-    Args:
-        stiffness: k_a [N/m]; 0 for a rigid arm.
-        damping: c_a [N s/m], above 0.
-        half_play: half of the whole play [m].
-        anchoring: force above which the host slips [N].
-    """
-
-    stiffness: float
-    damping: float
-    half_play: float
-    anchoring: float
+    stiffness: float  # k_a [N/m]; 0 for a rigid arm
+    damping: float  # c_a [N s/m], above 0
+    half_play: float  # half of the whole play [m]
+    anchoring: float  # force above which the host slips [N]
 
     @functools.cached_property
     def reach(self) -> float:
@@ -56,18 +49,13 @@ class Arm:
 
 
 class Load(NamedTuple):
-    """Force of the drill on the mount, away from the rock, as it depends on the mount's position.
+    """Force of the drill on the mount, away from the rock, by the mount's position."""
 
-    Args:
-        spring_rate: of the load spring [N/m].
-        bottom: p, position of the mount at which the load spring is not compressed [m]; infinite if
-            there is no bottom.
-        push: constant force toward the rock [N].
-    """
-
-    spring_rate: float
+    spring_rate: float  # of the load spring [N/m]
+    # p, position of the mount at which the load spring is not compressed [m]; infinite if
+    # there is no bottom
     bottom: float
-    push: float
+    push: float  # constant force toward the rock [N]
 
     def spring(self, position: float) -> float:
         """Return the force of the load spring, the weight on bit [N]."""
@@ -87,31 +75,20 @@ class Load(NamedTuple):
 
 
 class Move(NamedTuple):
-    """Motion of the mount, with its energies.
+    """Motion of the mount, with its energies."""
 
-    Args:
-        position: of the mount at the end [m].
-        slipped: way of the host [m].
-        damper: energy that the guide's friction took [J].
-        slip: energy that the host's slipping took [J].
-        work: on the drill [J].
-        shift_work: that moved the place at rest [J].
-    """
-
-    position: float
-    slipped: float = 0.0
-    damper: float = 0.0
-    slip: float = 0.0
-    work: float = 0.0
-    shift_work: float = 0.0
+    position: float  # of the mount at the end [m]
+    slipped: float = 0.0  # way of the host [m]
+    damper: float = 0.0  # energy that the guide's friction took [J]
+    slip: float = 0.0  # energy that the host's slipping took [J]
+    work: float = 0.0  # on the drill [J]
+    shift_work: float = 0.0  # that moved the place at rest [J]
 
 
 def drift(arm: Arm, load: Load, position: float, rest: float, interval: float) -> Move:
     """Return the motion of the mount in an interval in which nothing else moves.
 
     Args:
-        arm: its constants.
-        load: of the drill.
         position: of the mount at the beginning, within the arm's reach of its place at rest [m].
         rest: place of the mount at which the arm is not deflected [m].
         interval: length [s]; infinite for the equilibrium.
@@ -165,8 +142,6 @@ def shift(arm: Arm, load: Load, position: float, rest: float, new_rest: float) -
     force. Another arm is deflected.
 
     Args:
-        arm: its constants.
-        load: of the drill.
         position: of the mount at the beginning [m].
         rest: place of the mount at which the arm is not deflected [m].
         new_rest: that place afterwards, unless the host slips [m].

@@ -102,19 +102,12 @@ class BitParameters(ParameterGroup):
 
 
 class Cut(NamedTuple):
-    """Forces and torques of a bit on the bottom of its hole, immutable.
+    """Forces and torques of a bit on the bottom of its hole, immutable."""
 
-    Args:
-        depth: of the cut in one turn, if the tool turns [m].
-        cutting_force: part of the weight on bit that the cutting edges bear [N].
-        cutting_torque: that cuts the rock [N m].
-        friction_torque: of wear flats and body on the rock [N m].
-    """
-
-    depth: float = 0.0
-    cutting_force: float = 0.0
-    cutting_torque: float = 0.0
-    friction_torque: float = 0.0
+    depth: float = 0.0  # of the cut in one turn, if the tool turns [m]
+    cutting_force: float = 0.0  # part of the weight on bit that the cutting edges bear [N]
+    cutting_torque: float = 0.0  # that cuts the rock [N m]
+    friction_torque: float = 0.0  # of wear flats and body on the rock [N m]
 
 
 NO_CUT = Cut()
@@ -141,8 +134,6 @@ def cut(
     beyond it more weight cuts deeper (II); at the greatest cut the body of the bit bears (III).
 
     Args:
-        bit: its parameters.
-        layer: of rock at the bottom.
         radius: of the bit [m].
         weight_on_bit: toward the rock [N]; without it there is no cut.
         wear_flat: area of the wear flats [m^2].

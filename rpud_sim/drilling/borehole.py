@@ -19,34 +19,21 @@ AMBIENT_TEMPERATURE = 293.15  # K
 
 @dataclasses.dataclass(frozen=True)
 class BoreholeState:
-    """State of the borehole at one time, immutable.
+    """State of the borehole at one time, immutable."""
 
-    Args:
-        depth: of the hole [m].
-        penetration_rate: mean over the last second [m/s].
-        layer: name of the layer at the bottom; empty below the rock.
-        specific_energy: energy for one unit of volume over the last second, after Teale [J/m^3];
-            NaN while the hole does not get deeper.
-        packed_cuttings: volume of cuttings in the flutes [m^3].
-        bit_wear: 0 for a new bit, 1 for a blunt one, more beyond.
-        bit_temperature: [K].
-        rock_temperature: at the bottom [K].
-        filling: share of the flutes that is full.
-        side_offset: by which the bit has walked sideways at the start of the hole [m].
-        broken_through: whether the hole has reached the bottom of the rock.
-    """
-
-    depth: float = 0.0
-    penetration_rate: float = 0.0
-    layer: str = ""
+    depth: float = 0.0  # of the hole [m]
+    penetration_rate: float = 0.0  # mean over the last second [m/s]
+    layer: str = ""  # name of the layer at the bottom; empty below the rock
+    # energy for one unit of volume over the last second, after Teale [J/m^3]; NaN while the
+    # hole does not get deeper
     specific_energy: float = math.nan
-    packed_cuttings: float = 0.0
-    bit_wear: float = 0.0
-    bit_temperature: float = math.nan
-    rock_temperature: float = math.nan
-    filling: float = 0.0
-    side_offset: float = 0.0
-    broken_through: bool = False
+    packed_cuttings: float = 0.0  # volume of cuttings in the flutes [m^3]
+    bit_wear: float = 0.0  # 0 for a new bit, 1 for a blunt one, more beyond
+    bit_temperature: float = math.nan  # [K]
+    rock_temperature: float = math.nan  # at the bottom [K]
+    filling: float = 0.0  # share of the flutes that is full
+    side_offset: float = 0.0  # by which the bit has walked sideways at the start of the hole [m]
+    broken_through: bool = False  # whether the hole has reached the bottom of the rock
 
 
 class Borehole:
@@ -57,8 +44,6 @@ class Borehole:
     both up (``cuttings``).
 
     Args:
-        bit: its parameters.
-        strata: the layers.
         rock: area of the hole, and share of an impact's energy that breaks the rock.
         ambient_temperature: of the bit, the rock and the surroundings at first [K].
     """
@@ -119,7 +104,6 @@ class Borehole:
         Args:
             weight_on_bit: force on the bit [N].
             in_rock: whether the drill tool is in the rock.
-            disturbances: faults in force.
         """
         if not (in_rock or self._tip > 0.0):
             return NO_RESISTANCE
@@ -149,11 +133,9 @@ class Borehole:
 
         Args:
             interval: length of the step [s].
-            percussion: during the step.
             rotation: of the step; ``NOT_TURNED`` without a rotor.
             weight_on_bit: force on the bit in the step [N].
             mount_position: at the end of the step, as of ``MountState``; None without a feed.
-            disturbances: faults in force.
         """
         turned = rotation.angle
         before, self._turned = self._turned, rotation

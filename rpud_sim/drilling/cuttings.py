@@ -22,17 +22,11 @@ class Cuttings:
     with the closed form of an exponential during a step. So the flutes fill up with depth, and
     empty with the rate of rotation. A tool that is drawn back takes with it what its flutes hold
     outside the hole.
-
-    Attributes:
-        volume: in the hole [m^3].
-
-    Args:
-        bit: its parameters.
     """
 
     def __init__(self, bit: BitParameters) -> None:
         self._bit = bit
-        self.volume = 0.0
+        self.volume = 0.0  # in the hole [m^3]
 
     def filling(self, depth: float, clogged: float = 0.0) -> float:
         """Return the share of the flutes that is full, from 0 to 1.
@@ -85,7 +79,6 @@ class Cuttings:
             interval: length of the step [s].
             produced: volume of the rock that they come from [m^3].
             turned: angle of the tool [rad].
-            impacts: number of impacts.
             depth: of the tool in the hole [m].
             clearing: factor on the speed at which cuttings rise, 0 to 1.
         """

@@ -12,15 +12,10 @@ FEED_MODES = (RATE, POSITION)
 
 @dataclasses.dataclass(frozen=True)
 class Motion:
-    """Motion that the drive of the feed is to make, immutable.
+    """Motion that the drive of the feed is to make, immutable."""
 
-    Args:
-        mode: ``RATE`` or ``POSITION``.
-        value: rate toward the rock [m/s], or position [m].
-    """
-
-    mode: str
-    value: float
+    mode: str  # ``RATE`` or ``POSITION``
+    value: float  # rate toward the rock [m/s], or position [m]
 
 
 STANDSTILL = Motion(RATE, 0.0)

@@ -12,9 +12,6 @@ class WarmBody:
 
     During a step the power is constant, and the temperature an exponential.
 
-    Attributes:
-        temperature: of the body [K].
-
     Args:
         thermal_resistance: to the surroundings [K/W].
         ambient_temperature: of the surroundings, and of the body at first [K].
@@ -23,7 +20,7 @@ class WarmBody:
     def __init__(self, thermal_resistance: float, ambient_temperature: float) -> None:
         self._resistance = thermal_resistance
         self._ambient = ambient_temperature
-        self.temperature = ambient_temperature
+        self.temperature = ambient_temperature  # of the body [K]
         self._share_of = (0.0, 0.0)  # interval [s] and heat capacity [J/K] of the last step
         self._share = 0.0
 

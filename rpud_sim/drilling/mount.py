@@ -90,22 +90,14 @@ class MountWork:
     """Energies of feed and arm since time zero, in joules.
 
     ``feed + host`` is ``damper + slip + drill`` and the change of ``stored``.
-
-    Args:
-        feed: work of the feed's drive.
-        damper: lost in the friction of the guide.
-        slip: lost where the host slips by the force of the arm.
-        host: work of a host that slips by itself, by a fault.
-        stored: in the arm's spring now.
-        drill: work on the drill: on its load spring, and against its reacting force.
     """
 
-    feed: float = 0.0
-    damper: float = 0.0
-    slip: float = 0.0
-    host: float = 0.0
-    stored: float = 0.0
-    drill: float = 0.0
+    feed: float = 0.0  # work of the feed's drive
+    damper: float = 0.0  # lost in the friction of the guide
+    slip: float = 0.0  # lost where the host slips by the force of the arm
+    host: float = 0.0  # work of a host that slips by itself, by a fault
+    stored: float = 0.0  # in the arm's spring now
+    drill: float = 0.0  # work on the drill: on its load spring, and against its reacting force
 
 
 @dataclasses.dataclass(frozen=True)
@@ -114,28 +106,17 @@ class MountState:
 
     Positions are along the drill axis, positive toward the rock. At zero the tool of an unloaded
     arm just touches the rock before drilling.
-
-    Args:
-        position: of the mount [m].
-        feed: position of the feed's drive [m].
-        rate: of the feed's drive [m/s].
-        force: of the arm on the mount, toward the rock [N].
-        weight_on_bit: force of the compressed load spring [N].
-        in_contact: whether the drill tool is in the rock.
-        slip: way of the host since time zero, toward the rock [m].
-        bottom: of the hole [m]; infinite if there is none.
-        work: energies since time zero.
     """
 
-    position: float
-    feed: float
-    rate: float
-    force: float
-    weight_on_bit: float
-    in_contact: bool
-    slip: float
-    bottom: float
-    work: MountWork = MountWork()
+    position: float  # of the mount [m]
+    feed: float  # position of the feed's drive [m]
+    rate: float  # of the feed's drive [m/s]
+    force: float  # of the arm on the mount, toward the rock [N]
+    weight_on_bit: float  # force of the compressed load spring [N]
+    in_contact: bool  # whether the drill tool is in the rock
+    slip: float  # way of the host since time zero, toward the rock [m]
+    bottom: float  # of the hole [m]; infinite if there is none
+    work: MountWork = MountWork()  # energies since time zero
 
 
 class Mount:
@@ -153,7 +134,6 @@ class Mount:
         in_contact: whether the drill tool is in the rock.
 
     Args:
-        parameters: of feed and arm.
         load_spring_rate: k_1 [N/m].
         has_rock: whether there is rock.
     """
@@ -225,7 +205,6 @@ class Mount:
             reacting_force: mean force of the drill on the mount in the step [N].
             load_spring_rate: k_1 [N/m].
             has_rock: whether there is rock.
-            disturbances: faults in force.
         """
         spring_rate = load_spring_rate * disturbances.preload_factor
         # What the drill's own motion takes from the force of the load spring.

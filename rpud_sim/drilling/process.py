@@ -24,23 +24,18 @@ _INTERVAL = PROCESS_INTERVAL / SECOND  # [s]
 
 @dataclasses.dataclass(frozen=True)
 class DrillingParameters:
-    """Parameters of the slow processes, by part.
+    """Parameters of the slow processes, by part."""
 
-    Args:
-        rotation: of the drill tool.
-        mount: feed and arm.
-        strata: layers of the rock.
-        bit: at the end of the drill tool.
-        rock: where there are no strata; area of the hole.
-        ambient_temperature: of bit, rock and surroundings at first [K].
-    """
-
+    # of the drill tool
     rotation: RotationParameters = dataclasses.field(default_factory=RotationParameters)
-    mount: MountParameters = dataclasses.field(default_factory=MountParameters)
+    mount: MountParameters = dataclasses.field(default_factory=MountParameters)  # feed and arm
+    # layers of the rock
     strata: StrataParameters = dataclasses.field(default_factory=StrataParameters)
+    # at the end of the drill tool
     bit: BitParameters = dataclasses.field(default_factory=BitParameters)
+    # where there are no strata; area of the hole
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
-    ambient_temperature: float = AMBIENT_TEMPERATURE
+    ambient_temperature: float = AMBIENT_TEMPERATURE  # of bit, rock and surroundings at first [K]
 
     @property
     def layers(self) -> Strata | None:
@@ -62,37 +57,24 @@ class DrillingParameters:
 
 
 class Surroundings(NamedTuple):
-    """What a step needs of the drill besides its percussion, immutable.
+    """What a step needs of the drill besides its percussion, immutable."""
 
-    Args:
-        weight_on_bit: commanded force, which acts where there is no feed [N].
-        load_spring_rate: k_1 [N/m].
-        has_rock: whether there is rock; otherwise the tool never touches any.
-        depth: of the hole by percussion alone [m], where there are no strata.
-        hardness: factor on ``rock_specific_energy`` since time zero, by changes of the parameter.
-    """
-
-    weight_on_bit: float
-    load_spring_rate: float
-    has_rock: bool
-    depth: float = 0.0
+    weight_on_bit: float  # commanded force, which acts where there is no feed [N]
+    load_spring_rate: float  # k_1 [N/m]
+    has_rock: bool  # whether there is rock; otherwise the tool never touches any
+    depth: float = 0.0  # of the hole by percussion alone [m], where there are no strata
+    # factor on ``rock_specific_energy`` since time zero, by changes of the parameter
     hardness: float = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
 class ProcessState:
-    """State of the slow processes at their last step, immutable.
+    """State of the slow processes at their last step, immutable."""
 
-    Args:
-        time: of that step [ns].
-        rotation: state of the rotor; None without rotation.
-        mount: state of feed and mount; None without a feed.
-        borehole: state of the hole; None without strata, and without rotation in a rock.
-    """
-
-    time: int = 0
-    rotation: RotorState | None = None
-    mount: MountState | None = None
+    time: int = 0  # of that step [ns]
+    rotation: RotorState | None = None  # state of the rotor; None without rotation
+    mount: MountState | None = None  # state of feed and mount; None without a feed
+    # state of the hole; None without strata, and without rotation in a rock
     borehole: BoreholeState | None = None
 
     def __deepcopy__(self, memo: dict[int, object]) -> ProcessState:
@@ -108,10 +90,6 @@ class Process:
     """Slow processes around the percussion, from time zero on.
 
     Times are integer nanoseconds of simulation time.
-
-    Args:
-        parameters: of the processes.
-        surroundings: at time zero.
     """
 
     def __init__(self, parameters: DrillingParameters, surroundings: Surroundings) -> None:
@@ -184,13 +162,7 @@ class Process:
     def step(
         self, percussion: Percussion, surroundings: Surroundings, disturbances: Disturbances
     ) -> None:
-        """Take the step that is due at ``next_step``.
-
-        Args:
-            percussion: since the last step.
-            surroundings: at the step.
-            disturbances: faults in force at the step.
-        """
+        """Take the step that is due at ``next_step``."""
         interval = _INTERVAL
         mount, borehole = self._mount, self._borehole
         if self._follows_rock and surroundings.hardness != 1.0:

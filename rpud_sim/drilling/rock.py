@@ -56,9 +56,6 @@ class Progress:
     Each impact deepens the hole by the energy that it leaves in drill tool and rock, times the
     share that breaks the rock, over specific energy and area. Without a rock model depth and rate
     are NaN.
-
-    Args:
-        parameters: of the rock.
     """
 
     def __init__(self, parameters: RockParameters) -> None:

@@ -23,17 +23,12 @@ from collections.abc import Mapping
 
 @dataclasses.dataclass(frozen=True)
 class Rock:
-    """Properties of a rock, immutable.
+    """Properties of a rock, immutable."""
 
-    Args:
-        properties: values of the fields of ``Layer`` by name, without its place.
-        ranges: least and greatest published value by name; a property without one is assumed.
-        sources: numbers of the sources, by property.
-    """
-
-    properties: Mapping[str, float]
+    properties: Mapping[str, float]  # values of the fields of ``Layer`` by name, without its place
+    # least and greatest published value by name; a property without one is assumed
     ranges: Mapping[str, tuple[float, float]]
-    sources: Mapping[str, tuple[int, ...]]
+    sources: Mapping[str, tuple[int, ...]]  # numbers of the sources, by property
 
 
 def _rock(

@@ -68,9 +68,6 @@ class Rotor:
     so the result does not depend on how steps with the same torques divide the time. The tool stops
     where the rate reaches zero, and starts when the torque of the drive at rest exceeds the
     resistance times the breakaway ratio. It never turns backward: all that resists is passive.
-
-    Args:
-        parameters: of the rotation.
     """
 
     def __init__(self, parameters: RotationParameters) -> None:
@@ -130,8 +127,6 @@ class Rotor:
         Args:
             interval: length of the step [s].
             amplitude_ratio: amplitude of the vibration over its nominal value, not negative.
-            resistance: torque against the rotation.
-            disturbances: faults in force.
         """
         cutting, friction, flutes, faults, in_hole = resistance
         if in_hole and disturbances.gravel_torque > 0.0:
@@ -227,19 +222,12 @@ class Rotor:
 
 
 class _Decay(NamedTuple):
-    """Decay of a rate to its steady value in a time.
+    """Decay of a rate to its steady value in a time."""
 
-    Args:
-        time: [s].
-        once: integral of the rate's distance from its steady value, over that at first [s].
-        twice: integral of its square, over that at first [s].
-        remains: distance at the end over that at first.
-    """
-
-    time: float
-    once: float
-    twice: float
-    remains: float
+    time: float  # [s]
+    once: float  # integral of the rate's distance from its steady value, over that at first [s]
+    twice: float  # integral of its square, over that at first [s]
+    remains: float  # distance at the end over that at first
 
 
 def _decay_in(time: float, decay: float) -> _Decay:

@@ -8,21 +8,13 @@ from typing import NamedTuple
 
 
 class Resistance(NamedTuple):
-    """Torque against the rotation of the drill tool, immutable and not negative [N m].
+    """Torque against the rotation of the drill tool, immutable and not negative [N m]."""
 
-    Args:
-        cutting: that cuts the rock.
-        friction: of the wear flat on the rock.
-        flutes: of cuttings in the flutes.
-        faults: of binding and of rock that protrudes into the flutes.
-        in_hole: whether the wall of a hole surrounds the tool.
-    """
-
-    cutting: float = 0.0
-    friction: float = 0.0
-    flutes: float = 0.0
-    faults: float = 0.0
-    in_hole: bool = False
+    cutting: float = 0.0  # that cuts the rock
+    friction: float = 0.0  # of the wear flat on the rock
+    flutes: float = 0.0  # of cuttings in the flutes
+    faults: float = 0.0  # of binding and of rock that protrudes into the flutes
+    in_hole: bool = False  # whether the wall of a hole surrounds the tool
 
     @property
     def total(self) -> float:
@@ -38,24 +30,16 @@ class RotorWork:
     """Work of the rotation since time zero, immutable [J].
 
     The work of the drive is the sum of cutting, friction, flutes, faults and kinetic energy.
-
-    Args:
-        drive: of the drive on the rotor.
-        slip: lost in the sliding contact between stack and rotor; the stack gives it in addition.
-        cutting: that cut the rock.
-        friction: of the wear flat on the rock.
-        flutes: on cuttings in the flutes.
-        faults: against binding, gravel and rock that protrudes into the flutes.
-        kinetic: energy of the rotation now.
     """
 
-    drive: float = 0.0
+    drive: float = 0.0  # of the drive on the rotor
+    # lost in the sliding contact between stack and rotor; the stack gives it in addition
     slip: float = 0.0
-    cutting: float = 0.0
-    friction: float = 0.0
-    flutes: float = 0.0
-    faults: float = 0.0
-    kinetic: float = 0.0
+    cutting: float = 0.0  # that cut the rock
+    friction: float = 0.0  # of the wear flat on the rock
+    flutes: float = 0.0  # on cuttings in the flutes
+    faults: float = 0.0  # against binding, gravel and rock that protrudes into the flutes
+    kinetic: float = 0.0  # energy of the rotation now
 
     def to_dict(self) -> dict[str, float]:
         """Return the terms and the residual by name, ready for JSON [J]."""
@@ -74,43 +58,25 @@ class RotorWork:
 
 @dataclasses.dataclass(frozen=True)
 class RotorState:
-    """State of the rotor at one time, immutable.
+    """State of the rotor at one time, immutable."""
 
-    Args:
-        angle: since time zero [rad].
-        rate: of rotation, never negative [rad/s].
-        torque: of rock and cuttings on the drill tool, against the rotation [N m].
-        drive_torque: of the drive on the rotor [N m].
-        stalled: whether the tool stands still although the drive is on.
-        slipping: whether the preload of the rotor limits the torque of the drive.
-        turned: angle of the last step [rad].
-        work: since time zero.
-    """
-
-    angle: float = 0.0
-    rate: float = 0.0
-    torque: float = 0.0
-    drive_torque: float = 0.0
-    stalled: bool = False
-    slipping: bool = False
-    turned: float = 0.0
-    work: RotorWork = RotorWork()
+    angle: float = 0.0  # since time zero [rad]
+    rate: float = 0.0  # of rotation, never negative [rad/s]
+    torque: float = 0.0  # of rock and cuttings on the drill tool, against the rotation [N m]
+    drive_torque: float = 0.0  # of the drive on the rotor [N m]
+    stalled: bool = False  # whether the tool stands still although the drive is on
+    slipping: bool = False  # whether the preload of the rotor limits the torque of the drive
+    turned: float = 0.0  # angle of the last step [rad]
+    work: RotorWork = RotorWork()  # since time zero
 
 
 class Turned(NamedTuple):
-    """Rotation in one step as the borehole sees it, immutable.
+    """Rotation in one step as the borehole sees it, immutable."""
 
-    Args:
-        angle: of the step [rad].
-        torque: of rock and cuttings on the drill tool, against the rotation [N m].
-        friction: work of the wear flat on the rock since time zero [J].
-        resisted: work against everything that resists the rotation since time zero [J].
-    """
-
-    angle: float = 0.0
-    torque: float = 0.0
-    friction: float = 0.0
-    resisted: float = 0.0
+    angle: float = 0.0  # of the step [rad]
+    torque: float = 0.0  # of rock and cuttings on the drill tool, against the rotation [N m]
+    friction: float = 0.0  # work of the wear flat on the rock since time zero [J]
+    resisted: float = 0.0  # work against everything that resists the rotation since time zero [J]
 
 
 NOT_TURNED = Turned()

@@ -66,16 +66,13 @@ _STRATA_KEYS = ("layers", "bottom")
 class Strata:
     """Layers from the surface downward, immutable.
 
-    Args:
-        layers: at least one; the first begins at depth zero, each other one below the one before.
-        bottom: depth at which the rock ends [m]; infinite if it does not.
-
     Raises:
         ParameterError: if the layers do not follow one another.
     """
 
+    # at least one; the first begins at depth zero, each other one below the one before
     layers: tuple[Layer, ...]
-    bottom: float = math.inf
+    bottom: float = math.inf  # depth at which the rock ends [m]; infinite if it does not
 
     def __post_init__(self) -> None:
         if not self.layers:
@@ -146,7 +143,6 @@ def inclusion_in(layer: Layer, strength: float) -> Layer:
     basalt in proportion to the strength (assumed).
 
     Args:
-        layer: around the stone.
         strength: of the stone [Pa].
     """
     basalt = ROCKS["basalt"].properties
@@ -197,9 +193,6 @@ def find_strata(choice: str) -> Strata:
 def read_strata(path: str | Path) -> Strata:
     """Return the strata of a file in YAML.
 
-    Args:
-        path: of the file.
-
     Raises:
         ParameterError: if it cannot be read or used; one line with file, line, layer and value.
     """
@@ -213,8 +206,6 @@ def parse_strata(
     """Return the strata of a file's content.
 
     Args:
-        content: as YAML gives it.
-        name: of the file, for error messages.
         lines: of each place in the file, as ``yaml_lines`` gives them.
 
     Raises:
@@ -278,9 +269,6 @@ class StrataParameters(ParameterGroup):
     A file is read when this is made, and its content in one line takes the place of its path. So
     journals and bags have the layers, and need the file no more.
 
-    Attributes:
-        found: the strata; None if none are chosen.
-
     Raises:
         ParameterError: if the strata cannot be used.
     """
@@ -298,4 +286,4 @@ class StrataParameters(ParameterGroup):
         if found and not (self.strata in ROCKS or self.strata.lstrip().startswith("{")):
             object.__setattr__(self, "strata", found.to_text())
 
-    found: ClassVar[Strata | None]
+    found: ClassVar[Strata | None]  # the strata; None if none are chosen

@@ -20,19 +20,12 @@ from rpud_sim.foundation.quantities import Allowed, Choice, Flag, Quantity, Text
 
 @dataclasses.dataclass(frozen=True)
 class Declaration:
-    """Declaration of a parameter.
+    """Declaration of a parameter."""
 
-    Args:
-        name: of the parameter.
-        default: its value if none is given.
-        allowed: meaning and allowed values.
-        changeable: whether it may change while the drill runs.
-    """
-
-    name: str
-    default: Any
-    allowed: Allowed
-    changeable: bool
+    name: str  # of the parameter
+    default: Any  # its value if none is given
+    allowed: Allowed  # meaning and allowed values
+    changeable: bool  # whether it may change while the drill runs
 
 
 def number(

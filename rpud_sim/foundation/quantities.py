@@ -49,25 +49,15 @@ def did_you_mean(name: Any, known: Iterable[str]) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
-    """Number with its unit, meaning and allowed range.
+    """Number with its unit, meaning and allowed range."""
 
-    Args:
-        unit: SI unit, empty for a pure number.
-        description: one phrase, with the paper's symbol.
-        minimum: least allowed value.
-        maximum: greatest allowed value.
-        exclusive: whether the minimum itself is forbidden.
-        below: whether the maximum itself is forbidden.
-        whole: whether only whole numbers are allowed.
-    """
-
-    unit: str
-    description: str
-    minimum: float
-    maximum: float
-    exclusive: bool = False
-    below: bool = False
-    whole: bool = False
+    unit: str  # SI unit, empty for a pure number
+    description: str  # one phrase, with the paper's symbol
+    minimum: float  # least allowed value
+    maximum: float  # greatest allowed value
+    exclusive: bool = False  # whether the minimum itself is forbidden
+    below: bool = False  # whether the maximum itself is forbidden
+    whole: bool = False  # whether only whole numbers are allowed
 
     @property
     def range(self) -> str:
@@ -106,15 +96,10 @@ class Quantity:
 
 @dataclasses.dataclass(frozen=True)
 class Choice:
-    """One of several words.
+    """One of several words."""
 
-    Args:
-        description: one phrase.
-        choices: the words.
-    """
-
-    description: str
-    choices: tuple[str, ...]
+    description: str  # one phrase
+    choices: tuple[str, ...]  # the words
 
     @property
     def range(self) -> str:
@@ -134,13 +119,9 @@ class Choice:
 
 @dataclasses.dataclass(frozen=True)
 class Flag:
-    """A truth value.
+    """A truth value."""
 
-    Args:
-        description: one phrase.
-    """
-
-    description: str
+    description: str  # one phrase
     range: str = dataclasses.field(default="true or false", init=False)
 
     def check(self, name: str, value: Any) -> bool:
@@ -156,15 +137,10 @@ class Flag:
 
 @dataclasses.dataclass(frozen=True)
 class Text:
-    """A text.
+    """A text."""
 
-    Args:
-        description: one phrase.
-        range: which texts are allowed, in words.
-    """
-
-    description: str
-    range: str
+    description: str  # one phrase
+    range: str  # which texts are allowed, in words
 
     def check(self, name: str, value: Any) -> str:
         """Return the value.

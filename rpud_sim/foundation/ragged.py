@@ -9,14 +9,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Ragged:
-    """Sequences of numbers, one behind the other.
+    """Sequences of numbers, one behind the other."""
 
-    Args:
-        values: of all sequences, shape (m,).
-        cuts: number of the first value of each sequence, and of all, shape (n + 1,), int64.
-    """
-
-    values: np.ndarray
+    values: np.ndarray  # of all sequences, shape (m,)
+    # number of the first value of each sequence, and of all, shape (n + 1,), int64
     cuts: np.ndarray
 
     def __len__(self) -> int:

@@ -61,7 +61,6 @@ def parse_yaml(text: str, truth_values: bool = True) -> Any:
     """Return the value of a text in YAML.
 
     Args:
-        text: one document.
         truth_values: whether words such as off are truth values or words.
 
     Raises:
@@ -103,7 +102,6 @@ def read_yaml(path: str | Path, truth_values: bool = True) -> Any:
     """Return the value of a file in YAML.
 
     Args:
-        path: of the file.
         truth_values: as for ``parse_yaml``.
 
     Raises:
@@ -116,7 +114,6 @@ def read_yaml_text(path: str | Path, truth_values: bool = True) -> tuple[Any, st
     """Return the value of a file in YAML, and its text.
 
     Args:
-        path: of the file.
         truth_values: as for ``parse_yaml``.
 
     Raises:

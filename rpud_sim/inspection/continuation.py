@@ -24,20 +24,15 @@ class Continuation:
 
     Args:
         fork: where it begins.
-        changes: from there on.
         duration: to simulate [s]; None up to the end of the recorded run.
-
-    Attributes:
-        end: simulation time at which it ends [ns].
-        warnings: refused changes, one line each.
 
     Raises:
         ForkError: if the journal does not hold what followed.
     """
 
     def __init__(self, fork: Fork, changes: Changes, duration: float | None) -> None:
-        self.end = _end(fork, duration)
-        self.warnings: list[str] = []
+        self.end = _end(fork, duration)  # simulation time at which it ends [ns]
+        self.warnings: list[str] = []  # refused changes, one line each
         self._fork = fork
         self._changes = changes
         self._run = fork.resumed.run

@@ -17,7 +17,6 @@ def encoded(
     """Return the messages of each topic that has an encoder, and their places among all.
 
     Args:
-        together: the messages of a span.
         encoders: of the wanted topics, by their names in the run.
         prefix: of the names in a bag.
     """

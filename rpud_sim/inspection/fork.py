@@ -25,25 +25,16 @@ LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")
 
 @dataclasses.dataclass(frozen=True)
 class Fork:
-    """Recorded run at the instant of a fork, and where it came from.
+    """Recorded run at the instant of a fork, and where it came from."""
 
-    Args:
-        recorded: the run of the bag.
-        time: instant, in simulation time [ns].
-        resumed: the run in its state there.
-        history: messages of the journal up to there, with the times at which they were published.
-        origin: the manifest's ``forked_from``.
-        scenario: text of the scenario, if the bag has it.
-        warnings: one line each.
-    """
-
-    recorded: RecordedRun
-    time: int
-    resumed: Resumed
+    recorded: RecordedRun  # the run of the bag
+    time: int  # instant, in simulation time [ns]
+    resumed: Resumed  # the run in its state there
+    # messages of the journal up to there, with the times at which they were published
     history: tuple[tuple[int, Fields], ...]
-    origin: Mapping[str, Any]
-    scenario: str | None
-    warnings: tuple[str, ...]
+    origin: Mapping[str, Any]  # the manifest's ``forked_from``
+    scenario: str | None  # text of the scenario, if the bag has it
+    warnings: tuple[str, ...]  # one line each
 
 
 def open_fork(
@@ -59,9 +50,7 @@ def open_fork(
     """Run a recorded run again up to an instant.
 
     Args:
-        path: of the bag.
         at: instant, in simulation time of the run [s].
-        changes: of the fork, for its manifest.
         run: number of the run, from 1.
         topic: of the journal, if the bag holds several.
         stop: whether the run stops exactly at the instant.
@@ -103,7 +92,6 @@ def live_start(fork: Fork, changes: Changes) -> Start:
 
     Args:
         fork: that stopped at its instant; its run is used up.
-        changes: from there on.
 
     Raises:
         ParameterError: if a change at the instant is refused.

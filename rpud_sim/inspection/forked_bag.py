@@ -24,27 +24,16 @@ from rpud_sim.simulation.topics import offered_topics
 
 @dataclasses.dataclass(frozen=True)
 class ForkedBag:
-    """Bag of a fork.
+    """Bag of a fork."""
 
-    Args:
-        path: of the bag.
-        source: bag from which it forks.
-        run: number of the run in it.
-        at: instant of the fork, in simulation time of that run [s].
-        duration: simulated from there on [s].
-        messages: that were written, without those of the journal up to the instant.
-        changed: whether anything differs from the recorded run.
-        warnings: one line each.
-    """
-
-    path: str
-    source: str
-    run: int
-    at: float
-    duration: float
-    messages: int
-    changed: bool
-    warnings: tuple[str, ...]
+    path: str  # of the bag
+    source: str  # bag from which it forks
+    run: int  # number of the run in it
+    at: float  # instant of the fork, in simulation time of that run [s]
+    duration: float  # simulated from there on [s]
+    messages: int  # that were written, without those of the journal up to the instant
+    changed: bool  # whether anything differs from the recorded run
+    warnings: tuple[str, ...]  # one line each
 
 
 def write_fork(
@@ -65,8 +54,6 @@ def write_fork(
     with the journal up to the instant, so that it can be verified and forked itself.
 
     Args:
-        path: of the recorded bag.
-        out: folder of the new bag.
         at: instant, in simulation time of the run [s].
         duration: to simulate from there on [s]; None up to the end of the recorded run.
         changes: from the instant on; None for none.

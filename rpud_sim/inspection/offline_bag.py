@@ -40,8 +40,6 @@ def write_offline_bag(
     The bag holds what the drill node would publish.
 
     Args:
-        path: folder of the new bag.
-        beginning: of the run.
         duration: simulated time [s].
         scenario_text: of the scenario's file, for the bag's manifest.
         report: called with the seconds that were simulated since its last call.

@@ -32,31 +32,18 @@ class RebuildError(Exception):
 
 @dataclass(frozen=True)
 class Rebuilt:
-    """Result of rebuilding the waveforms of one run.
+    """Result of rebuilding the waveforms of one run."""
 
-    Args:
-        path: folder of the files, each named after its channel, of shape (count,), float64, SI.
-        rate: of the samples [Hz].
-        first: number of the first sample: simulation time is number / rate.
-        count: of samples of each channel.
-        missing: samples that no segment covers; they are NaN in all files.
-        origin: stamp of simulation time zero [ns].
-        run: number of the simulation in the bag, from 1; a reset begins the next one.
-        runs: number of simulations in the bag.
-        trajectory_size: of all messages of the trajectory [bytes].
-        size: of the files [bytes].
-    """
-
-    path: str
-    rate: int
-    first: int
-    count: int
-    missing: int
-    origin: int
-    run: int
-    runs: int
-    trajectory_size: int
-    size: int
+    path: str  # folder of the files, each named after its channel, of shape (count,), float64, SI
+    rate: int  # of the samples [Hz]
+    first: int  # number of the first sample: simulation time is number / rate
+    count: int  # of samples of each channel
+    missing: int  # samples that no segment covers; they are NaN in all files
+    origin: int  # stamp of simulation time zero [ns]
+    run: int  # number of the simulation in the bag, from 1; a reset begins the next one
+    runs: int  # number of simulations in the bag
+    trajectory_size: int  # of all messages of the trajectory [bytes]
+    size: int  # of the files [bytes]
 
 
 def rebuild(
@@ -74,8 +61,6 @@ def rebuild(
     ``out`` appears when all of it is complete.
 
     Args:
-        path: of the bag.
-        out: new folder for the files.
         rate: whole [Hz].
         start: of the rebuilt part, from the beginning of the trajectory [s].
         duration: of the rebuilt part, at most [s]; None for all.
@@ -165,17 +150,13 @@ def _samples(pieces: _Pieces, rate: int, run: int, end: int) -> Iterator[tuple[i
 
 
 class _Pieces:
-    """Pieces of a trajectory, one for each message; it can be iterated several times.
-
-    Attributes:
-        size: of the messages of the last iteration [bytes].
-    """
+    """Pieces of a trajectory, one for each message; it can be iterated several times."""
 
     def __init__(self, bag: BagReader, topic: str) -> None:
         self._bag = bag
         self._topic = topic
         self._codec = Codec(_TYPE, find_definition(_TYPE))
-        self.size = 0
+        self.size = 0  # of the messages of the last iteration [bytes]
 
     def __iter__(self) -> Iterator[TrajectoryPiece]:
         self.size = 0
@@ -188,11 +169,7 @@ class _Pieces:
 
 
 class _Files:
-    """Growing NumPy files, one for each channel; gaps between written samples are NaN.
-
-    Attributes:
-        missing: number of samples in gaps.
-    """
+    """Growing NumPy files, one for each channel; gaps between written samples are NaN."""
 
     def __init__(self, folder: Path, first: int, count: int) -> None:
         self._paths = {channel: folder / f"{channel}.npy" for channel in CHANNELS}
@@ -206,7 +183,7 @@ class _Files:
         header = {"descr": "<f8", "fortran_order": False, "shape": (count,)}
         for stream in self._streams.values():
             write_array_header_1_0(stream, header)
-        self.missing = 0
+        self.missing = 0  # number of samples in gaps
 
     @property
     def size(self) -> int:

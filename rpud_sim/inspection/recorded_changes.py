@@ -26,10 +26,8 @@ def repeated(
     and recorded commands where it has its own.
 
     Args:
-        recorded: the run.
         time: instant of the fork [ns].
         end: of the fork [ns].
-        changes: of the fork.
 
     Raises:
         ForkError: if an entry cannot be repeated.

@@ -32,31 +32,18 @@ class ForkError(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class RecordedRun:
-    """One run of a bag.
+    """One run of a bag."""
 
-    Args:
-        journal: topic of its journal.
-        number: of the run, from 1; a reset or a restored checkpoint begins the next one.
-        runs: number of runs that the bag holds.
-        before: entries of the same start of the node before this run.
-        entries: of the run itself, from its beginning on.
-        codec: of the entries' messages.
-        start: simulation time at which it begins [ns].
-        end: simulation time up to which the journal is complete [ns].
-        torn: why the run cannot be told beyond its end; empty if it ended there.
-        closed: whether its last entry is the end of the drill, or the flush before the next run.
-    """
-
-    journal: str
-    number: int
-    runs: int
-    before: tuple[Recorded, ...]
-    entries: tuple[Recorded, ...]
-    codec: Codec
-    start: int
-    end: int
-    torn: str
-    closed: bool
+    journal: str  # topic of its journal
+    number: int  # of the run, from 1; a reset or a restored checkpoint begins the next one
+    runs: int  # number of runs that the bag holds
+    before: tuple[Recorded, ...]  # entries of the same start of the node before this run
+    entries: tuple[Recorded, ...]  # of the run itself, from its beginning on
+    codec: Codec  # of the entries' messages
+    start: int  # simulation time at which it begins [ns]
+    end: int  # simulation time up to which the journal is complete [ns]
+    torn: str  # why the run cannot be told beyond its end; empty if it ended there
+    closed: bool  # whether its last entry is the end of the drill, or the flush before the next run
 
     @property
     def prefix(self) -> str:
@@ -130,7 +117,6 @@ def find_run(bag: BagReader, number: int = 1, topic: str | None = None) -> Recor
     """Return a run of a bag.
 
     Args:
-        bag: open.
         number: of the run, from 1.
         topic: of the journal, if the bag holds several.
 

@@ -18,21 +18,13 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True)
 class TrajectoryPiece:
-    """Segments of one message.
+    """Segments of one message."""
 
-    Args:
-        run: number of the simulation, from 1; a reset begins the next one.
-        follows: whether they follow those of the piece before without a gap.
-        origin: stamp of simulation time zero [ns].
-        segments: ``SEGMENT`` records; at least one.
-        log_time: of the message [ns].
-    """
-
-    run: int
-    follows: bool
-    origin: int
-    segments: np.ndarray
-    log_time: int
+    run: int  # number of the simulation, from 1; a reset begins the next one
+    follows: bool  # whether they follow those of the piece before without a gap
+    origin: int  # stamp of simulation time zero [ns]
+    segments: np.ndarray  # ``SEGMENT`` records; at least one
+    log_time: int  # of the message [ns]
 
 
 def trajectory_pieces(
@@ -43,7 +35,6 @@ def trajectory_pieces(
     Args:
         messages: of one trajectory in their order, from any one on.
         codec: of ``rpud_msgs/Trajectory``.
-        path: of the bag, for errors.
 
     Raises:
         BagFormatError: if a message is damaged.

@@ -21,16 +21,11 @@ BASELINE_FEATURES = frozenset(("cx16", "popcnt", "sahf", "sse3", "sse4.1", "sse4
 
 @dataclasses.dataclass(frozen=True)
 class Target:
-    """Processor that kernels are compiled for.
+    """Processor that kernels are compiled for."""
 
-    Args:
-        cpu: name, as LLVM knows it.
-        features: instructions beyond those of the name, as LLVM writes them.
-        lacking: what this processor lacks of the baseline; empty if the target is the baseline.
-    """
-
-    cpu: str
-    features: str = ""
+    cpu: str  # name, as LLVM knows it
+    features: str = ""  # instructions beyond those of the name, as LLVM writes them
+    # what this processor lacks of the baseline; empty if the target is the baseline
     lacking: tuple[str, ...] = ()
 
 

@@ -53,7 +53,6 @@ def kernel_name(function: str, signature: str, cpu: str, options: str, sources: 
 
     Args:
         function: full name of the kernel.
-        signature: types of its arguments.
         cpu: name of the processor.
         options: its instructions, and how the code is optimised.
         sources: digest of all texts that the kernel comes from.
@@ -74,19 +73,13 @@ class KernelStore:
 
     Args:
         folders: in the order of search. A new kernel goes to the first that can be written to.
-
-    Attributes:
-        folders: the same.
-        found: files that were read.
-        written: files that were written.
-        lost: names of those that could not be written anywhere.
     """
 
     def __init__(self, folders: Sequence[Path]) -> None:
-        self.folders = tuple(folders)
-        self.found: list[Path] = []
-        self.written: list[Path] = []
-        self.lost: list[str] = []
+        self.folders = tuple(folders)  # the same
+        self.found: list[Path] = []  # files that were read
+        self.written: list[Path] = []  # files that were written
+        self.lost: list[str] = []  # names of those that could not be written anywhere
 
     def read(self, name: str) -> object | None:
         """Return the content of a kernel's file; None if there is none that is whole."""
@@ -102,12 +95,7 @@ class KernelStore:
         return None
 
     def write(self, name: str, body: bytes) -> Path | None:
-        """Keep a kernel and drop its former versions; return its file, None if there is no place.
-
-        Args:
-            name: of its file.
-            body: pickled content.
-        """
+        """Keep a kernel and drop its former versions; return its file, None without a place."""
         for folder in self.folders:
             with contextlib.suppress(OSError):
                 folder.mkdir(parents=True, exist_ok=True)

@@ -21,13 +21,11 @@ def advance_through(
     """Advance to times one after the other, as far as the room for results reaches.
 
     Args:
-        drill: the constants.
         states: one ``STATE``.
         open_segments: the one ``SEGMENT`` in progress.
         open_impacts: the one ``IMPACT`` in progress.
         seconds: whole seconds of the times, in ascending order.
         fractions: the rest of each [s].
-        segments: room for finished segments.
         impacts: room for finished impacts, at least two more than segments.
         finished: gets the number of segments that were finished at each time.
         struck: gets the number of impacts that were finished at each time.

@@ -66,7 +66,6 @@ def derive(parameters: Parameters, jammed: bool = False) -> Drill:
     """Return the constants that the engine needs.
 
     Args:
-        parameters: of the drill.
         jammed: whether cuttings wedge the free mass to the drill tool. In the rock they then damp
             the tool, which otherwise has no damping in a contact (eq. (29)).
     """

@@ -314,7 +314,6 @@ def add_rest(contact, tool_mass, tool_spring_rate, after, ended, account):
         tool_spring_rate: of the drill tool in it [N/m].
         after: segment that begins.
         ended: ``motion_at`` the end of the first.
-        account: to add to.
 
     Returns:
         The motion in which the tool rests.
@@ -335,9 +334,7 @@ def add_event(rpud, before, after, segment, account):
     Args:
         rpud: the ``RpudConstants``.
         before: ``motion_at`` the event, before it.
-        after: the same after it.
         segment: that begins with it.
-        account: to add to.
     """
     _, np_before, _, _, _, fm_before, u_before, dt_before = before
     _, np_after, _, ut_after, _, fm_after, u_after, dt_after = after
@@ -383,7 +380,6 @@ def add_ended_segment(rpud, segment, after, start, account):
         segment: that has ended.
         after: segment that followed.
         start: time in the segment from which on it counts [s].
-        account: to add to.
 
     Returns:
         ``motion_at`` the end of the segment, and at the start of the next one.

@@ -66,9 +66,6 @@ def failure(status: int, parameters: Parameters, drill: Drill, state: np.ndarray
     """Return the error of an advance that failed.
 
     Args:
-        status: of the advance.
-        parameters: at the start of the run.
-        drill: the constants in force.
         state: one ``STATE``.
     """
     reason = {
@@ -84,7 +81,6 @@ class Engine:
     """Motion of the drill from time zero on, event by event.
 
     Args:
-        parameters: of the drill.
         initial_phase: of the vibration [cycles].
         drive: whether the actuator vibrates from the start.
         resonance: of the vibration, which starts at rest; None if its amplitude is prescribed.
@@ -214,7 +210,6 @@ class Engine:
         Args:
             seconds: whole seconds of the time, not before the last one.
             fraction: the rest of it [s].
-            drill: the constants from there on.
             commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz]; of a
                 resonance weight on bit [N], voltage [V] and drive frequency [Hz].
             resonance_frequency: of a resonance [Hz].

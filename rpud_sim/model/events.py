@@ -115,11 +115,6 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
     """Resolve what happens at the state's instant.
 
     Args:
-        drill: the constants.
-        state: the moving state.
-        impact: the record in progress.
-        impacts: room for finished impacts.
-        count: how many it holds.
         met: CONTACT_* bits of pairs whose approach ends here.
         opened: CONTACT_* bits of contacts that end here for want of force.
         event: EVENT_* bits of what is already known to happen.
@@ -180,9 +175,6 @@ def open_segment(drill, state, segment, turn):
     """Write the segment that follows from the state, with its event and duration.
 
     Args:
-        drill: the constants.
-        state: the moving state.
-        segment: to be written.
         turn: ``Turn`` of the state's phase.
 
     Returns:
@@ -220,12 +212,6 @@ def pass_event(drill, state, segment, impact, impacts, count, turns):
     """Go through the event that ends the open segment.
 
     Args:
-        drill: the constants.
-        state: the moving state.
-        segment: the open segment.
-        impact: the record in progress.
-        impacts: room for finished impacts.
-        count: how many it holds.
         turns: ``turns_at_end`` of the segment.
 
     Returns:
@@ -291,13 +277,11 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
     """Advance until the open segment reaches beyond a time, or the room for results is used up.
 
     Args:
-        drill: the constants.
         states: one ``STATE``.
         open_segments: the one ``SEGMENT`` in progress.
         open_impacts: the one ``IMPACT`` in progress.
         seconds: whole seconds of the time.
         fraction: the rest of it [s].
-        segments: room for finished segments.
         impacts: room for finished impacts, at least two more than segments.
 
     Returns:
@@ -324,13 +308,10 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     """End the open segment early, at a time after its start, and go on with what is new.
 
     Args:
-        drill: the constants from here on.
         states: one ``STATE``.
         open_segments: the one ``SEGMENT`` in progress.
         open_impacts: the one ``IMPACT`` in progress.
         time: after the segment's start [s].
-        segments: room for one finished segment.
-        impacts: room for two finished impacts.
         new: weight on bit [N], vibration amplitude [m], frequency [Hz] and resonance frequency
             [Hz] from here on; with a resonance the voltage [V] instead of the amplitude.
 

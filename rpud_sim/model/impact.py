@@ -53,7 +53,6 @@ def contact_impulse(segment, time, start, end):
         segment: a ``SEGMENT`` record.
         time: length of the part [s].
         start: position [m] and velocity [m/s] of the drill tool at its start.
-        end: the same at its end.
     """
     u_start, v_start = start
     u_end, v_end = end
@@ -155,7 +154,6 @@ def follow_impact(segment, impact, time, turns):
 
     Args:
         segment: a ``SEGMENT`` record.
-        impact: the record in progress.
         time: length of the part [s].
         turns: ``Turns`` at its end.
     """

@@ -59,18 +59,11 @@ def _advance_member(
     segments. So the functions that the engine computes at an event serve the sums as well.
 
     Args:
-        drill: the constants.
         rpud: the ``RpudConstants``.
-        state: the moving state.
-        segment: the open segment.
-        impact: the record in progress.
         seconds: whole seconds of the time.
         fraction: the rest of it [s].
         added: whether anything is added.
         whole: whether the account is whole.
-        impacts: room for finished impacts.
-        count: how many it holds.
-        tally: to add to.
         part: sums of the part of the run in progress.
 
     Returns:
@@ -130,7 +123,6 @@ def advance_members(
     """Advance members of an ensemble one after another, and add what happens to their tallies.
 
     Args:
-        drill: the constants.
         rpud: the ``RpudConstants``.
         members: ``STATE``, open ``SEGMENT``, open ``IMPACT``, ``TALLY``, status and class of the 99
             % quantile of each, arrays of shape (members,). The status is that of

@@ -44,7 +44,6 @@ def pairwise_sum(values, room):
     A plain sum would round differently, and a run's figures would no longer be those of its bag.
 
     Args:
-        values: to add.
         room: for what is in progress, shape (SUM_ROOM,).
     """
     count = len(values)

@@ -55,7 +55,6 @@ def close_gaps(state, met, turn):
     """Find the pairs that touch, and push overlapping ones apart; never moves the nodal plane.
 
     Args:
-        state: the moving state.
         met: CONTACT_* bits of pairs whose approach has just ended.
         turn: ``Turn`` of the state's phase.
 
@@ -93,8 +92,6 @@ def exchange_momentum(drill, state, closed, turn):
     """Apply all collisions among the touching bodies; only velocities change.
 
     Args:
-        drill: the constants.
-        state: the moving state.
         closed: CONTACT_* bits of the gaps that are closed.
         turn: ``Turn`` of the state's phase.
 
@@ -207,8 +204,6 @@ def hold_both(drill, state, v_ut, v_hv, stay, turn):
     """Keep all three bodies together if both contacts push; one that is jammed need not.
 
     Args:
-        drill: the constants.
-        state: the moving state.
         v_ut: velocity of the tip [m/s].
         v_hv: velocity of the harmonic vibration [m/s].
         stay: whether both pairs stay together; if not, the free mass may still be caged.
@@ -280,8 +275,6 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
     pairs that separate slowly enough can be in it.
 
     Args:
-        drill: the constants.
-        state: the moving state after the collisions.
         closed: CONTACT_* bits of the gaps that are closed.
         opened: CONTACT_* bits of contacts that end at this instant.
         drill_tool_struck: whether the drill tool was struck at this instant.

@@ -104,7 +104,6 @@ def envelope_after(state, time):
     """Envelope without further contacts.
 
     Args:
-        state: the moving state.
         time: since the start of the open segment [s].
 
     Returns:
@@ -170,7 +169,6 @@ def load(state, impulse, work):
     """Let the bodies load the envelope.
 
     Args:
-        state: the moving state.
         impulse: integral of the force on the free mass, turned by the drive's phase [N s].
         work: of the vibration on the bodies [J].
     """
@@ -216,8 +214,6 @@ def hold(drill, state, v_np, blow_impulse):
     The vibration keeps its velocity, and gives the work of an impulse that joins the blow.
 
     Args:
-        drill: the constants.
-        state: the moving state.
         v_np: velocity of the nodal plane before [m/s].
         blow_impulse: of the blow at the same instant [N s].
     """

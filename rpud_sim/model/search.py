@@ -130,8 +130,6 @@ def next_event(drill, state, segment, start):
     """Find the end of the segment, and its duration [s].
 
     Args:
-        drill: the constants.
-        state: the moving state.
         segment: the segment that follows from it.
         start: ``Turn`` of the vibration at its start.
 

@@ -24,10 +24,6 @@ def seating(before: Drill, after: Drill) -> list[tuple[float, Drill]]:
     The last step has the requested constants. The steps before it are as before drilling: the
     impacts of eqs. (11)-(13) and the suspension of eq. (14). Only the change of a free drill tool
     to one in the rock takes steps; every other change takes effect at once.
-
-    Args:
-        before: the present constants.
-        after: the requested constants.
     """
     if before.in_rock or not after.in_rock:
         return [(0.0, after)]

@@ -209,7 +209,6 @@ def tip_motion(segment, vibration, swing):
     Args:
         segment: a ``SEGMENT`` record.
         vibration: ``Turn`` of the vibration.
-        swing: of the nodal plane.
     """
     omega = TWO_PI * segment.vibration_frequency
     sine, cosine = vibration

@@ -88,8 +88,6 @@ def certain_step(guard, bounds, allowance, least):
     """Time within which a guard cannot fall below the allowance [s].
 
     Args:
-        guard: at a time.
-        bounds: of the guard.
         allowance: how far below zero it may fall.
         least: ``envelope_step`` at that time [s].
     """

@@ -115,11 +115,9 @@ def begin_part(rpud, segment, seconds, fraction, counts, tally, part):
 
     Args:
         rpud: the ``RpudConstants``.
-        segment: in progress at the part's beginning.
         seconds: whole seconds of that time.
         fraction: the rest of it [s].
         counts: whether the segment begins with the part, so that its event counts.
-        tally: to add to.
         part: sums of the part, shape (PART_ROOM,).
     """
     part[:_SUMS] = 0.0
@@ -185,7 +183,6 @@ def add_impacts(impacts, tally, classes, part):
 
     Args:
         impacts: all of them, in order.
-        tally: to add to.
         classes: of the contact forces: how many are in each, shape (CLASSES,).
         part: room, shape (PART_ROOM,).
     """
@@ -252,7 +249,6 @@ def class_at(tallies, classes, share):
 
     Args:
         tallies: one ``TALLY``.
-        classes: of its contact forces.
         share: from 0 to 1.
     """
     wanted = math.ceil(share * tallies[0].impacts)

@@ -38,8 +38,6 @@ def unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list
     """Return the values in force that are furthest from the paper's, furthest first.
 
     Args:
-        parameters: at the start of the run.
-        drill: the constants in force.
         state: one ``STATE``.
 
     Returns:

@@ -44,10 +44,7 @@ def draw(figure: Figure, layer: Layer, color: str, number: int) -> Drawing:
     """Draw a layer; return its data, if it has any, and what is drawn of them.
 
     Args:
-        figure: of Bokeh.
-        layer: its description.
         color: its name in ``theme``.
-        number: of the layer in its plot.
     """
     if isinstance(layer, Line):
         return _line(figure, layer, color, number)
@@ -72,8 +69,6 @@ def _read_out(source: ColumnDataSource, number: int, how: str, **columns: str) -
     """Name the columns whose values the cursor shows.
 
     Args:
-        source: of the layer.
-        number: of the layer in its plot.
         how: ``held`` for the last value before the cursor, ``nearest`` for the one beside it.
         columns: ``x`` and ``y``; ``low`` and ``high`` if there is a band.
     """

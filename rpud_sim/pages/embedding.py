@@ -91,7 +91,6 @@ class Embedding:
 
         Args:
             name: of the grid, unique in the page.
-            plots: of the grid.
             least: width of a plot in the width of a letter.
         """
         from rpud_sim.pages.figures import draw_plot
@@ -149,7 +148,6 @@ def host(plot: Plot, name: str, group: str = "", inner: Markup | None = None) ->
     """Return the element that holds a figure, its title, its legend and the values at the cursor.
 
     Args:
-        plot: its description.
         name: that of the figure.
         group: whose plots zoom together; empty for none.
         inner: element into which a server embeds the figure; None in a file.

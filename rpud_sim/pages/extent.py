@@ -38,12 +38,7 @@ def layer_color(layer: Layer) -> str:
 
 
 def readable_unit(unit: str, greatest: float) -> tuple[float, str]:
-    """Return a factor and a unit with a prefix, in which a quantity has one to three digits.
-
-    Args:
-        unit: of the quantity, in SI.
-        greatest: of its absolute values.
-    """
+    """Return a factor and a unit with a prefix, in which a quantity has one to three digits."""
     if unit not in _SCALED or not math.isfinite(greatest) or greatest <= 0.0:
         return 1.0, unit
     exponent = min(max(3 * math.floor(math.log10(greatest) / 3.0 + 1e-12), -9), 9)
@@ -56,7 +51,6 @@ def axis_ends(plot: Plot, side: str) -> tuple[float, float]:
     """Return the ends of an axis that its data need, with a margin.
 
     Args:
-        plot: the plot.
         side: ``x`` or ``y``.
     """
     axis: Axis = getattr(plot, side)

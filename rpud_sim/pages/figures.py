@@ -38,20 +38,15 @@ _MOST_MARKS = 300  # of a kind; further ones would be a solid surface
 
 @dataclass(frozen=True)
 class Drawn:
-    """Bokeh figure of a plot, with what a server updates.
+    """Bokeh figure of a plot, with what a server updates."""
 
-    Args:
-        plot: its description.
-        figure: model to embed; its ``name`` is that of the host element in the page.
-        sources: data of the layers, by their names. The columns are those of the layer's
-            description (``x``, ``y``, ``low``, ``high``); an envelope also has ``until``, the end
-            of each part, and bars have ``left``, ``right`` and ``top``.
-        marks: times of the marks by their kind: columns ``time``, ``end``.
-    """
-
-    plot: Plot
-    figure: Figure
+    plot: Plot  # its description
+    figure: Figure  # model to embed; its ``name`` is that of the host element in the page
+    # data of the layers, by their names. The columns are those of the layer's description
+    # (``x``, ``y``, ``low``, ``high``); an envelope also has ``until``, the end of each part,
+    # and bars have ``left``, ``right`` and ``top``.
     sources: Mapping[str, ColumnDataSource]
+    # times of the marks by their kind: columns ``time``, ``end``
     marks: Mapping[str, ColumnDataSource]
 
 
@@ -71,7 +66,6 @@ def draw_plot(plot: Plot, name: str, *, live: bool = False) -> Drawn:
     """Return the figure of a plot that stands alone.
 
     Args:
-        plot: its description.
         name: of its host element in the page.
         live: whether the axes follow data that change.
     """
@@ -84,7 +78,6 @@ def draw_column(
     """Return the figures of a column; they show one range of time and the same marks.
 
     Args:
-        column: its description.
         names: of the host elements in the page, for each plot.
         live: whether the figures belong to one document of a server, whose data change. Then
             they share the models of the range of time and of the marks. Whoever updates the data

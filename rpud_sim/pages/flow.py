@@ -30,7 +30,6 @@ def flow_picture(
     Args:
         into: amounts that come in by their names, all positive.
         out: amounts that go out.
-        unit: of the amounts.
         alt: sentence that says what is seen.
     """
     whole = max(sum(into.values()), sum(out.values()), 1e-300)

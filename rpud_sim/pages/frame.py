@@ -51,8 +51,6 @@ def render_page(body: str, title: str, **context: object) -> str:
         body: template for jinja2 of everything below the title; it may use
             ``table(heading, rows, numeric=true, caption="")``, ``plot(Plot)``,
             ``column(TimeColumn)`` and ``grid(name, plots, least=26)``.
-        title: of the page.
-        context: variables of the template.
     """
     environment = Environment(
         autoescape=True,

@@ -18,15 +18,10 @@ _GROUP = Markup('<div class="plots-group">{controls}{plots}</div>')
 
 @dataclasses.dataclass(frozen=True)
 class GridGroup:
-    """Plots of a grid that zoom together.
+    """Plots of a grid that zoom together."""
 
-    Args:
-        name: of the group; empty if the plots have words, not numbers, along x.
-        plots: with equal ends of x.
-    """
-
-    name: str
-    plots: tuple[Plot, ...]
+    name: str  # of the group; empty if the plots have words, not numbers, along x
+    plots: tuple[Plot, ...]  # with equal ends of x
 
     @property
     def x(self) -> Axis:
@@ -39,7 +34,6 @@ def grid_groups(name: str, plots: Sequence[Plot]) -> Iterator[GridGroup]:
 
     Args:
         name: of the grid, unique in its page.
-        plots: of the grid.
     """
     keys = dict.fromkeys(map(_quantity, plots))
     for number, key in enumerate(keys, 1):
@@ -58,7 +52,6 @@ def grid_html(hosts: Sequence[Markup], controls: Markup, least: float) -> Markup
     """Return the element of one group, with as many plots side by side as there is place for.
 
     Args:
-        hosts: elements of the plots.
         controls: of their zoom; may be empty.
         least: width of a plot in the width of a letter.
     """

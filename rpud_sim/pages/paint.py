@@ -13,7 +13,6 @@ def paint(model: Model, **colors: str) -> None:
     """Set colours of a model by their names: at first those of the light theme.
 
     Args:
-        model: of Bokeh.
         colors: names of the colours in ``theme``, by property.
     """
     model.update(**{name: LIGHT[color] for name, color in colors.items()})

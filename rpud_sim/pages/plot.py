@@ -43,11 +43,9 @@ class Line:
     """Line through points; with ``steps`` each value holds until the next one.
 
     Args:
-        name: in the legend.
         x, y: its points, shape (n,).
         steps: whether it is drawn as steps.
         color: number of its colour, or the name of one in ``theme``.
-        dash: of the line: solid, dashed, dotted.
         width: of the line [pixels].
         marker: whether a dot is on each point.
     """
@@ -67,7 +65,6 @@ class Envelope:
     """Mean of values in parts of the time, and the band from least to greatest.
 
     Args:
-        name: in the legend.
         x: beginning of each part, shape (n,). A part ends where the next one begins; the last one
             is only an end.
         low, y, high: least, mean and greatest value of each part, shape (n,).
@@ -87,7 +84,6 @@ class Band:
     """Band between two lines.
 
     Args:
-        name: in the legend.
         x, low, high: shape (n,).
         color: number of its colour, or the name of one in ``theme``.
     """
@@ -104,7 +100,6 @@ class Points:
     """Points, with intervals if they have any.
 
     Args:
-        name: in the legend.
         x, y: shape (n,).
         low, high: ends of the interval of each point, shape (n,), or None.
         across: whether intervals are along x, not along y.
@@ -134,23 +129,14 @@ class Points:
 
 @dataclass(frozen=True)
 class Bars:
-    """Bars side by side, such as a histogram or a rate over time.
+    """Bars side by side, such as a histogram or a rate over time."""
 
-    Args:
-        name: in the legend.
-        edges: shape (n + 1,), or with ``ends`` the beginning of each bar, shape (n,).
-        y: height of each bar, shape (n,).
-        ends: of the bars where they do not touch, shape (n,).
-        across: whether bars grow along x; ``edges`` are along y then.
-        color: number of its colour, or the name of one in ``theme``.
-    """
-
-    name: str
-    edges: np.ndarray
-    y: np.ndarray
-    ends: np.ndarray | None = None
-    across: bool = False
-    color: int | str = 0
+    name: str  # in the legend
+    edges: np.ndarray  # shape (n + 1,), or with ``ends`` the beginning of each bar, shape (n,)
+    y: np.ndarray  # height of each bar, shape (n,)
+    ends: np.ndarray | None = None  # of the bars where they do not touch, shape (n,)
+    across: bool = False  # whether bars grow along x; ``edges`` are along y then
+    color: int | str = 0  # number of its colour, or the name of one in ``theme``
 
 
 @dataclass(frozen=True)
@@ -158,7 +144,6 @@ class Stems:
     """Vertical lines from zero, such as single impacts.
 
     Args:
-        name: in the legend.
         x, y: ends of the lines, shape (n,).
         color: number of its colour, or the name of one in ``theme``.
     """
@@ -190,21 +175,13 @@ class Cells:
 
 @dataclass(frozen=True)
 class Rule:
-    """Straight line through the whole plot, such as the number of a paper.
+    """Straight line through the whole plot, such as the number of a paper."""
 
-    Args:
-        name: in the legend; with its value.
-        value: where it is.
-        across: whether it is horizontal.
-        color: number of its colour, or the name of one in ``theme``.
-        dash: of the line.
-    """
-
-    name: str
-    value: float
-    across: bool = True
-    color: int | str = "text"
-    dash: Literal["solid", "dashed", "dotted", "dotdash"] = "dashed"
+    name: str  # in the legend; with its value
+    value: float  # where it is
+    across: bool = True  # whether it is horizontal
+    color: int | str = "text"  # number of its colour, or the name of one in ``theme``
+    dash: Literal["solid", "dashed", "dotted", "dotdash"] = "dashed"  # of the line
 
 
 @dataclass(frozen=True)
@@ -212,8 +189,6 @@ class Zone:
     """Coloured range through the whole plot, such as a tolerance.
 
     Args:
-        name: in the legend.
-        low, high: its ends.
         across: whether it lies between two values of y, not of x.
         color: number of its colour, or the name of one in ``theme``.
     """
@@ -227,21 +202,13 @@ class Zone:
 
 @dataclass(frozen=True)
 class Spans:
-    """Horizontal bars from a beginning to an end, each in a row, such as faults over time.
+    """Horizontal bars from a beginning to an end, each in a row, such as faults over time."""
 
-    Args:
-        name: in the legend.
-        begin: left end of each bar, shape (n,).
-        end: right end of each bar, shape (n,).
-        row: place of each bar along y, the number of a category, shape (n,).
-        color: number of its colour, or the name of one in ``theme``.
-    """
-
-    name: str
-    begin: np.ndarray
-    end: np.ndarray
-    row: np.ndarray
-    color: int | str = 0
+    name: str  # in the legend
+    begin: np.ndarray  # left end of each bar, shape (n,)
+    end: np.ndarray  # right end of each bar, shape (n,)
+    row: np.ndarray  # place of each bar along y, the number of a category, shape (n,)
+    color: int | str = 0  # number of its colour, or the name of one in ``theme``
 
 
 Layer: TypeAlias = Line | Envelope | Band | Points | Bars | Stems | Spans | Cells | Rule | Zone
@@ -249,25 +216,15 @@ Layer: TypeAlias = Line | Envelope | Band | Points | Bars | Stems | Spans | Cell
 
 @dataclass(frozen=True)
 class Plot:
-    """Plot of layers over a pair of axes.
+    """Plot of layers over a pair of axes."""
 
-    Args:
-        title: name of what it shows, without the unit.
-        layers: from back to front.
-        alt: sentence that says what is seen, for all readers; empty for none.
-        y: the axis upward; its unit stands beside the title.
-        x: the other axis; ignored in a column, which has one for all.
-        height: of the plot without its text [pixels].
-        square: whether x and y have one scale.
-    """
-
-    title: str
-    layers: tuple[Layer, ...]
-    alt: str = ""
-    y: Axis = Axis()
-    x: Axis = Axis()
-    height: int = 170
-    square: bool = False
+    title: str  # name of what it shows, without the unit
+    layers: tuple[Layer, ...]  # from back to front
+    alt: str = ""  # sentence that says what is seen, for all readers; empty for none
+    y: Axis = Axis()  # the axis upward; its unit stands beside the title
+    x: Axis = Axis()  # the other axis; ignored in a column, which has one for all
+    height: int = 170  # of the plot without its text [pixels]
+    square: bool = False  # whether x and y have one scale
 
     @property
     def heading(self) -> str:
@@ -277,18 +234,12 @@ class Plot:
 
 @dataclass(frozen=True)
 class Mark:
-    """Mark in time on every plot of a column: a command, a fault, a gap.
+    """Mark in time on every plot of a column: a command, a fault, a gap."""
 
-    Args:
-        kind: ``COMMAND``, ``FAULT`` or ``GAP``.
-        time: of it, or of its beginning [s].
-        text: what it is.
-        end: of it [s]; None for an instant. A fault that lasts ends with the column.
-    """
-
-    kind: str
-    time: float
-    text: str
+    kind: str  # ``COMMAND``, ``FAULT`` or ``GAP``
+    time: float  # of it, or of its beginning [s]
+    text: str  # what it is
+    # of it [s]; None for an instant. A fault that lasts ends with the column.
     end: float | None = None
 
 
@@ -299,12 +250,9 @@ class TimeColumn:
     Columns of one page with the same name are one: they also zoom together.
 
     Args:
-        plots: from top to bottom.
         begin, end: of the time [s].
-        marks: on every plot.
         name: of the group of plots that zoom together.
         label: of the time axis, without its unit.
-        unit: of the time axis.
     """
 
     plots: tuple[Plot, ...]

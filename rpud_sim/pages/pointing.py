@@ -24,10 +24,7 @@ def pointing_tool(
     """Return the tool that shows the values of the point under the pointer.
 
     Args:
-        plot: with the axes.
-        layer: whose points are shown.
         source: of the points; it gets their words where an axis has words.
-        renderers: of the layer.
     """
     lines: list[tuple[str, str]] = []
     formats: dict[str, str] = {}

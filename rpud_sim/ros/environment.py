@@ -22,7 +22,6 @@ def complete_environment(environment: MutableMapping[str, str], prefix: str = sy
 
     Args:
         environment: of this process, and so of those that it starts.
-        prefix: of the virtual environment.
     """
     if _WHEELS not in environment:  # Python sets it at its start where ROS's wheels are
         return
@@ -38,7 +37,6 @@ def loopback_variables(environment: Mapping[str, str], profile: Path | None) -> 
     of its own; every other middleware gets the discovery range LOCALHOST.
 
     Args:
-        environment: of the process.
         profile: that is installed; None for none.
     """
     fast_dds = environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")

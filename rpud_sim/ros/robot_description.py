@@ -17,7 +17,6 @@ def robot_description(folder: Path, feed: bool = False, rotation: bool = False) 
     transform.
 
     Args:
-        folder: with both files.
         feed: whether to add the joint of the feed, whose parent is then the root.
         rotation: whether to add the joint of the rotation.
 

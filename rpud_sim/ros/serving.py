@@ -45,7 +45,6 @@ def serve(executor: Executor, failed: Callable[[str], None]) -> None:
     this, a stranger's message would end the program.
 
     Args:
-        executor: of the nodes.
         failed: called with one line if the callback raised an error.
     """
     try:

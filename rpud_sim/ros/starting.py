@@ -26,7 +26,6 @@ def start_ros(
     """Initialize rclpy without signal handlers of its own: `StopRequest` has them.
 
     Args:
-        arguments: command line with ROS arguments.
         context: to initialize; None for the default one.
         domain_id: ROS domain; None for that of the environment.
 

@@ -112,37 +112,23 @@ class ActuatorReading:
     """State of the actuator at one time, immutable.
 
     With the gain model all that follows from currents is NaN.
-
-    Args:
-        voltage: amplitude of the voltage [V].
-        frequency: of the voltage [Hz].
-        amplitude: of the vibration at the tip [m].
-        resonance_frequency: at the present temperature, with its offset, without load [Hz].
-        temperature: at the last whole multiple of ``HEATING_INTERVAL`` [K].
-        current: amplitude of the current [A].
-        phase: by which the current leads the voltage [rad].
-        electrical_power: drawn, averaged over a cycle [W]; negative where the vibration gives
-            power back to the drive.
-        electrical_energy: drawn since time zero [J].
-        heat: since time zero [J].
-        mechanical_work: of the vibration on the bodies since time zero [J].
-        stored: energy of the vibration [J].
-        owed: part of the work that the vibration has not yet given [J].
     """
 
-    voltage: float
-    frequency: float
-    amplitude: float
-    resonance_frequency: float
-    temperature: float
-    current: float = math.nan
-    phase: float = math.nan
+    voltage: float  # amplitude of the voltage [V]
+    frequency: float  # of the voltage [Hz]
+    amplitude: float  # of the vibration at the tip [m]
+    resonance_frequency: float  # at the present temperature, with its offset, without load [Hz]
+    temperature: float  # at the last whole multiple of ``HEATING_INTERVAL`` [K]
+    current: float = math.nan  # amplitude of the current [A]
+    phase: float = math.nan  # by which the current leads the voltage [rad]
+    # drawn, averaged over a cycle [W]; negative where the vibration gives power back to the
+    # drive
     electrical_power: float = math.nan
-    electrical_energy: float = math.nan
-    heat: float = math.nan
-    mechanical_work: float = math.nan
-    stored: float = math.nan
-    owed: float = math.nan
+    electrical_energy: float = math.nan  # drawn since time zero [J]
+    heat: float = math.nan  # since time zero [J]
+    mechanical_work: float = math.nan  # of the vibration on the bodies since time zero [J]
+    stored: float = math.nan  # energy of the vibration [J]
+    owed: float = math.nan  # part of the work that the vibration has not yet given [J]
 
     @property
     def impedance(self) -> float:
@@ -160,11 +146,7 @@ class Actuator:
 
     Every drive must have passed ``Configuration.check_drive``.
 
-    Attributes:
-        resonance: of the engine's vibration at time zero; None with the gain model.
-
     Args:
-        parameters: of the actuator.
         vibration_amplitude: at nominal voltage on resonance [m].
         drive: in force from time zero on; a frequency of zero is the resonance frequency.
     """
@@ -186,6 +168,7 @@ class Actuator:
         self._heating = HEATING_INTERVAL if parameters.heating else NEVER
         self._tuning = TRACKING_INTERVAL if self._tracking else NEVER
         self._decay_time = parameters.quality_factor / (math.pi * parameters.resonance_frequency)
+        # of the engine's vibration at time zero; None with the gain model
         self.resonance: Resonance | None = None
         if parameters.actuator_model == "resonance":
             self.resonance = Resonance(

@@ -32,28 +32,20 @@ class Block:
     """Segments and impacts between two times, immutable.
 
     Times are integer nanoseconds of simulation time.
-
-    Args:
-        start: beginning of the block.
-        end: its end.
-        covering: the ``SEGMENT`` records that cover the block, in order, without a gap. The last
-            one is open: it has its full duration, which a command may shorten.
-        impacts: the ``IMPACT`` records of the impacts on the drill tool that ended in it, in order.
-        rpud: constants of the RPUD that the segments lack.
-        electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
-        actuator: its state at the end of the block.
-        process: state of rotation, feed and borehole at the end of the block.
-        feed: energy account of feed and mount in the block; None without a feed.
     """
 
-    start: int
-    end: int
+    start: int  # beginning of the block
+    end: int  # its end
+    # the ``SEGMENT`` records that cover the block, in order, without a gap. The last one is
+    # open: it has its full duration, which a command may shorten.
     covering: np.ndarray
+    # the ``IMPACT`` records of the impacts on the drill tool that ended in it, in order
     impacts: np.ndarray
-    rpud: RpudConstants
-    electrical_energy: float
-    actuator: ActuatorReading | None = None
-    process: ProcessState = AT_REST
+    rpud: RpudConstants  # constants of the RPUD that the segments lack
+    electrical_energy: float  # that the actuator drew in it [J]; NaN where its model has no power
+    actuator: ActuatorReading | None = None  # its state at the end of the block
+    process: ProcessState = AT_REST  # state of rotation, feed and borehole at the end of the block
+    # energy account of feed and mount in the block; None without a feed
     feed: FeedAccount | None = None
 
     def __deepcopy__(self, memo: dict[int, object]) -> Block:

@@ -30,17 +30,11 @@ _INJECT_KEYS = ("channel", "onset", "duration", "magnitude")
 
 @dataclasses.dataclass(frozen=True)
 class DriveChange:
-    """Command to the drive; what it leaves open stays as it is.
+    """Command to the drive; what it leaves open stays as it is."""
 
-    Args:
-        enabled: whether the actuator is driven.
-        voltage: amplitude [V]; None for the present one.
-        frequency: [Hz]; None for the present one.
-    """
-
-    enabled: bool
-    voltage: float | None = None
-    frequency: float | None = None
+    enabled: bool  # whether the actuator is driven
+    voltage: float | None = None  # amplitude [V]; None for the present one
+    frequency: float | None = None  # [Hz]; None for the present one
 
     def on(self, present: Drive) -> Drive:
         """Return the command, given the drive in force."""
@@ -53,15 +47,10 @@ class DriveChange:
 
 @dataclasses.dataclass(frozen=True)
 class Injection:
-    """Fault to inject.
+    """Fault to inject."""
 
-    Args:
-        fault: that begins.
-        duration: after which it ends by itself [ns]; 0 for never.
-    """
-
-    fault: Fault
-    duration: int = 0
+    fault: Fault  # that begins
+    duration: int = 0  # after which it ends by itself [ns]; 0 for never
 
 
 Change = WeightOnBit | DriveChange | Feed | Injection
@@ -69,30 +58,20 @@ Change = WeightOnBit | DriveChange | Feed | Injection
 
 @dataclasses.dataclass(frozen=True)
 class Planned:
-    """Change at a time.
+    """Change at a time."""
 
-    Args:
-        delay: from the instant of the fork [ns].
-        change: the command or the fault.
-    """
-
-    delay: int
-    change: Change
+    delay: int  # from the instant of the fork [ns]
+    change: Change  # the command or the fault
 
 
 @dataclasses.dataclass(frozen=True)
 class Changes:
-    """What differs from the recorded run.
+    """What differs from the recorded run."""
 
-    Args:
-        parameters: values from the instant of the fork on, by name.
-        planned: commands and faults, in the order of their times.
-        replaces_commands: whether the recorded commands after the fork are left out.
-    """
-
+    # values from the instant of the fork on, by name
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    planned: tuple[Planned, ...] = ()
-    replaces_commands: bool = False
+    planned: tuple[Planned, ...] = ()  # commands and faults, in the order of their times
+    replaces_commands: bool = False  # whether the recorded commands after the fork are left out
 
     @property
     def empty(self) -> bool:
@@ -203,7 +182,6 @@ def check_commands(planned: Sequence[Planned], configuration: Configuration) -> 
 
     Args:
         planned: in the order of their times.
-        configuration: of the drill.
 
     Raises:
         ParameterError: if it would refuse one; the text has its time.

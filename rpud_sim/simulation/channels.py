@@ -16,20 +16,13 @@ class Channel:
     """Measured fields of a topic, by their paths in the message.
 
     Stamps, frames and sequence numbers are no measurements: no fault changes them.
-
-    Args:
-        unit: SI unit of the main quantity, on which noise and bias act.
-        scale: a disturbance of the main quantity that mission software notices, assumed [unit].
-        numbers: every measured number; the first is the main quantity.
-        flags: every measured truth value.
-        added: those of both that version 0.1.0 had not.
     """
 
-    unit: str
-    scale: float
-    numbers: tuple[Path, ...]
-    flags: tuple[Path, ...] = ()
-    added: tuple[Path, ...] = ()
+    unit: str  # SI unit of the main quantity, on which noise and bias act
+    scale: float  # a disturbance of the main quantity that mission software notices, assumed [unit]
+    numbers: tuple[Path, ...]  # every measured number; the first is the main quantity
+    flags: tuple[Path, ...] = ()  # every measured truth value
+    added: tuple[Path, ...] = ()  # those of both that version 0.1.0 had not
 
 
 CHANNELS: Mapping[str, Channel] = {

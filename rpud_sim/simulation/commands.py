@@ -17,14 +17,11 @@ FEED_POSITION = Quantity("m", "position of the feed along the drill axis", -1.0,
 class WeightOnBit:
     """Constant force with which the preloaded load spring pushes the drill toward the rock.
 
-    Args:
-        force: W [N].
-
     Raises:
         ParameterError: if the force is outside its range.
     """
 
-    force: float
+    force: float  # W [N]
 
     def __post_init__(self) -> None:
         force = QUANTITIES["weight_on_bit"].check("weight_on_bit", self.force)
@@ -38,18 +35,13 @@ class Drive:
     A drive that is not enabled may leave voltage and frequency at zero, which keeps the present
     ones.
 
-    Args:
-        enabled: whether the actuator is driven.
-        voltage: amplitude [V].
-        frequency: [Hz].
-
     Raises:
         ParameterError: if a value is outside its range.
     """
 
-    enabled: bool
-    voltage: float
-    frequency: float
+    enabled: bool  # whether the actuator is driven
+    voltage: float  # amplitude [V]
+    frequency: float  # [Hz]
 
     def __post_init__(self) -> None:
         if not isinstance(self.enabled, bool):
@@ -71,16 +63,12 @@ class Drive:
 class Feed:
     """Motion of the feed, which carries the mount of the drill.
 
-    Args:
-        mode: ``rate`` or ``position``.
-        value: rate toward the rock [m/s], or position along the drill axis [m].
-
     Raises:
         ParameterError: if the mode is unknown or the value outside its range.
     """
 
-    mode: str
-    value: float
+    mode: str  # ``rate`` or ``position``
+    value: float  # rate toward the rock [m/s], or position along the drill axis [m]
 
     def __post_init__(self) -> None:
         if not (isinstance(self.mode, str) and self.mode in FEED_MODES):

@@ -37,29 +37,18 @@ _FED = ("feed_stall", "arm_slip")
 
 @dataclasses.dataclass(frozen=True)
 class Conditions:
-    """Drill and rock under faults.
+    """Drill and rock under faults."""
 
-    Args:
-        parameters: in force, always inside their ranges.
-        jammed: whether the free mass is wedged to the drill tool.
-        specific_energy_factor: on the specific energy of the rock.
-        progress_factor: on the progress into the rock, 0 to 1.
-        resonance_offset: of the actuator [Hz].
-        preload_factor: on the commanded weight on bit, 0 to 1.
-        lock_lost: whether a tracking generator does not track.
-        disturbances: of the slow processes around the percussion.
-        load_spring_rate: k_1 without a binding, with which the load spring pushes [N/m]; that of
-            the parameters if not given.
-    """
-
-    parameters: Parameters
-    jammed: bool = False
-    specific_energy_factor: float = 1.0
-    progress_factor: float = 1.0
-    resonance_offset: float = 0.0
-    preload_factor: float = 1.0
-    lock_lost: bool = False
-    disturbances: Disturbances = UNDISTURBED
+    parameters: Parameters  # in force, always inside their ranges
+    jammed: bool = False  # whether the free mass is wedged to the drill tool
+    specific_energy_factor: float = 1.0  # on the specific energy of the rock
+    progress_factor: float = 1.0  # on the progress into the rock, 0 to 1
+    resonance_offset: float = 0.0  # of the actuator [Hz]
+    preload_factor: float = 1.0  # on the commanded weight on bit, 0 to 1
+    lock_lost: bool = False  # whether a tracking generator does not track
+    disturbances: Disturbances = UNDISTURBED  # of the slow processes around the percussion
+    # k_1 without a binding, with which the load spring pushes [N/m]; that of the parameters
+    # if not given
     load_spring_rate: float = math.nan
 
     def __post_init__(self) -> None:

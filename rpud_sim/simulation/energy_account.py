@@ -31,35 +31,24 @@ class EnergyAccount:
 
     What flows in is positive: work on the moving bodies. So is what is lost. The account of a run
     begins after the blow at time zero.
-
-    Args:
-        actuator_work: of the vibration on the free mass, the integral of tip force times v_hv.
-        weight_on_bit_work: of the constant force W on the RPUD.
-        gravity_work: on the free mass, and on the RPUD if gravity acts on it.
-        changes: of spring rates and of the drill tool's mass under changed parameters.
-        load_damper: lost in the damping of the load spring.
-        drill_tool_damper: lost in the damping of the drill tool.
-        actuator_collisions: lost in collisions of actuator and free mass, eq. (5).
-        impacts: lost in impacts on the drill tool, eqs. (13) and (21); with a blow of the actuator
-            at the same instant, the loss of both.
-        release: motion and strain of the drill tool that the rock takes after a contact.
-        contact_resolution: lost, or won, by the resolution of contacts (``tolerances.py``).
-        stored: in motion and springs at the end, less that at the start.
-        electrical: drawn by the actuator; NaN where its model has no power.
     """
 
+    # of the vibration on the free mass, the integral of tip force times v_hv
     actuator_work: float = 0.0
-    weight_on_bit_work: float = 0.0
-    gravity_work: float = 0.0
-    changes: float = 0.0
-    load_damper: float = 0.0
-    drill_tool_damper: float = 0.0
-    actuator_collisions: float = 0.0
+    weight_on_bit_work: float = 0.0  # of the constant force W on the RPUD
+    gravity_work: float = 0.0  # on the free mass, and on the RPUD if gravity acts on it
+    changes: float = 0.0  # of spring rates and of the drill tool's mass under changed parameters
+    load_damper: float = 0.0  # lost in the damping of the load spring
+    drill_tool_damper: float = 0.0  # lost in the damping of the drill tool
+    actuator_collisions: float = 0.0  # lost in collisions of actuator and free mass, eq. (5).
+    # lost in impacts on the drill tool, eqs. (13) and (21); with a blow of the actuator at
+    # the same instant, the loss of both.
     impacts: float = 0.0
-    release: float = 0.0
+    release: float = 0.0  # motion and strain of the drill tool that the rock takes after a contact
+    # lost, or won, by the resolution of contacts (``tolerances.py``)
     contact_resolution: float = 0.0
-    stored: float = 0.0
-    electrical: float = 0.0
+    stored: float = 0.0  # in motion and springs at the end, less that at the start
+    electrical: float = 0.0  # drawn by the actuator; NaN where its model has no power
 
     def __deepcopy__(self, memo: dict[int, object]) -> EnergyAccount:
         """Return itself: copies of a run share what cannot change."""

@@ -46,22 +46,16 @@ class _StoppedError(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class Ensemble:
-    """Figures of the members of an ensemble.
+    """Figures of the members of an ensemble."""
 
-    Args:
-        phases: initial phase of each member [cycles].
-        members: the figures of each member, at least one; all have the same names.
-        accounts: the energy account of each member.
-        real_time_factor: simulated seconds over wall seconds, over all members.
-        feed_accounts: the account of feed and mount of each member; none without a feed.
-        rotor_works: energies of the rotor of each member; none without rotation.
-    """
-
-    phases: tuple[float, ...]
+    phases: tuple[float, ...]  # initial phase of each member [cycles]
+    # the figures of each member, at least one; all have the same names
     members: tuple[Figures, ...]
-    accounts: tuple[EnergyAccount, ...]
-    real_time_factor: float
+    accounts: tuple[EnergyAccount, ...]  # the energy account of each member
+    real_time_factor: float  # simulated seconds over wall seconds, over all members
+    # the account of feed and mount of each member; none without a feed
     feed_accounts: tuple[FeedAccount, ...] = ()
+    # energies of the rotor of each member; none without rotation
     rotor_works: tuple[RotorWork, ...] = ()
 
     def mean(self) -> Figures:
@@ -309,7 +303,6 @@ def run_ensemble(
         phases: initial phase of each run [cycles].
         report: called now and then with the simulated seconds since the last call.
         scenario: faults that begin by themselves, in each run at the same times.
-        threads: to run members on.
         planned: commands and faults, in the order of their times, in each run.
 
     Returns:

@@ -22,24 +22,18 @@ class FaultError(ParameterError):
 
 @dataclasses.dataclass(frozen=True)
 class Kind:
-    """Kind of fault.
+    """Kind of fault."""
 
-    Args:
-        physical: whether it changes the drill; otherwise it changes the messages of a channel.
-        description: one phrase.
-        magnitude: meaning of its magnitude, None if it has none; without unit if the unit is the
-            channel's.
-        default: magnitude that NaN stands for; a factor on the channel's scale if the unit is the
-            channel's.
-        unchanging: magnitude inside the range that would change nothing and is rejected.
-        in_channel_unit: whether the magnitude has the unit of the channel's main quantity.
-    """
-
-    physical: bool
-    description: str
+    physical: bool  # whether it changes the drill; otherwise it changes the messages of a channel
+    description: str  # one phrase
+    # meaning of its magnitude, None if it has none; without unit if the unit is the channel's
     magnitude: Quantity | None = None
+    # magnitude that NaN stands for; a factor on the channel's scale if the unit is the
+    # channel's
     default: float = 0.0
+    # magnitude inside the range that would change nothing and is rejected
     unchanging: float | None = None
+    # whether the magnitude has the unit of the channel's main quantity
     in_channel_unit: bool = False
 
     def quantity_on(self, channel: str) -> Quantity | None:
@@ -225,18 +219,14 @@ def number_of(value: Any) -> float | None:
 class Fault:
     """Fault, immutable.
 
-    Args:
-        kind: one of ``KINDS``.
-        channel: one of ``CHANNELS`` for a signal fault, empty for a physical one.
-        magnitude: in the unit of the kind; NaN stands for the kind's default. Kinds without a
-            magnitude take NaN or zero; it is kept as zero.
-
     Raises:
         FaultError: if a name is unknown, or the magnitude outside its range or without effect.
     """
 
-    kind: str
-    channel: str = ""
+    kind: str  # one of ``KINDS``
+    channel: str = ""  # one of ``CHANNELS`` for a signal fault, empty for a physical one
+    # in the unit of the kind; NaN stands for the kind's default. Kinds without a magnitude
+    # take NaN or zero; it is kept as zero.
     magnitude: float = math.nan
 
     def __post_init__(self) -> None:

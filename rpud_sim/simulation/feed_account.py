@@ -16,29 +16,20 @@ class FeedAccount:
 
     ``feed_work + host_work + spring_changes`` is the sum of all other terms and of the
     ``weight_on_bit_work`` of the ``EnergyAccount``.
-
-    Args:
-        feed_work: of the feed's drive on the arm.
-        host_work: of a host that slips by a fault.
-        spring_changes: of the load spring's rate, under changed parameters.
-        guide_friction: lost in the friction of the mount's guide.
-        host_slip: lost where the host slips by the force of the arm.
-        arm_stored: in the arm's spring at the end, less that at the start.
-        penetration_work: of the load spring on the rock, while the hole gets deeper.
-        preload_stored: W^2 / (2 k_1) - W u_np of the load spring at the end, less that at the
-            start; the rest of its energy is in ``EnergyAccount.stored``.
-        coupling: work of the mount that the percussion does not take, since its weight on bit is
-            constant within a step and its frame is at rest.
     """
 
-    feed_work: float = 0.0
-    host_work: float = 0.0
-    spring_changes: float = 0.0
-    guide_friction: float = 0.0
-    host_slip: float = 0.0
-    arm_stored: float = 0.0
-    penetration_work: float = 0.0
+    feed_work: float = 0.0  # of the feed's drive on the arm
+    host_work: float = 0.0  # of a host that slips by a fault
+    spring_changes: float = 0.0  # of the load spring's rate, under changed parameters
+    guide_friction: float = 0.0  # lost in the friction of the mount's guide
+    host_slip: float = 0.0  # lost where the host slips by the force of the arm
+    arm_stored: float = 0.0  # in the arm's spring at the end, less that at the start
+    penetration_work: float = 0.0  # of the load spring on the rock, while the hole gets deeper
+    # W^2 / (2 k_1) - W u_np of the load spring at the end, less that at the start; the rest
+    # of its energy is in ``EnergyAccount.stored``
     preload_stored: float = 0.0
+    # work of the mount that the percussion does not take, since its weight on bit is constant
+    # within a step and its frame is at rest
     coupling: float = 0.0
 
     def __deepcopy__(self, memo: dict[int, object]) -> FeedAccount:
@@ -102,7 +93,6 @@ class LoadSpring:
     hole. s changes at the steps alone, by the mount and by the hole.
 
     Args:
-        state: of the mount at time zero.
         spring_rate: with which the load spring pushes, at time zero [N/m].
         position: u_np at time zero [m].
     """

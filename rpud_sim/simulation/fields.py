@@ -86,9 +86,7 @@ def actuator_state_fields(reading: ActuatorReading, mechanical_power: float, sta
     """Fields of ``rpud_msgs/ActuatorState`` for one reading, or columns for the same at all stamps.
 
     Args:
-        reading: of the actuator.
         mechanical_power: since the reading before [W].
-        stamp: of the sample.
     """
     return {
         "header": header_fields("actuator_state", stamp),
@@ -136,9 +134,6 @@ def wrench_fields(
     mount back, so that the force along z is the negative reacting force.
 
     Args:
-        samples: of the motion.
-        index: of the sample.
-        stamp: of the message.
         torques: of the drill on the mount about z, one for each sample [N m]; None for zero.
     """
     force = -_value(samples.reacting_force, index)
@@ -153,19 +148,12 @@ def wrench_fields(
 
 
 class Joint(NamedTuple):
-    """Joint of ``sensor_msgs/JointState``.
+    """Joint of ``sensor_msgs/JointState``."""
 
-    Args:
-        name: in the URDF.
-        position: one for each sample [m] or [rad].
-        velocity: [m/s] or [rad/s]
-        effort: of the mount's side on the moved body [N] or [N m]; None for zero.
-    """
-
-    name: str
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray | None
+    name: str  # in the URDF
+    position: np.ndarray  # one for each sample [m] or [rad]
+    velocity: np.ndarray  # [m/s] or [rad/s]
+    effort: np.ndarray | None  # of the mount's side on the moved body [N] or [N m]; None for zero
 
 
 def joint_state_fields(
@@ -179,9 +167,6 @@ def joint_state_fields(
     negative force of the wrench.
 
     Args:
-        samples: of the motion.
-        index: of the sample.
-        stamp: of the message.
         others: joints that follow, with a value for each sample.
     """
     plane, mass, tool = JOINTS
@@ -242,8 +227,6 @@ def waveform_fields(
 
     Args:
         samples: of the message, or of all.
-        stamp: of the first sample.
-        sequence: number of the first sample.
         sample_rate: [Hz].
         convert: makes a sequence of a channel; for columns, a row for each message.
     """
@@ -264,9 +247,7 @@ def trajectory_fields(segments: np.ndarray, sequence: int, origin: int) -> Itera
     """Fields of ``rpud_msgs/Trajectory`` for finished segments: one message per set of constants.
 
     Args:
-        segments: of a block.
         sequence: number of the first segment since the start.
-        origin: stamp of simulation time zero.
     """
     if not len(segments):
         return
@@ -296,10 +277,8 @@ def trajectory_columns(
     """Columns of ``rpud_msgs/Trajectory``.
 
     Args:
-        segments: of all messages.
         cuts: number of the first segment of each message, and of all.
         sequence: number of the first segment since the start.
-        origin: stamp of simulation time zero.
     """
     first = segments[cuts[:-1]]
     starts = first["start_seconds"] * SECOND
@@ -337,8 +316,6 @@ def status_fields(
     """Fields of ``rpud_msgs/Status`` at the present time of a simulation.
 
     Args:
-        simulation: to report of.
-        origin: stamp of simulation time zero.
         state: one of the STATE constants of ``rpud_msgs/Status``.
         bookkeeping: every other field, by its name.
     """

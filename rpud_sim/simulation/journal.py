@@ -14,19 +14,12 @@ from typing import Any
 
 @dataclasses.dataclass(frozen=True)
 class JournalEntry:
-    """Entry of a journal: one change from outside.
+    """Entry of a journal: one change from outside."""
 
-    Args:
-        sequence: counts the entries from zero.
-        time: simulation time of the change [ns].
-        kind: one of the KIND constants of ``rpud_msgs/JournalEntry``.
-        content: details of the kind, by name.
-    """
-
-    sequence: int
-    time: int
-    kind: str
-    content: Mapping[str, Any]
+    sequence: int  # counts the entries from zero
+    time: int  # simulation time of the change [ns]
+    kind: str  # one of the KIND constants of ``rpud_msgs/JournalEntry``
+    content: Mapping[str, Any]  # details of the kind, by name
 
     @property
     def text(self) -> str:

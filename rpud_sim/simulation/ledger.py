@@ -14,19 +14,12 @@ MOST_CLEARED = 1000
 
 @dataclasses.dataclass(frozen=True)
 class FaultRecord:
-    """Time during which a fault lasted: the ground truth.
+    """Time during which a fault lasted: the ground truth."""
 
-    Args:
-        number: counts the injected faults from 1.
-        fault: that was injected.
-        onset: simulation time at which it began [ns].
-        clear: simulation time at which it ended, None while it lasts [ns].
-    """
-
-    number: int
-    fault: Fault
-    onset: int
-    clear: int | None = None
+    number: int  # counts the injected faults from 1
+    fault: Fault  # that was injected
+    onset: int  # simulation time at which it began [ns]
+    clear: int | None = None  # simulation time at which it ended, None while it lasts [ns]
 
     def __deepcopy__(self, memo: dict[int, object]) -> FaultRecord:
         """Return itself: copies of a run share what cannot change."""

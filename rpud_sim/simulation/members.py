@@ -50,21 +50,14 @@ def runs_by_itself(configuration: Configuration, scenario: Scenario | None = Non
 
 @dataclasses.dataclass(frozen=True)
 class Member:
-    """Result of one member.
+    """Result of one member."""
 
-    Args:
-        figures: of the whole run; empty if it failed.
-        account: its energy account; None if it failed, or without accounts.
-        failure: why it failed; None if it did not.
-        feed: its account of feed and mount; None without a feed.
-        rotation: energies of its rotor; None without rotation.
-    """
-
-    figures: Figures
+    figures: Figures  # of the whole run; empty if it failed
+    # its energy account; None if it failed, or without accounts
     account: EnergyAccount | None = None
-    failure: EngineError | None = None
-    feed: FeedAccount | None = None
-    rotation: RotorWork | None = None
+    failure: EngineError | None = None  # why it failed; None if it did not
+    feed: FeedAccount | None = None  # its account of feed and mount; None without a feed
+    rotation: RotorWork | None = None  # energies of its rotor; None without rotation
 
 
 class _Room(threading.local):
@@ -128,7 +121,6 @@ class QuietRuns:
         """Run all from time zero to an end [ns], and return their results.
 
         Args:
-            end: of the runs.
             whole: whether the energy accounts are wanted.
         """
         tallies = empty_tallies(len(self._states))

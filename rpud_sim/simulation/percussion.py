@@ -83,7 +83,6 @@ class PercussionMeter:
         Args:
             position: u_np at the present time [m].
             weight_on_bit: W since the last call [N].
-            drill: constants in force.
             amplitude: of the vibration [m].
         """
         mean = 0.5 * (self._position + position)

@@ -47,33 +47,25 @@ class Plant:
 
     Times are integer nanoseconds of simulation time.
 
-    Attributes:
-        time: simulation time [ns].
-        next_step: furthest time to advance to at once [ns].
-        weight_on_bit: commanded force [N]; a change takes effect at the present time. Without
-            effect where the weight on bit follows from a feed.
-        engine: of the motion.
-        actuator: drive, generator and temperature.
-        process: rotation, feed and borehole.
-        progress: into the rock by percussion alone.
-
     Args:
-        configuration: at time zero.
         initial_phase: phase of the vibration at time zero [cycles].
-        drive: in force from time zero on.
     """
 
     def __init__(self, configuration: Configuration, initial_phase: float, drive: Drive) -> None:
         parameters = configuration.parameters
-        self.time = 0
+        self.time = 0  # simulation time [ns]
         self._instant = (0, 0.0)  # the same as whole seconds and the rest of them [s]
+        # commanded force [N]; a change takes effect at the present time. Without effect
+        # where the weight on bit follows from a feed.
         self.weight_on_bit = parameters.weight_on_bit
-        self.progress = Progress(configuration.rock)
+        self.progress = Progress(configuration.rock)  # into the rock by percussion alone
         self._conditions = Conditions(parameters)
         self._hardness = 1.0
+        # rotation, feed and borehole
         self.process = Process(configuration.drilling, self._surroundings())
         if (weight := self.process.weight_on_bit) is not None:
             parameters = self._acting_parameters().replace(weight_on_bit=weight)
+        # drive, generator and temperature
         self.actuator = Actuator(configuration.actuator, parameters.vibration_amplitude, drive)
         self._drill = derive(parameters)
         self._segments: list[np.ndarray] = []
@@ -84,13 +76,14 @@ class Plant:
         self._load_spring: LoadSpring | None = None
         start = (parameters, initial_phase, self.actuator.level > 0.0, self.actuator.resonance)
         if self.process.next_step == NEVER:
-            self.engine = Engine(*start)
+            self.engine = Engine(*start)  # of the motion
         else:
             self.engine = self._stepped = SteppedEngine(*start)
             position = nodal_plane_position(self._stepped.open_segment, *self._instant)
             self._percussion = PercussionMeter(parameters.vibration_amplitude, position)
             if (mount := self.process.mount) is not None:
                 self._load_spring = LoadSpring(mount, self._pushing_rate(), position)
+        # furthest time to advance to at once [ns]
         self.next_step = min(self.actuator.next_step, self.process.next_step)
         self._in_force = (self._drill, *self._commands())
 
@@ -138,7 +131,6 @@ class Plant:
         """Put conditions into force at the present time; positions and velocities go on.
 
         Args:
-            conditions: from now on.
             hardness: factor on the specific energy of the rock at time zero, without faults.
         """
         self._set_aside()

@@ -59,7 +59,6 @@ def process_columns(
     Args:
         topic: name.
         states: one for each message, at least one.
-        stamps: of the messages.
     """
     names = _FIELDS[topic]
     rows = [_VALUES[topic](getattr(state, topic)) for state in states]

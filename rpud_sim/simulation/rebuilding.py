@@ -53,7 +53,6 @@ def sample_between(segments: np.ndarray, first: int, end: int, rate: int) -> Sam
 
     Args:
         segments: without a gap; they cover the samples.
-        first: number of the first sample.
         end: number of the first one that does not count.
         rate: a whole rate [Hz].
     """

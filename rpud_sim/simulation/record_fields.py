@@ -16,7 +16,6 @@ def reader_of(dtype: np.dtype, *names: str) -> Callable[[np.ndarray], tuple[Any,
     """Return a function that reads fields of the first record of an array.
 
     Args:
-        dtype: of the records.
         names: of fields of 64 bits, in the order in which the dtype has them.
     """
     layout, end = "=", 0

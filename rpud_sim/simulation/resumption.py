@@ -19,18 +19,12 @@ from rpud_sim.simulation.together import Entry, Together
 
 @dataclasses.dataclass(frozen=True)
 class Resumed:
-    """Recorded run at an instant.
+    """Recorded run at an instant."""
 
-    Args:
-        run: with a journal that goes on with the number after the recorded entries.
-        settings: in force.
-        faults: the last message of the topic ``faults``.
-        entries: of the journal that the resumption itself added: the stop at the instant.
-    """
-
-    run: Run
-    settings: Settings
-    faults: Entry | None
+    run: Run  # with a journal that goes on with the number after the recorded entries
+    settings: Settings  # in force
+    faults: Entry | None  # the last message of the topic ``faults``
+    # of the journal that the resumption itself added: the stop at the instant
     entries: tuple[Entry, ...]
 
 
@@ -95,20 +89,14 @@ def resume(
 
 @dataclasses.dataclass(frozen=True)
 class Start:
-    """Start of a drill in the state of a fork, in place of time zero.
+    """Start of a drill in the state of a fork, in place of time zero."""
 
-    Args:
-        run: in that state; it is copied.
-        settings: in force.
-        journal: messages of the journal up to there.
-        planned: changes that come by themselves; delays count from simulation time zero.
-        forked_from: where the state came from, for the journal.
-    """
-
-    run: Run
-    settings: Settings
-    journal: tuple[Fields, ...]
+    run: Run  # in that state; it is copied
+    settings: Settings  # in force
+    journal: tuple[Fields, ...]  # messages of the journal up to there
+    # changes that come by themselves; delays count from simulation time zero
     planned: tuple[Planned, ...] = ()
+    # where the state came from, for the journal
     forked_from: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def next_journal(self) -> Journal:

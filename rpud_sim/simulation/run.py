@@ -24,18 +24,12 @@ from rpud_sim.simulation.versions import PHYSICS, engine_and_processor
 
 @dataclasses.dataclass(frozen=True)
 class Beginning:
-    """Beginning of a run; equal beginnings give the same bits.
+    """Beginning of a run; equal beginnings give the same bits."""
 
-    Args:
-        settings: all parameters.
-        initial_phase: phase of the vibration at time zero [cycles].
-        seed: of random numbers of faulty signals.
-        scenario: faults that begin by themselves, with all values drawn; None for none.
-    """
-
-    settings: Settings
-    initial_phase: float = 0.0
-    seed: int = 0
+    settings: Settings  # all parameters
+    initial_phase: float = 0.0  # phase of the vibration at time zero [cycles]
+    seed: int = 0  # of random numbers of faulty signals
+    # faults that begin by themselves, with all values drawn; None for none
     scenario: Scenario | None = None
 
     @staticmethod
@@ -99,7 +93,6 @@ class Run:
     integer nanoseconds of simulation time; the origin is the stamp of time zero.
 
     Args:
-        beginning: of the run.
         journal: gets an entry for each change from outside; None for no journal.
         wanted: whether a topic that no fault can touch has a subscriber; without one its messages
             are not made.

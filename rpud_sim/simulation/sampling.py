@@ -16,15 +16,10 @@ from rpud_sim.model.suspension import reacting_force
 
 @dataclasses.dataclass(frozen=True)
 class Times:
-    """Times since simulation time zero, each as whole seconds and a fraction from 0 to 1.
+    """Times since simulation time zero, each as whole seconds and a fraction from 0 to 1."""
 
-    Args:
-        seconds: shape (n,), int64 [s].
-        fraction: shape (n,) [s].
-    """
-
-    seconds: np.ndarray
-    fraction: np.ndarray
+    seconds: np.ndarray  # shape (n,), int64 [s]
+    fraction: np.ndarray  # shape (n,) [s]
 
     @staticmethod
     def from_nanoseconds(nanoseconds: np.ndarray | int) -> Times:
@@ -132,16 +127,11 @@ class Stretches:
 
     So a time at a joint of two segments is sampled from the same one, however far the trajectory
     goes on before and after its part.
-
-    Args:
-        firsts: number of the first segment of each part, shape (n,), int64.
-        lasts: number of the last one, shape (n,), int64.
-        cuts: number of the first time of each part, and of all, shape (n + 1,), int64.
     """
 
-    firsts: np.ndarray
-    lasts: np.ndarray
-    cuts: np.ndarray
+    firsts: np.ndarray  # number of the first segment of each part, shape (n,), int64
+    lasts: np.ndarray  # number of the last one, shape (n,), int64
+    cuts: np.ndarray  # number of the first time of each part, and of all, shape (n + 1,), int64
 
 
 def sample_stretches(segments: np.ndarray, parts: Stretches, times: Times) -> Samples:

@@ -26,32 +26,22 @@ _KEYS = ("kind", "channel", *_DRAWN)
 
 @dataclasses.dataclass(frozen=True)
 class ScheduledFault:
-    """Fault with its onset and its end.
+    """Fault with its onset and its end."""
 
-    Args:
-        onset: simulation time at which it begins [ns].
-        clear: simulation time at which it ends, None if it does not end by itself [ns].
-        fault: that begins.
-        place: file and entry, with a colon; an error message begins with it.
-    """
-
-    onset: int
-    clear: int | None
-    fault: Fault
+    onset: int  # simulation time at which it begins [ns]
+    clear: int | None  # simulation time at which it ends, None if it does not end by itself [ns]
+    fault: Fault  # that begins
+    # file and entry, with a colon; an error message begins with it
     place: str = dataclasses.field(default="", compare=False)
 
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """Faults of a scenario file, with all values drawn.
+    """Faults of a scenario file, with all values drawn."""
 
-    Args:
-        seed: with which it was drawn.
-        faults: in the order of their onsets; those of one kind on one channel do not overlap. If
-            one ends at the instant at which another begins, it ends first.
-    """
-
-    seed: int
+    seed: int  # with which it was drawn
+    # in the order of their onsets; those of one kind on one channel do not overlap. If one
+    # ends at the instant at which another begins, it ends first.
     faults: tuple[ScheduledFault, ...]
 
 
@@ -59,7 +49,6 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
     """Read a scenario file.
 
     Args:
-        path: of the file.
         seed: in place of the file's, zero or more.
 
     Raises:
@@ -77,8 +66,6 @@ def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario
     """Return the scenario of a file's content.
 
     Args:
-        content: as YAML gives it.
-        name: of the file, for error messages.
         seed: in place of the content's, zero or more.
 
     Raises:

@@ -243,7 +243,6 @@ class Simulation:
         """Let a fault begin at the present time and return its number.
 
         Args:
-            fault: to inject.
             duration: after which it ends by itself [ns]; 0 for never.
 
         Raises:

@@ -17,33 +17,23 @@ from rpud_sim.simulation.sampling import Samples, Stretches, Times, sample_stret
 
 @dataclasses.dataclass(frozen=True)
 class Span:
-    """Consecutive blocks, at least one, immutable. Times are nanoseconds of simulation time.
+    """Consecutive blocks, at least one, immutable. Times are nanoseconds of simulation time."""
 
-    Args:
-        start: beginning of the first block.
-        ends: end of each block, shape (n,), int64.
-        covering: the ``SEGMENT`` records that cover all blocks, as those of a ``Block`` do.
-        impacts: the ``IMPACT`` records of all blocks.
-        finished: number of the segments that were finished at each end, shape (n,), int64. The
-            next one was open there.
-        struck: number of the impacts that were finished at each end, shape (n,), int64.
-        rpud: constants of the RPUD that the segments lack.
-        electrical_energy: that the actuator drew in them [J]; NaN where its model has no power.
-        readings: of the actuator at each end.
-        states: of rotation, feed and borehole at each end; none where there is nothing to step.
-        feeds: energy account of feed and mount in each block; none without a feed.
-    """
-
-    start: int
-    ends: np.ndarray
+    start: int  # beginning of the first block
+    ends: np.ndarray  # end of each block, shape (n,), int64
+    # the ``SEGMENT`` records that cover all blocks, as those of a ``Block`` do
     covering: np.ndarray
-    impacts: np.ndarray
+    impacts: np.ndarray  # the ``IMPACT`` records of all blocks
+    # number of the segments that were finished at each end, shape (n,), int64. The next one
+    # was open there.
     finished: np.ndarray
-    struck: np.ndarray
-    rpud: RpudConstants
-    electrical_energy: float
-    readings: Sequence[ActuatorReading]
+    struck: np.ndarray  # number of the impacts that were finished at each end, shape (n,), int64
+    rpud: RpudConstants  # constants of the RPUD that the segments lack
+    electrical_energy: float  # that the actuator drew in them [J]; NaN where its model has no power
+    readings: Sequence[ActuatorReading]  # of the actuator at each end
+    # of rotation, feed and borehole at each end; none where there is nothing to step
     states: Sequence[ProcessState] = ()
+    # energy account of feed and mount in each block; none without a feed
     feeds: Sequence[FeedAccount] = ()
 
     def __deepcopy__(self, memo: dict[int, object]) -> Span:

@@ -47,7 +47,6 @@ class SteppedEngine(Engine):
     fresh arrays in each call, which take longer than the motion of a millisecond.
 
     Args:
-        parameters: of the drill.
         initial_phase: of the vibration [cycles].
         drive: whether the actuator vibrates from the start.
         resonance: of the vibration, which starts at rest; None if its amplitude is prescribed.

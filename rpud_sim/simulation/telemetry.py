@@ -62,16 +62,12 @@ Stream = Iterator[Entry | None]
 class Telemetry:
     """Messages of consecutive blocks, changed by the faults of their signals.
 
-    Attributes:
-        origin: stamp of simulation time zero [ns].
-
     Args:
         telemetry_rate: of the samples [Hz].
         sample_rate: of the waveform [Hz].
         block_duration: of waveform and trajectory [s], at least one telemetry period.
         wanted: whether a topic that no fault can touch has a subscriber; without one its messages
             are not made.
-        seed: of random numbers of faulty signals.
     """
 
     def __init__(
@@ -88,7 +84,7 @@ class Telemetry:
         self._wanted = wanted
         self._signals = SignalFaults(seed)
         self._pending: list[Block] = []
-        self.origin = 0
+        self.origin = 0  # stamp of simulation time zero [ns]
         self._segments = 0
         # Time and work of the actuator's last sample.
         self._actuator_time = 0

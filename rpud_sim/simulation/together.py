@@ -40,19 +40,14 @@ _ORDER = {
 
 @dataclass(frozen=True)
 class Columns:
-    """Messages of one topic, as columns.
+    """Messages of one topic, as columns."""
 
-    Args:
-        topic: its name.
-        blocks: number of the block in the span that each belongs to, ascending, shape (n,).
-        times: simulation time at which each is published [ns], shape (n,), int64.
-        fields: as of one message, with an array in place of each value that differs. A sequence
-            has a row for each message, or is ``Ragged``.
-    """
-
-    topic: str
+    topic: str  # its name
+    # number of the block in the span that each belongs to, ascending, shape (n,)
     blocks: np.ndarray
-    times: np.ndarray
+    times: np.ndarray  # simulation time at which each is published [ns], shape (n,), int64
+    # as of one message, with an array in place of each value that differs. A sequence has a
+    # row for each message, or is ``Ragged``.
     fields: Fields
 
     def __len__(self) -> int:
@@ -68,7 +63,6 @@ class Columns:
         """Return the fields of one message.
 
         Args:
-            number: of the message.
             names: of the fields to return, as far as there are any; None for all. A message of
                 samples or segments has long sequences.
         """
@@ -79,15 +73,10 @@ class Columns:
 
 @dataclass(frozen=True)
 class Together:
-    """All messages of a span.
+    """All messages of a span."""
 
-    Args:
-        ends: of its blocks: simulation times [ns].
-        columns: of topics; those of a topic follow each other in time.
-    """
-
-    ends: np.ndarray
-    columns: tuple[Columns, ...]
+    ends: np.ndarray  # of its blocks: simulation times [ns]
+    columns: tuple[Columns, ...]  # of topics; those of a topic follow each other in time
 
     @property
     def end(self) -> int:

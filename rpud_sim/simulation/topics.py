@@ -13,25 +13,17 @@ TOOL_TIP_FRAME = "rpud_tool_tip"
 
 @dataclasses.dataclass(frozen=True)
 class Topic:
-    """Topic of the drill; its publisher is reliable.
+    """Topic of the drill; its publisher is reliable."""
 
-    Args:
-        type: of its messages, as in ``rpud_msgs/msg/Status``.
-        depth: messages that its publisher keeps for slow subscribers.
-        latched: whether a late subscriber gets the messages that are kept (transient local).
-        frame: of the header; empty if there is no header.
-        complete: whether each message counts, not only the last.
-        proved: whether a bag's journal determines every bit of its messages.
-        models: sets of parameters, each of which switches on what it carries; empty if it is always
-            published.
-    """
-
-    type: str
-    depth: int
+    type: str  # of its messages, as in ``rpud_msgs/msg/Status``
+    depth: int  # messages that its publisher keeps for slow subscribers
+    # whether a late subscriber gets the messages that are kept (transient local)
     latched: bool = False
-    frame: str = MOUNT_FRAME
-    complete: bool = True
-    proved: bool = True
+    frame: str = MOUNT_FRAME  # of the header; empty if there is no header
+    complete: bool = True  # whether each message counts, not only the last
+    proved: bool = True  # whether a bag's journal determines every bit of its messages
+    # sets of parameters, each of which switches on what it carries; empty if it is always
+    # published
     models: tuple[tuple[str, ...], ...] = ()
 
     def is_offered(self, values: Mapping[str, Any]) -> bool:

@@ -67,7 +67,6 @@ def run_on_cluster(
     Args:
         chunks: to run; an iterator is advanced only as workers need chunks.
         address: of the scheduler, such as ``tcp://192.168.1.5:8786``.
-        work: what workers do with a chunk.
 
     Raises:
         WorkerError: if the cluster cannot be reached or cannot run a chunk.

@@ -23,10 +23,8 @@ def held_folder(
     """Create or open the folder of a study, and lock it against other processes.
 
     Args:
-        path: of the folder.
         manifest: everything that the study's results depend on, as JSON reads it back.
         study: name of the study and of its command.
-        refuse: error to raise.
 
     Raises:
         refuse: if it is locked or holds anything but this study; nothing is changed then.

@@ -64,7 +64,6 @@ def run_on_processes(
     Args:
         simulate: returns the outcome of a chunk; a function of a module, not None.
         chunks: to run; an iterator is advanced only as workers need chunks.
-        workers: number of processes.
         grace: longest time for a process to end what it has started itself [s].
 
     Raises:
@@ -120,7 +119,6 @@ class _Worker:
     """Process that answers each chunk with its outcome, until its pipe closes.
 
     Args:
-        simulate: returns the outcome of a chunk.
         grace: longest time for the process to end what it has started itself [s].
     """
 

@@ -24,7 +24,6 @@ def run_on_workers(
     Args:
         work: what a worker does with a chunk; a function of a module.
         chunks: to run; an iterator is advanced only as workers need chunks.
-        workers: number of local processes.
         scheduler: address of a Dask cluster to use instead of local processes.
         compile_kernels: compiles what ``work`` calls. It is called once before local processes
             start: otherwise each of them would compile the same kernels.

@@ -30,7 +30,6 @@ class Answers:
     a stamp answers if it comes after the step has begun.
 
     Args:
-        collector: of the messages.
         own: full name of the test's own node, which publishes commands and answers nothing.
     """
 

@@ -29,15 +29,10 @@ _LONGEST_NAME = 150
 
 @dataclasses.dataclass(frozen=True)
 class Artefacts:
-    """What a test has left.
+    """What a test has left."""
 
-    Args:
-        text: for the failure.
-        properties: names and values for JUnit.
-    """
-
-    text: str
-    properties: tuple[tuple[str, str], ...]
+    text: str  # for the failure
+    properties: tuple[tuple[str, str], ...]  # names and values for JUnit
 
 
 def leave_artefacts(
@@ -46,11 +41,8 @@ def leave_artefacts(
     """Write the artefacts of a test, and return where they are.
 
     Args:
-        folder: of all tests.
         test: its name.
-        drills: of the test.
         reports: that are written meanwhile.
-        failure: its text.
     """
     place = _empty_folder(folder, test)
     lines = [f"artefacts: {place}"]
@@ -90,7 +82,6 @@ def write_bag(path: Path, drill: Published) -> None:
     """Write a bag of all that was published since the test began; its clock is simulation time.
 
     Args:
-        path: folder of the new bag.
         drill: that was tested.
 
     Raises:

@@ -38,25 +38,19 @@ class Collector:
 
     Taking messages by hand costs a tenth of what an executor costs, which would be most of a step.
 
-    Attributes:
-        time: of the drill, for messages without a stamp [ns].
-        published: by topic, number of the drill's latest message, as the drill says.
-        subscribers: by topic, number of subscriptions that the drill reaches, as it says.
-        publishers: by topic of commands, number of publishers that reach the drill, as it says.
-        acknowledged: whether all subscribers have all messages, as the drill says.
-
     Args:
-        context: of ROS.
-        namespace: of the drill.
         drill_name: full name of the drill's node.
     """
 
     def __init__(self, context: rclpy.Context, namespace: str, drill_name: str) -> None:
-        self.time = 0
+        self.time = 0  # of the drill, for messages without a stamp [ns]
+        # by topic, number of the drill's latest message, as the drill says
         self.published: Mapping[str, int] = {}
+        # by topic, number of subscriptions that the drill reaches, as it says
         self.subscribers: Mapping[str, int] = {}
+        # by topic of commands, number of publishers that reach the drill, as it says
         self.publishers: Mapping[str, int] = {}
-        self.acknowledged = False
+        self.acknowledged = False  # whether all subscribers have all messages, as the drill says
         self._context = context
         self._source = f"{drill_name}: messages"
         self.node = rclpy.create_node(
@@ -141,7 +135,6 @@ class Collector:
 
         Args:
             condition: looked at after each message and each period.
-            seconds: longest real time.
             check: called as often; may raise an error.
             period: longest time between two looks [s].
         """

@@ -63,10 +63,6 @@ def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -
     """Return an environment in which ROS stays on loopback, in a domain.
 
     It is that of ``env.bash``.
-
-    Args:
-        domain: of ROS.
-        environ: to begin with.
     """
     environment = {name: value for name, value in environ.items() if name not in _ELSEWHERE}
     environment["ROS_DOMAIN_ID"] = str(domain)

@@ -35,12 +35,7 @@ class Drill:
     A step is over when all that the drill has published up to its stamp is here, and every declared
     answer of the nodes under test. So a test gives the same result on every machine, at any load.
 
-    Attributes:
-        log: commands of the test: simulation time [s] and text.
-        folder: of the test; its commands start there, and relative paths begin there.
-
     Args:
-        process: of the drill, just started.
         folder: as the attribute; None for the working directory.
 
     Raises:
@@ -52,8 +47,9 @@ class Drill:
         self._lockstep = Lockstep(process)
         self._collector = self._lockstep.collector
         self._verdicts = LiveVerdicts(self._collector)
+        # of the test; its commands start there, and relative paths begin there
         self.folder = folder
-        self.log: list[tuple[float, str]] = []
+        self.log: list[tuple[float, str]] = []  # commands of the test: simulation time [s] and text
 
     @property
     def environment(self) -> dict[str, str]:
@@ -260,8 +256,6 @@ class Drill:
 
         Args:
             expectations: of ``rpud_sim.verdicts``, formulas, or files of expectations.
-            name: of a formula.
-            requirement: identifier of a formula.
 
         Raises:
             ExpectationFailedError: if one has failed or is undecided.

@@ -25,10 +25,6 @@ class DrillProcess:
     """Drill node that has just been started, in a domain that it has claimed.
 
     It reads its scenario again at each reset: a file that the owner may write before.
-
-    Args:
-        parameters: of the drill, checked.
-        namespace: of its node.
     """
 
     def __init__(self, parameters: Mapping[str, Any], namespace: str) -> None:

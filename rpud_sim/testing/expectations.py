@@ -30,9 +30,6 @@ class LiveVerdicts:
 
     Attributes:
         verdicts: all since the test began.
-
-    Args:
-        collector: of the messages.
     """
 
     def __init__(self, collector: Collector) -> None:

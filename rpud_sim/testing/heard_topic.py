@@ -23,9 +23,6 @@ class HeardTopic:
 
     Args:
         node: that subscribes.
-        name: absolute.
-        kind: class of the messages.
-        qos: of the subscription.
         numbered: whether one publisher alone numbers the messages, so that a gap is a loss.
         changes: whether a message that repeats the one before, but for its timing, is left out.
     """

@@ -20,7 +20,6 @@ class Introduction:
     without the services of parameters gets some time instead.
 
     Args:
-        node: of the test.
         name: full name of the node under test; empty if it has none.
     """
 

@@ -33,15 +33,6 @@ class Lockstep:
     A step is over when all that the drill has published up to its stamp is here, and every declared
     answer of the nodes under test, and the drill has every command that they gave.
 
-    Attributes:
-        client: of the drill.
-        collector: of the messages.
-        answers: that the nodes under test have declared.
-        systems: processes under test.
-
-    Args:
-        process: of the drill, just started.
-
     Raises:
         DrillError: if the drill does not start.
     """
@@ -50,15 +41,18 @@ class Lockstep:
         self._process = process
         namespace = process.namespace
         with applied(process.environment):
+            # of the drill
             self.client = DrillClient(
                 namespace, process.domain, node_name="drill_test_client", patience=_PATIENCE
             )
+            # of the messages
             self.collector = Collector(
                 self.client.node.context, namespace, f"{namespace}/drill_node"
             )
         self.client.check_while_waiting(self._check)
         own = str(self.client.node.get_fully_qualified_name())
-        self.answers = Answers(self.collector, own)
+        self.answers = Answers(self.collector, own)  # that the nodes under test have declared
+        # processes under test
         self.systems = Systems(self.collector, self.answers, process.environment)
         try:
             self._await_start()
@@ -78,10 +72,6 @@ class Lockstep:
 
     def begin(self, seed: int, scenario: str) -> None:
         """Begin at time zero, paused, as the drill was started; nothing stays of before.
-
-        Args:
-            seed: of the run.
-            scenario: content of a scenario file.
 
         Raises:
             DrillError: if that is not possible.

@@ -28,7 +28,6 @@ class DrillPool:
         """Return a drill at time zero, as if it had just been started.
 
         Args:
-            setup: of the drill.
             folder: in which the commands of the test are.
 
         Raises:

@@ -23,11 +23,7 @@ class ChildProcess:
     """Process in a session of its own, which ends with this process at the latest.
 
     Args:
-        name: for messages.
-        command: words.
-        environment: of the process.
         output: file for its output and its errors.
-        folder: to start it in.
         options: of ``subprocess.Popen``.
 
     Raises:

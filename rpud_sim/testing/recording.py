@@ -24,10 +24,6 @@ _POLL_PERIOD = 0.05  # s
 class Recording:
     """Recording of everything in the drill's domain, from now until it is stopped.
 
-    Args:
-        drill: to record.
-        path: folder of the new bag.
-
     Raises:
         DrillError: if the recorder does not start.
     """

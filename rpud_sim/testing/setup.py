@@ -28,19 +28,13 @@ _RESERVED: Mapping[str, str] = {
 
 @dataclasses.dataclass(frozen=True)
 class DrillSetup:
-    """Drill of a test.
+    """Drill of a test."""
 
-    Args:
-        parameters: of the drill by name, without those of the lockstep, the scenario and the seed.
-        seed: of the run.
-        scenario: content of a scenario file.
-        namespace: of the node.
-    """
-
+    # of the drill by name, without those of the lockstep, the scenario and the seed
     parameters: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    seed: int = 0
-    scenario: str = NO_FAULTS
-    namespace: str = NAMESPACE
+    seed: int = 0  # of the run
+    scenario: str = NO_FAULTS  # content of a scenario file
+    namespace: str = NAMESPACE  # of the node
 
 
 def drill_setup(options: Mapping[str, Any], folders: Sequence[Path] = ()) -> DrillSetup:

@@ -49,9 +49,7 @@ class Systems:
     """All processes under test of one drill.
 
     Args:
-        collector: of the messages.
         answers: that are declared.
-        environment: of the processes.
     """
 
     def __init__(

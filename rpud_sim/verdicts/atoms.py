@@ -42,21 +42,15 @@ def _none() -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Instants:
-    """Instants of an event, one for each time that it happens.
+    """Instants of an event, one for each time that it happens."""
 
-    Args:
-        stamps: of the instants, increasing; several may be equal [ns].
-        values: bounds of the truth at each, one column an instant.
-        missing: further events that may have been.
-        first: of each stretch of time in which any number of events may be [ns].
-        last: of each such stretch [ns].
-    """
-
-    stamps: np.ndarray
-    values: np.ndarray
+    stamps: np.ndarray  # of the instants, increasing; several may be equal [ns]
+    values: np.ndarray  # bounds of the truth at each, one column an instant
+    # further events that may have been
     missing: Missing = dataclasses.field(default_factory=Missing.none)
+    # of each stretch of time in which any number of events may be [ns]
     first: np.ndarray = dataclasses.field(default_factory=_none)
-    last: np.ndarray = dataclasses.field(default_factory=_none)
+    last: np.ndarray = dataclasses.field(default_factory=_none)  # of each such stretch [ns]
 
 
 def constant(begin: int, end: int, value: np.ndarray, absent: bool = False) -> Steps:
@@ -96,9 +90,6 @@ class Atoms:
     """Step functions and instants of formulas without parts, in one recording.
 
     Args:
-        record: of the signals.
-        begin: first nanosecond.
-        end: last nanosecond.
         zero: stamp of simulation time zero [ns].
     """
 

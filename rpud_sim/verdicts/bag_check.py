@@ -24,10 +24,7 @@ def check_bag(
     A topic that the bag does not hold is no error: its expectations are undecided.
 
     Args:
-        path: of the bag.
-        expectations: to check.
         namespace: as for ``Record.from_bag``.
-        file: of the expectations, for errors.
 
     Raises:
         BagError: if the bag cannot be read.

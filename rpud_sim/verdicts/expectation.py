@@ -22,17 +22,11 @@ ALWAYS_NEEDED = ("journal", "status")
 
 @dataclasses.dataclass(frozen=True)
 class Expectation:
-    """Named formula that must hold from the beginning of a run.
+    """Named formula that must hold from the beginning of a run."""
 
-    Args:
-        name: for people.
-        formula: to hold.
-        requirement: its identifier; empty for none.
-    """
-
-    name: str
-    formula: Formula
-    requirement: str = ""
+    name: str  # for people
+    formula: Formula  # to hold
+    requirement: str = ""  # its identifier; empty for none
 
     def __post_init__(self) -> None:
         check_formula(self.formula)

@@ -21,9 +21,6 @@ _KEYS = ("name", "requirement", "expect")
 def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
     """Read a file of expectations.
 
-    Args:
-        path: of the file.
-
     Raises:
         ExpectationError: if the file cannot be read or used; one line with its name and line.
     """
@@ -71,7 +68,6 @@ def parse_expectation(entry: Any, place: Place = ()) -> Expectation:
 
     Args:
         entry: a mapping with ``name`` and ``expect``, perhaps ``requirement``.
-        place: of the entry in its file.
 
     Raises:
         ExpectationError: as ``parse_expectations`` does.

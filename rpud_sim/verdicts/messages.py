@@ -87,36 +87,22 @@ def time_of(value: Any) -> int:
 
 @dataclasses.dataclass(frozen=True)
 class Piece:
-    """Some messages of a topic, with their times.
+    """Some messages of a topic, with their times."""
 
-    Args:
-        source: of the values.
-        stamps: of the messages [ns].
-        published: that increase in the order of publishing.
-    """
-
-    source: Table | Live
-    stamps: np.ndarray
-    published: np.ndarray
+    source: Table | Live  # of the values
+    stamps: np.ndarray  # of the messages [ns]
+    published: np.ndarray  # that increase in the order of publishing
 
 
 @dataclasses.dataclass(frozen=True)
 class Samples:
-    """Values of a field at increasing stamps.
+    """Values of a field at increasing stamps."""
 
-    Args:
-        stamps: of the messages [ns]; equal stamps follow each other.
-        values: floats, texts or truth values.
-        gaps: whether messages are missing between each and the next.
-        first_missing: whether messages are missing before the first.
-        ordered: whether it is known that each follows the one before it of the same stamp.
-    """
-
-    stamps: np.ndarray
-    values: np.ndarray
-    gaps: np.ndarray
-    first_missing: bool
-    ordered: np.ndarray
+    stamps: np.ndarray  # of the messages [ns]; equal stamps follow each other
+    values: np.ndarray  # floats, texts or truth values
+    gaps: np.ndarray  # whether messages are missing between each and the next
+    first_missing: bool  # whether messages are missing before the first
+    ordered: np.ndarray  # whether it is known that each follows the one before it of the same stamp
 
 
 class TopicMessages:
@@ -128,7 +114,6 @@ class TopicMessages:
 
     Args:
         topic: its name.
-        pieces: with all messages.
         keep: for each piece, which messages count.
     """
 

@@ -11,19 +11,12 @@ from rpud_sim.foundation.time import NEVER
 
 @dataclasses.dataclass(frozen=True)
 class Missing:
-    """Numbers of messages that are missing, each in a stretch of time.
+    """Numbers of messages that are missing, each in a stretch of time."""
 
-    Args:
-        first: of each stretch, in order [ns].
-        last: of each stretch, in order [ns].
-        counts: of the messages that are missing in each.
-        anywhere: number of further messages, at times that are not known.
-    """
-
-    first: np.ndarray
-    last: np.ndarray
-    counts: np.ndarray
-    anywhere: int = 0
+    first: np.ndarray  # of each stretch, in order [ns]
+    last: np.ndarray  # of each stretch, in order [ns]
+    counts: np.ndarray  # of the messages that are missing in each
+    anywhere: int = 0  # number of further messages, at times that are not known
 
     @classmethod
     def from_numbers(cls, stamps: np.ndarray, numbers: np.ndarray) -> Missing:

@@ -68,15 +68,10 @@ _INDEX = re.compile(r"(.*)\[(\d{1,6})\]")
 
 @dataclasses.dataclass(frozen=True)
 class Field:
-    """Field of a message, as an expectation uses it.
+    """Field of a message, as an expectation uses it."""
 
-    Args:
-        column: of the topic's table.
-        index: of an element; None for the whole field.
-    """
-
-    column: Column
-    index: int | None = None
+    column: Column  # of the topic's table
+    index: int | None = None  # of an element; None for the whole field
 
     @property
     def says(self) -> bool:
@@ -122,7 +117,6 @@ def find_field(name: str, columns: tuple[Column, ...], topic: str) -> Field:
 
     Args:
         name: with dots, and a number in brackets for an element.
-        columns: of the topic.
         topic: its name, for the error.
 
     Raises:
@@ -205,7 +199,6 @@ def check_use(part: Compare | Says | Quantile, field: Field | None) -> None:
     """Check that a field has the kind and unit with which a formula uses it.
 
     Args:
-        part: of a formula.
         field: that it uses; None if it is not known yet.
 
     Raises:

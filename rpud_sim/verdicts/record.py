@@ -65,7 +65,6 @@ class Record:
         """Read the topics of a bag.
 
         Args:
-            path: of the bag.
             topics: relative names of the drill's topics, or absolute names.
             namespace: of the drill; None for that of the only status in the bag.
             progress: called with the number of messages since its last call.
@@ -288,7 +287,6 @@ def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:
     """Return the namespace of the drill in a bag.
 
     Args:
-        topics: of the bag.
         namespace: that was asked for; None for that of the only status.
 
     Raises:

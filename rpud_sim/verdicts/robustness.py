@@ -49,11 +49,7 @@ from rpud_sim.verdicts.vocabulary import (
 
 
 class Evaluation:
-    """Formulas as step functions over one recording; each is computed once.
-
-    Args:
-        atoms: of the recording.
-    """
+    """Formulas as step functions over one recording; each is computed once."""
 
     def __init__(self, atoms: Atoms) -> None:
         self._atoms = atoms
@@ -73,7 +69,6 @@ class Evaluation:
         """Return a formula as a step function.
 
         Args:
-            formula: to evaluate.
             once: whether only its value at the beginning counts: that of a quantile elsewhere
                 takes long.
         """

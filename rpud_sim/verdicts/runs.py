@@ -11,21 +11,13 @@ import numpy as np
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """Entry of the journal, as far as it shows where a run begins.
+    """Entry of the journal, as far as it shows where a run begins."""
 
-    Args:
-        sequence: number of the entry.
-        kind: of the entry.
-        stamp: of its message [ns].
-        published: that increases in the order of publishing.
-        time: simulation time [ns].
-    """
-
-    sequence: int
-    kind: str
-    stamp: int
-    published: int
-    time: int
+    sequence: int  # number of the entry
+    kind: str  # of the entry
+    stamp: int  # of its message [ns]
+    published: int  # that increases in the order of publishing
+    time: int  # simulation time [ns]
 
 
 def entry_time(content: str) -> int:
@@ -39,21 +31,13 @@ def entry_time(content: str) -> int:
 
 @dataclasses.dataclass(frozen=True)
 class LastRun:
-    """The last run of a recording.
+    """The last run of a recording."""
 
-    Args:
-        runs: number of runs; 0 without a journal.
-        origin: stamp of its simulation time zero [ns]; None without a journal.
-        published: of the entry that begins it.
-        stamp: of that entry [ns].
-        before: the entry before that; None if there is none.
-    """
-
-    runs: int = 0
-    origin: int | None = None
-    published: int = 0
-    stamp: int = 0
-    before: Entry | None = None
+    runs: int = 0  # number of runs; 0 without a journal
+    origin: int | None = None  # stamp of its simulation time zero [ns]; None without a journal
+    published: int = 0  # of the entry that begins it
+    stamp: int = 0  # of that entry [ns]
+    before: Entry | None = None  # the entry before that; None if there is none
 
     def holds(self, stamps: np.ndarray, published: np.ndarray) -> np.ndarray:
         """Return which messages belong to the run.

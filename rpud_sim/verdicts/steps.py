@@ -22,17 +22,12 @@ _SWAPPED = [MOST_MARGIN, LEAST_MARGIN, MOST_TRUTH, LEAST_TRUTH]
 
 @dataclasses.dataclass(frozen=True)
 class Steps:
-    """Step function from the beginning of a recording on.
+    """Step function from the beginning of a recording on."""
 
-    Args:
-        starts: first nanosecond of each step, increasing; the last is that after the recording.
-        values: bounds of each step, one column a step; those of the last are unknown.
-        absent: whether a signal has no value yet, so that the formula means nothing there.
-    """
-
+    # first nanosecond of each step, increasing; the last is that after the recording
     starts: np.ndarray
-    values: np.ndarray
-    absent: np.ndarray
+    values: np.ndarray  # bounds of each step, one column a step; those of the last are unknown
+    absent: np.ndarray  # whether a signal has no value yet, so that the formula means nothing there
 
     def __post_init__(self) -> None:
         self.values[:, -1] = UNKNOWN
@@ -109,7 +104,6 @@ def over_window(
     Absent instants do not count; without any other the result is absent.
 
     Args:
-        steps: of the formula.
         start: of the window, from each instant on [ns].
         end: of the window [ns]; None for the end of the recording.
         least: whether for always.

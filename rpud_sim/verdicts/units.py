@@ -71,7 +71,6 @@ class ExpectationError(ParameterError):
     """Unusable expectation; the text says why, in one line.
 
     Args:
-        reason: one line.
         path: keys and numbers that lead to the place in the file's content.
     """
 
@@ -118,7 +117,6 @@ def to_si(value: float, unit: str, wanted: str, name: str) -> float:
         value: in ``unit``.
         unit: as it was written; may only be empty for zero or for a field without a unit.
         wanted: unit of the field; empty for a pure number.
-        name: of the field, for the error.
 
     Raises:
         ExpectationError: if the unit does not fit.

@@ -40,29 +40,21 @@ MIXED = "mixed units"
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """Verdict on an expectation.
+    """Verdict on an expectation."""
 
-    Args:
-        name: of the expectation.
-        requirement: its identifier; empty for none.
-        outcome: one of ``OUTCOMES``.
-        margin: by how much it holds, or fails where it is negative; None if it is undecided, or if
-            no number decides it.
-        unit: of the margin.
-        at: simulation time at which it was broken, fulfilled or over [s]; None if undecided.
-        reaction_time: longest time from an event of ``after`` to the instant at which what follows
-            was fulfilled [s]; None if it has none, or if it never was.
-        text: why, in one line.
-    """
-
-    name: str
-    requirement: str
-    outcome: str
+    name: str  # of the expectation
+    requirement: str  # its identifier; empty for none
+    outcome: str  # one of ``OUTCOMES``
+    # by how much it holds, or fails where it is negative; None if it is undecided, or if no
+    # number decides it
     margin: float | None
-    unit: str
+    unit: str  # of the margin
+    # simulation time at which it was broken, fulfilled or over [s]; None if undecided
     at: float | None
+    # longest time from an event of ``after`` to the instant at which what follows was
+    # fulfilled [s]; None if it has none, or if it never was
     reaction_time: float | None
-    text: str
+    text: str  # why, in one line
 
     @property
     def passed(self) -> bool:
@@ -76,10 +68,6 @@ class Verdict:
 
 def evaluate(expectation: Expectation, record: Record) -> Verdict:
     """Return the verdict on an expectation.
-
-    Args:
-        expectation: to evaluate.
-        record: with its topics.
 
     Raises:
         ExpectationError: if a field of a topic is not what the expectation takes it for.

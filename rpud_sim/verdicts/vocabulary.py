@@ -17,15 +17,10 @@ OPERATORS = ("<", "<=", ">", ">=", "==", "!=")
 
 @dataclasses.dataclass(frozen=True)
 class Window:
-    """Closed interval of time after an instant.
+    """Closed interval of time after an instant."""
 
-    Args:
-        start: first nanosecond after the instant.
-        end: last nanosecond after it; None for the end of the recording.
-    """
-
-    start: int = 0
-    end: int | None = None
+    start: int = 0  # first nanosecond after the instant
+    end: int | None = None  # last nanosecond after it; None for the end of the recording
 
     def __post_init__(self) -> None:
         if self.end is not None and self.end < self.start:
@@ -76,17 +71,11 @@ class Formula:
 
 @dataclasses.dataclass(frozen=True)
 class Signal:
-    """Field of a topic over time. A message's value holds until the next message.
+    """Field of a topic over time. A message's value holds until the next message."""
 
-    Args:
-        topic: relative name of one of the drill's topics, or any absolute name.
-        field: with dots and numbers in brackets, as in ``position[1]``.
-        hold: longest time for which a value holds [ns]; None for that of the topic.
-    """
-
-    topic: str
-    field: str
-    hold: int | None = None
+    topic: str  # relative name of one of the drill's topics, or any absolute name
+    field: str  # with dots and numbers in brackets, as in ``position[1]``
+    hold: int | None = None  # longest time for which a value holds [ns]; None for that of the topic
 
     def __str__(self) -> str:
         """Topic and field with a dot."""
@@ -151,18 +140,12 @@ def _check_operator(operator: str) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Compare(Formula):
-    """A signal compared with a number.
+    """A signal compared with a number."""
 
-    Args:
-        signal: of numbers.
-        operator: one of ``OPERATORS``.
-        number: to compare with.
-        tolerance: greatest difference of equal numbers; only with ``==`` and ``!=``.
-    """
-
-    signal: Signal
-    operator: str
-    number: Number
+    signal: Signal  # of numbers
+    operator: str  # one of ``OPERATORS``
+    number: Number  # to compare with
+    # greatest difference of equal numbers; only with ``==`` and ``!=``
     tolerance: Number = Number(0.0)
 
     def __post_init__(self) -> None:
@@ -189,13 +172,9 @@ class Says(Formula):
 
 @dataclasses.dataclass(frozen=True)
 class Active(Formula):
-    """A fault lasts: from its onset to just before its clearing.
+    """A fault lasts: from its onset to just before its clearing."""
 
-    Args:
-        fault: a kind, or ``KIND on CHANNEL``.
-    """
-
-    fault: str
+    fault: str  # a kind, or ``KIND on CHANNEL``
 
     def __post_init__(self) -> None:
         _check_fault(self.fault)
@@ -227,14 +206,10 @@ class Cleared(Event):
 
 @dataclasses.dataclass(frozen=True)
 class Message(Event):
-    """A message of a topic, at its stamp.
+    """A message of a topic, at its stamp."""
 
-    Args:
-        topic: as in ``Signal``.
-        where: comparison of a field of the same message; None for every message.
-    """
-
-    topic: str
+    topic: str  # as in ``Signal``
+    # comparison of a field of the same message; None for every message
     where: Compare | Says | None = None
 
     def __post_init__(self) -> None:
@@ -304,19 +279,12 @@ class Eventually(Formula):
 
 @dataclasses.dataclass(frozen=True)
 class Until(Formula):
-    """The goal comes in a window, and the formula holds until just before.
+    """The goal comes in a window, and the formula holds until just before."""
 
-    Args:
-        formula: that holds.
-        goal: that comes.
-        window: in which it comes.
-        weak: whether the goal may never come, if the formula always holds.
-    """
-
-    formula: Formula
-    goal: Formula
-    window: Window = WHOLE
-    weak: bool = False
+    formula: Formula  # that holds
+    goal: Formula  # that comes
+    window: Window = WHOLE  # in which it comes
+    weak: bool = False  # whether the goal may never come, if the formula always holds
 
     def __post_init__(self) -> None:
         if self.weak and self.window != WHOLE:
@@ -325,15 +293,10 @@ class Until(Formula):
 
 @dataclasses.dataclass(frozen=True)
 class After(Formula):
-    """The formula holds at every instant of an event; undecided if the event never comes.
+    """The formula holds at every instant of an event; undecided if the event never comes."""
 
-    Args:
-        trigger: an event; another formula stands for the instants at which it begins to hold.
-        formula: that holds then.
-    """
-
-    trigger: Formula
-    formula: Formula
+    trigger: Formula  # an event; another formula stands for the instants at which it begins to hold
+    formula: Formula  # that holds then
 
 
 @dataclasses.dataclass(frozen=True)
@@ -353,21 +316,13 @@ class Count(Formula):
 
 @dataclasses.dataclass(frozen=True)
 class Quantile(Formula):
-    """A quantile of the messages' values in a window, compared.
+    """A quantile of the messages' values in a window, compared."""
 
-    Args:
-        share: at least this share of the values is at most the quantile; in (0, 1].
-        signal: of numbers.
-        operator: as in ``Compare``.
-        number: as in ``Compare``.
-        window: of the messages' stamps.
-    """
-
-    share: float
-    signal: Signal
-    operator: str
-    number: Number
-    window: Window = WHOLE
+    share: float  # at least this share of the values is at most the quantile; in (0, 1]
+    signal: Signal  # of numbers
+    operator: str  # as in ``Compare``
+    number: Number  # as in ``Compare``
+    window: Window = WHOLE  # of the messages' stamps
 
     def __post_init__(self) -> None:
         _check_operator(self.operator)

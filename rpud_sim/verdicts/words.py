@@ -29,7 +29,6 @@ def signal(name: str, hold: str | float | None = None) -> Signal:
     """Return a signal by topic and field, as in ``reacting_force.force``.
 
     Args:
-        name: topic, a dot, and the field.
         hold: longest time for which a value holds, as ``0.1 s``; None for that of the topic.
     """
     match = _SIGNAL.fullmatch(name) if isinstance(name, str) else None

@@ -27,16 +27,11 @@ class InterruptedWaitError(Exception):
 
 
 class Actions:
-    """Actions in the order in which they were asked for; any thread may ask.
-
-    Attributes:
-        running: name of the action that is under way; empty for none.
-        version: grows with each change of the outcomes.
-    """
+    """Actions in the order in which they were asked for; any thread may ask."""
 
     def __init__(self) -> None:
-        self.running = ""
-        self.version = 0
+        self.running = ""  # name of the action that is under way; empty for none
+        self.version = 0  # grows with each change of the outcomes
         self._lock = threading.Lock()
         self._queue: deque[tuple[int, str, dict[str, Any]]] = deque()
         self._outcomes: dict[int, Outcome] = {}

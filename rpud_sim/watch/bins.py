@@ -9,7 +9,6 @@ class Rows:
     """The last rows of a growing table, in one array; a snapshot costs one copy.
 
     Args:
-        columns: number of columns.
         length: rows that are kept.
 
     Attributes:

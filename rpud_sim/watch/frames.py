@@ -19,17 +19,10 @@ _OUTCOMES = 8
 
 
 class Frames:
-    """Maker of the frames of one browser tab.
-
-    Args:
-        namespace: of the drill.
-
-    Attributes:
-        dropped: frames that were due while the browser was busy with another one.
-    """
+    """Maker of the frames of one browser tab."""
 
     def __init__(self, namespace: str) -> None:
-        self.dropped = 0
+        self.dropped = 0  # frames that were due while the browser was busy with another one
         self._namespace = namespace
         self._number = 0
         self._version = -1

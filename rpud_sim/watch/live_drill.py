@@ -44,7 +44,6 @@ class LiveDrill:
     ``DrillClient`` has them. A pause or reset ends the wait for a step that is under way.
 
     Args:
-        namespace: of the drill.
         domain_id: ROS domain; None for that of the environment.
         node_name: name of its node in the graph.
 

@@ -73,107 +73,62 @@ STATUS_COLUMNS = (
 
 @dataclasses.dataclass(frozen=True)
 class Connection:
-    """Connection to the drill.
+    """Connection to the drill."""
 
-    Args:
-        state: ``searching`` before the first status, ``connected``, or ``vanished``.
-        since: when it came to this state, as ``time.time`` counts [s].
-        reason: why there is no drill, in one line; empty while connected.
-    """
-
-    state: str
-    since: float
-    reason: str = ""
+    state: str  # ``searching`` before the first status, ``connected``, or ``vanished``
+    since: float  # when it came to this state, as ``time.time`` counts [s]
+    reason: str = ""  # why there is no drill, in one line; empty while connected
 
 
 @dataclasses.dataclass(frozen=True)
 class FaultView:
-    """Fault of the drill.
+    """Fault of the drill."""
 
-    Args:
-        number: of the fault.
-        kind: such as ``free_mass_jammed``.
-        channel: topic with the faulty signal; empty for the physics.
-        magnitude: in the unit of the kind.
-        active: whether it lasts.
-        onset: when it began [s of simulation time].
-        end: when it ended; None while it lasts.
-    """
-
-    number: int
-    kind: str
-    channel: str
-    magnitude: float
-    active: bool
-    onset: float
-    end: float | None
+    number: int  # of the fault
+    kind: str  # such as ``free_mass_jammed``
+    channel: str  # topic with the faulty signal; empty for the physics
+    magnitude: float  # in the unit of the kind
+    active: bool  # whether it lasts
+    onset: float  # when it began [s of simulation time]
+    end: float | None  # when it ended; None while it lasts
 
 
 @dataclasses.dataclass(frozen=True)
 class Mark:
-    """Entry of the drill's journal that a plot marks.
+    """Entry of the drill's journal that a plot marks."""
 
-    Args:
-        time: of the entry [s of simulation time].
-        kind: such as ``weight_on_bit`` or ``inject``.
-        text: what took effect, in one line.
-    """
-
-    time: float
-    kind: str
-    text: str
+    time: float  # of the entry [s of simulation time]
+    kind: str  # such as ``weight_on_bit`` or ``inject``
+    text: str  # what took effect, in one line
 
 
 @dataclasses.dataclass(frozen=True)
 class Impact:
-    """One impact on the drill tool, with the fields of ``rpud_msgs/ContactForce``.
+    """One impact on the drill tool, with the fields of ``rpud_msgs/ContactForce``."""
 
-    Args:
-        time: at which it begins [s of simulation time].
-        sequence: its number since the start.
-        peak_force: [N].
-        contact_duration: [s].
-        impact_velocity: [m/s].
-        impulse: [N s].
-        energy: that arrives [J].
-        energy_transferred: that stays [J].
-        squeezed: whether the actuator pressed meanwhile.
-    """
-
-    time: float
-    sequence: int
-    peak_force: float
-    contact_duration: float
-    impact_velocity: float
-    impulse: float
-    energy: float
-    energy_transferred: float
-    squeezed: bool
+    time: float  # at which it begins [s of simulation time]
+    sequence: int  # its number since the start
+    peak_force: float  # [N]
+    contact_duration: float  # [s]
+    impact_velocity: float  # [m/s]
+    impulse: float  # [N s]
+    energy: float  # that arrives [J]
+    energy_transferred: float  # that stays [J]
+    squeezed: bool  # whether the actuator pressed meanwhile
 
 
 @dataclasses.dataclass(frozen=True)
 class Section:
-    """Latest block of the waveform; arrays of equal length, read-only.
+    """Latest block of the waveform; arrays of equal length, read-only."""
 
-    Args:
-        time: of the first sample [s of simulation time].
-        period: between samples [s].
-        nodal_plane: position [m].
-        actuator: position of its vibrating tip [m].
-        free_mass: position [m].
-        drill_tool: displacement [m].
-        contact_force: between free mass and drill tool [N].
-        reacting_force: on the load unit [N].
-    """
-
-    time: float
-    period: float
-    nodal_plane: np.ndarray
-    actuator: np.ndarray
-    free_mass: np.ndarray
-    drill_tool: np.ndarray
-    contact_force: np.ndarray
-    reacting_force: np.ndarray
+    time: float  # of the first sample [s of simulation time]
+    period: float  # between samples [s]
+    nodal_plane: np.ndarray  # position [m]
+    actuator: np.ndarray  # position of its vibrating tip [m]
+    free_mass: np.ndarray  # position [m]
+    drill_tool: np.ndarray  # displacement [m]
+    contact_force: np.ndarray  # between free mass and drill tool [N]
+    reacting_force: np.ndarray  # on the load unit [N]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -182,18 +137,12 @@ class Series:
 
     Rows are numbered from the start of the run, so a view can tell which it has shown. The rows of
     the last second may still change.
-
-    Args:
-        first: number of the first row.
-        period: of the rows [s]; 0 where they have a column ``time``.
-        columns: names.
-        rows: one line for each row, NaN where nothing was heard; read-only.
     """
 
-    first: int
-    period: float
-    columns: tuple[str, ...]
-    rows: np.ndarray
+    first: int  # number of the first row
+    period: float  # of the rows [s]; 0 where they have a column ``time``
+    columns: tuple[str, ...]  # names
+    rows: np.ndarray  # one line for each row, NaN where nothing was heard; read-only
 
     def column(self, name: str) -> np.ndarray:
         """Return the values of a column."""
@@ -209,23 +158,14 @@ class Series:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """Action of the operator, and what the drill said to it.
+    """Action of the operator, and what the drill said to it."""
 
-    Args:
-        number: of the action, from 1 on.
-        name: such as ``press``.
-        arguments: as they were given.
-        state: ``waiting``, ``done``, ``refused`` or ``failed`` (no drill, or no answer).
-        text: the drill's own reason, or a result such as ``fault 3``.
-        since: when it came to this state, as ``time.time`` counts [s].
-    """
-
-    number: int
-    name: str
-    arguments: Mapping[str, Any]
-    state: str
-    text: str
-    since: float
+    number: int  # of the action, from 1 on
+    name: str  # such as ``press``
+    arguments: Mapping[str, Any]  # as they were given
+    state: str  # ``waiting``, ``done``, ``refused`` or ``failed`` (no drill, or no answer)
+    text: str  # the drill's own reason, or a result such as ``fault 3``
+    since: float  # when it came to this state, as ``time.time`` counts [s]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -233,52 +173,36 @@ class Picture:
     """Everything that is known of a drill at one moment.
 
     Times are simulation time since the start of the run [s], unless they say otherwise.
-
-    Args:
-        namespace: of the drill.
-        connection: to the drill.
-        run: number of the run; a restart or a reset begins a new one and empties the series.
-        version: grows whenever anything was heard.
-        origin: stamp of simulation time zero [ns].
-        time: latest time that was heard [s].
-        status: fields of the latest ``rpud_msgs/Status`` by name, with times as seconds; without
-            its header. Empty before the first.
-        latest: latest values of the fast topics: by topic, values by field.
-        impact: the latest, None before the first.
-        impacts: the last hundred, oldest first.
-        faults: by number.
-        kinds: of faults that can be injected now.
-        channels: whose signals can be faulty.
-        marks: of commands, faults and changes, oldest first.
-        series: fast ones, ``COLUMNS``.
-        statuses: slow ones, ``STATUS_COLUMNS``.
-        section: latest block of the waveform, None before the first.
-        refusals: commands that the drill has refused from anybody, and its reason for the latest.
-        lost: messages by topic that were sent and never arrived.
-        outcomes: of the operator's latest actions, oldest first.
     """
 
-    namespace: str
-    connection: Connection
-    run: int = 0
-    version: int = 0
-    origin: int | None = None
-    time: float | None = None
+    namespace: str  # of the drill
+    connection: Connection  # to the drill
+    run: int = 0  # number of the run; a restart or a reset begins a new one and empties the series
+    version: int = 0  # grows whenever anything was heard
+    origin: int | None = None  # stamp of simulation time zero [ns]
+    time: float | None = None  # latest time that was heard [s]
+    # fields of the latest ``rpud_msgs/Status`` by name, with times as seconds; without its
+    # header. Empty before the first.
     status: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    # latest values of the fast topics: by topic, values by field
     latest: Mapping[str, Mapping[str, float]] = dataclasses.field(default_factory=dict)
-    impact: Impact | None = None
-    impacts: tuple[Impact, ...] = ()
-    faults: tuple[FaultView, ...] = ()
-    kinds: tuple[str, ...] = ()
-    channels: tuple[str, ...] = ()
-    marks: tuple[Mark, ...] = ()
+    impact: Impact | None = None  # the latest, None before the first
+    impacts: tuple[Impact, ...] = ()  # the last hundred, oldest first
+    faults: tuple[FaultView, ...] = ()  # by number
+    kinds: tuple[str, ...] = ()  # of faults that can be injected now
+    channels: tuple[str, ...] = ()  # whose signals can be faulty
+    marks: tuple[Mark, ...] = ()  # of commands, faults and changes, oldest first
+    # fast ones, ``COLUMNS``
     series: Series = dataclasses.field(
         default_factory=lambda: Series(0, 0.05, COLUMNS, np.empty((0, len(COLUMNS))))
     )
+    # slow ones, ``STATUS_COLUMNS``
     statuses: Series = dataclasses.field(
         default_factory=lambda: Series(0, 0.0, STATUS_COLUMNS, np.empty((0, len(STATUS_COLUMNS))))
     )
-    section: Section | None = None
+    section: Section | None = None  # latest block of the waveform, None before the first
+    # commands that the drill has refused from anybody, and its reason for the latest
     refusals: tuple[int, str] = (0, "")
+    # messages by topic that were sent and never arrived
     lost: Mapping[str, int] = dataclasses.field(default_factory=dict)
-    outcomes: tuple[Outcome, ...] = ()
+    outcomes: tuple[Outcome, ...] = ()  # of the operator's latest actions, oldest first

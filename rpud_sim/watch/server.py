@@ -55,17 +55,11 @@ class ServerError(RuntimeError):
 
 @dataclasses.dataclass(frozen=True)
 class Place:
-    """Where a server listens.
+    """Where a server listens."""
 
-    Args:
-        port: 0 for a free one.
-        address: of the interface; that of all is ``0.0.0.0``.
-        token: that a browser must know; empty for none.
-    """
-
-    port: int = DEFAULT_PORT
-    address: str = LOOPBACK
-    token: str = ""
+    port: int = DEFAULT_PORT  # 0 for a free one
+    address: str = LOOPBACK  # of the interface; that of all is ``0.0.0.0``
+    token: str = ""  # that a browser must know; empty for none
 
     @classmethod
     def of(cls, port: int = DEFAULT_PORT, address: str = LOOPBACK) -> Place:
@@ -91,9 +85,6 @@ class PageServer:
         place: where to listen.
         handlers: plain pages, pairs of a path and a handler of Tornado.
 
-    Attributes:
-        port: on which it listens.
-
     Raises:
         ServerError: if it cannot listen there.
     """
@@ -113,7 +104,7 @@ class PageServer:
             sockets = bind_sockets(place.port, place.address)
         except OSError as error:
             raise ServerError(_why_not(place, error)) from error
-        self.port = int(sockets[0].getsockname()[1])
+        self.port = int(sockets[0].getsockname()[1])  # on which it listens
         self._place = place
         self._application = _Application(
             {path: Application(FunctionHandler(fill)) for path, fill in applications.items()},
@@ -180,7 +171,6 @@ def serve(
         applications: by path, functions that fill a document.
         place: where to listen.
         announce: called once, when the server listens; prints the addresses of its pages.
-        handlers: plain pages.
 
     Raises:
         ServerError: if it cannot listen there.

@@ -39,10 +39,8 @@ class TerminalView(App[None]):
 
     Args:
         open_drill: opens the drill of a namespace.
-        finder: of the drills of the domain.
         namespace: of the drill to show first; None for the only one, or a list.
         updates: of the terminal in a second at most.
-        environment: of the process.
     """
 
     TITLE = "rpud watch"

@@ -20,13 +20,7 @@ BLOCKS, ASCII = " ▁▂▃▄▅▆▇█", " .:-=+*#@"
 
 
 def recent(series: Series, name: str, seconds: float = RECENT) -> np.ndarray:
-    """Return the values of the last seconds of a series, of bins that are over.
-
-    Args:
-        series: of bins.
-        name: of the column.
-        seconds: of simulation time.
-    """
+    """Return the values of the last seconds of a series, of bins that are over."""
     return series.column(name)[:-1][-round(seconds / series.period) :]
 
 
@@ -56,7 +50,6 @@ def sparkline(values: Iterable[float], steps: str = BLOCKS) -> str:
 
     Args:
         values: not negative; what is negative counts as zero.
-        steps: characters, the first one for NaN.
     """
     numbers = list(values)
     top = max((value for value in numbers if math.isfinite(value)), default=0.0)
@@ -76,9 +69,6 @@ def columns_of(series: Series, name: str, count: int, total: bool) -> list[float
     A column always covers the same bins, so a line moves by whole columns and seldom changes.
 
     Args:
-        series: of bins.
-        name: of the column.
-        count: of columns.
         total: whether to give the sum over time [1/s]; the greatest value otherwise.
     """
     bins = max(1, math.ceil(SPAN / count / series.period))

@@ -36,17 +36,11 @@ Line = tuple[tuple[str, str], ...]
 
 @dataclasses.dataclass(frozen=True)
 class Face:
-    """What a page looks like.
+    """What a page looks like."""
 
-    Args:
-        width: of the terminal [columns].
-        height: of the page [lines].
-        steps: of sparklines, from the lowest to the highest.
-    """
-
-    width: int = WIDTH
-    height: int = HEIGHT
-    steps: str = BLOCKS
+    width: int = WIDTH  # of the terminal [columns]
+    height: int = HEIGHT  # of the page [lines]
+    steps: str = BLOCKS  # of sparklines, from the lowest to the highest
 
 
 def line(text: str = "", style: str = PLAIN) -> Line:
@@ -63,8 +57,6 @@ def page_of(picture: Picture, face: Face, drills: int = 1) -> list[Line]:
     """Return the lines of a picture.
 
     Args:
-        picture: of a drill.
-        face: to give it.
         drills: number of drills that can be shown.
     """
     lines = [_header(picture, face, drills), _banner(picture)]

@@ -26,25 +26,16 @@ def _none(picture: Picture) -> Sequence[str]:
 
 @dataclasses.dataclass(frozen=True)
 class Prompt:
-    """Question that an action begins with.
+    """Question that an action begins with."""
 
-    Args:
-        key: that asks it.
-        action: of ``LiveDrill.act``.
-        question: before the answer.
-        read: returns the action's arguments, None for no action; raises ``ParameterError``.
-        default: answer that is there already.
-        hint: line that says what can be answered.
-        suggestions: answers that complete what is typed.
-    """
-
-    key: str
-    action: str
-    question: str
+    key: str  # that asks it
+    action: str  # of ``LiveDrill.act``
+    question: str  # before the answer
+    # returns the action's arguments, None for no action; raises ``ParameterError``
     read: Callable[[str, Picture], Arguments | None]
-    default: Callable[[Picture], str] = _nothing
-    hint: Callable[[Picture], str] = _nothing
-    suggestions: Callable[[Picture], Sequence[str]] = _none
+    default: Callable[[Picture], str] = _nothing  # answer that is there already
+    hint: Callable[[Picture], str] = _nothing  # line that says what can be answered
+    suggestions: Callable[[Picture], Sequence[str]] = _none  # answers that complete what is typed
 
 
 def read_drive(text: str, picture: Picture) -> Arguments | None:

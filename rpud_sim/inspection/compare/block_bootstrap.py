@@ -24,15 +24,10 @@ _SIGNIFICANT = 2.0  # standard errors above which an autocorrelation counts
 
 @dataclass(frozen=True)
 class MeanError:
-    """Error of the mean of a correlated series.
+    """Error of the mean of a correlated series."""
 
-    Args:
-        error: standard error, in the unit of the values.
-        blocks: number of blocks in the series: about so many values are independent.
-    """
-
-    error: float
-    blocks: float
+    error: float  # standard error, in the unit of the values
+    blocks: float  # number of blocks in the series: about so many values are independent
 
 
 def mean_error(values: np.ndarray) -> MeanError:
@@ -53,7 +48,6 @@ def grouped(values: np.ndarray, most: int) -> np.ndarray:
 
     Args:
         values: shape (n,); a remainder at the end that fills no group is left out.
-        most: number of groups.
     """
     size = -(-len(values) // most)
     if size <= 1:
@@ -120,7 +114,6 @@ def mean_variance(covariances: np.ndarray, length: float) -> float:
 
     Args:
         covariances: autocovariance at each lag, shape (n,).
-        length: mean length of the blocks.
     """
     count = len(covariances)
     lags = np.arange(1, count)

@@ -19,31 +19,20 @@ _MOST_TEXT = 300  # characters of a command
 
 @dataclass(frozen=True)
 class Setting:
-    """Parameter or version that differs between runs.
+    """Parameter or version that differs between runs."""
 
-    Args:
-        name: of it.
-        unit: of a parameter.
-        values: of each run, as text; empty where a run has none.
-    """
-
-    name: str
-    unit: str
-    values: tuple[str, ...]
+    name: str  # of it
+    unit: str  # of a parameter
+    values: tuple[str, ...]  # of each run, as text; empty where a run has none
 
 
 @dataclass(frozen=True)
 class Event:
-    """Command or fault, aligned over the runs.
+    """Command or fault, aligned over the runs."""
 
-    Args:
-        text: what it is.
-        times: in each run [s]; None where a run has no such event.
-        ends: of a fault in each run [s]; None for a command, or while it lasts.
-    """
-
-    text: str
-    times: tuple[float | None, ...]
+    text: str  # what it is
+    times: tuple[float | None, ...]  # in each run [s]; None where a run has no such event
+    # of a fault in each run [s]; None for a command, or while it lasts
     ends: tuple[float | None, ...]
 
     @property

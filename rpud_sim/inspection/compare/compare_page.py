@@ -40,10 +40,6 @@ def check_target(out: str | os.PathLike[str]) -> None:
 def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
     """Write the page of a comparison.
 
-    Args:
-        found: the comparison.
-        out: of the new HTML file.
-
     Raises:
         CompareError: if the file exists or cannot be written.
     """

@@ -217,9 +217,6 @@ def compare_values(
     """Return the comparison of the distributions of runs with those of the first.
 
     Args:
-        runs: their values.
-        windows: parts of the time.
-        quantities: to compare.
         tolerance: relative difference that does not matter; 0 for none.
     """
     found = [_compare_window(runs, window, quantities, tolerance) for window in windows]

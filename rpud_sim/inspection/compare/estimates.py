@@ -37,9 +37,7 @@ class Estimate:
     Args:
         value: the figure; NaN if there are no values.
         error: standard error by the stationary bootstrap; NaN if it cannot be told.
-        blocks: number of blocks behind the error.
         low, high: 95 % confidence interval; NaN if it cannot be told.
-        count: number of values.
     """
 
     value: float
@@ -57,14 +55,12 @@ class Difference:
     Args:
         quantity: its name.
         figure: mean, median or p95.
-        reference, other: the figure of both.
         value: other minus reference, in the unit of the quantity.
         low, high: its 95 % confidence interval; NaN if it cannot be told.
         relative, relative_low, relative_high: ratio minus one, and its interval; NaN where the
             reference may be zero.
         chance: probability of so large a difference, or excess over the tolerance, if there were
             none; corrected for the number of comparisons. NaN where nothing is decided.
-        decision: one of the five.
     """
 
     quantity: str
@@ -131,9 +127,7 @@ def difference(
     """Return the difference of two figures; its chance is not corrected yet.
 
     Args:
-        quantity: of both.
         figure: mean, median or p95.
-        reference: the figure of the first run.
         other: that of the run beside it.
         tolerance: relative difference that does not matter; 0 for none. It says nothing of a
             figure that may be zero: such a one is tested without it.
@@ -213,8 +207,6 @@ def decide(found: Difference, chance: float, tolerance: float) -> str:
     """Return the decision on a difference.
 
     Args:
-        found: the difference.
-        chance: its corrected probability.
         tolerance: relative difference that does not matter; 0 for none.
     """
     if found.decision == TOO_FEW:

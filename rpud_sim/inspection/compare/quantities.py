@@ -12,27 +12,16 @@ _ALL = (MEAN, MEDIAN, P95)
 
 @dataclass(frozen=True)
 class Quantity:
-    """Quantity of a run.
+    """Quantity of a run."""
 
-    Args:
-        name: of the quantity, and of its key in JSON.
-        title: as a reader calls it.
-        unit: SI unit.
-        topic: relative name of its topic.
-        column: of the topic's table; empty if it is computed from impacts.
-        tested: figures that are compared; others would only repeat them.
-        fewest: number of values below which nothing is decided.
-        resolution: size of the rounding of its values; smaller differences mean nothing.
-    """
-
-    name: str
-    title: str
-    unit: str
-    topic: str
-    column: str = ""
-    tested: tuple[str, ...] = _ALL
-    fewest: int = 40
-    resolution: float = 0.0
+    name: str  # of the quantity, and of its key in JSON
+    title: str  # as a reader calls it
+    unit: str  # SI unit
+    topic: str  # relative name of its topic
+    column: str = ""  # of the topic's table; empty if it is computed from impacts
+    tested: tuple[str, ...] = _ALL  # figures that are compared; others would only repeat them
+    fewest: int = 40  # number of values below which nothing is decided
+    resolution: float = 0.0  # size of the rounding of its values; smaller differences mean nothing
 
     @property
     def averaged(self) -> bool:

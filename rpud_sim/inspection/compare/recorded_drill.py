@@ -28,15 +28,10 @@ class CompareError(Exception):
 
 @dataclass(frozen=True)
 class Origins:
-    """Stamps of simulation time zero, each from a publishing time on.
+    """Stamps of simulation time zero, each from a publishing time on."""
 
-    Args:
-        published: publishing times, shape (n,) [ns].
-        stamps: of simulation time zero, shape (n,) [ns].
-    """
-
-    published: np.ndarray
-    stamps: np.ndarray
+    published: np.ndarray  # publishing times, shape (n,) [ns]
+    stamps: np.ndarray  # of simulation time zero, shape (n,) [ns]
 
     def elapsed(self, stamps: np.ndarray, published: np.ndarray) -> np.ndarray:
         """Return simulation times [ns] of messages with these stamps and publishing times [ns]."""
@@ -49,12 +44,9 @@ class RecordedDrill:
     """Run of a drill in a bag.
 
     Args:
-        path: of the bag.
-        namespace: of the drill.
         number: of the run, from 1.
         runs: number of runs of this drill in the bag.
         begin, end: publishing times of its first and after its last message [ns].
-        origins: of its stamps.
         parameters: at its beginning, by name.
         versions: of what computed it, by name.
         seed: of all random numbers; None if it is unknown.
@@ -88,8 +80,6 @@ def find_drill(
     """Return a run of a drill in a bag.
 
     Args:
-        bag: open.
-        damages: account of what is skipped.
         namespace: of the drill; None if the bag holds a single one.
         run: number of the run; None for the first.
 

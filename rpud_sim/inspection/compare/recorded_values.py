@@ -33,36 +33,25 @@ Arrays = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class RecordedFault:
-    """Fault of a run, from its ground truth.
+    """Fault of a run, from its ground truth."""
 
-    Args:
-        number: of the fault.
-        text: kind, channel and magnitude.
-        onset: simulation time at which it began [s].
-        clear: simulation time at which it ended [s]; None while it lasts.
-    """
-
-    number: int
-    text: str
-    onset: float
-    clear: float | None
+    number: int  # of the fault
+    text: str  # kind, channel and magnitude
+    onset: float  # simulation time at which it began [s]
+    clear: float | None  # simulation time at which it ended [s]; None while it lasts
 
 
 @dataclass
 class RecordedValues:
-    """Values of a run.
+    """Values of a run."""
 
-    Args:
-        drill: the run.
-        topics: arrays of each topic by its relative name: ``time`` is simulation time [s]; the
-            others are columns, with NaN where a value is not usable.
-        faults: by their numbers; None if the bag has no topic of faults.
-        damaged: amount and reason of the damaged parts that were skipped, by topic or record.
-    """
-
-    drill: RecordedDrill
+    drill: RecordedDrill  # the run
+    # arrays of each topic by its relative name: ``time`` is simulation time [s]; the others
+    # are columns, with NaN where a value is not usable
     topics: dict[str, Arrays] = field(default_factory=dict)
+    # by their numbers; None if the bag has no topic of faults
     faults: dict[int, RecordedFault] | None = None
+    # amount and reason of the damaged parts that were skipped, by topic or record
     damaged: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -99,9 +88,6 @@ def read_values(
     """Read the values of a run.
 
     Args:
-        bag: open.
-        drill: the run.
-        damages: account of what is skipped.
         report: called with the number of messages that were read since its last call.
 
     Raises:
@@ -198,8 +184,6 @@ def series_of(values: RecordedValues, name: str, begin: float, end: float) -> np
     """Return the values of a quantity between two simulation times, in order; None without any.
 
     Args:
-        values: of the run.
-        name: of the quantity.
         begin: simulation time [s].
         end: simulation time up to which [s].
     """

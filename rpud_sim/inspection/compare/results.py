@@ -20,37 +20,26 @@ from rpud_sim.inspection.compare.windows import Window
 
 @dataclass(frozen=True)
 class RunFigures:
-    """Figures of one quantity of one run in one window.
+    """Figures of one quantity of one run in one window."""
 
-    Args:
-        estimates: of mean, median and 95 % quantile, by their names; of a quantity that is averaged
-            over the time, of the mean alone.
-        greatest: greatest value, NaN if it is averaged; it has no interval, for it grows with the
-            length of the run.
-        count: number of values.
-    """
-
+    # of mean, median and 95 % quantile, by their names; of a quantity that is averaged over
+    # the time, of the mean alone
     estimates: dict[str, Estimate]
+    # greatest value, NaN if it is averaged; it has no interval, for it grows with the length
+    # of the run
     greatest: float
-    count: int
+    count: int  # number of values
 
 
 @dataclass(frozen=True)
 class QuantityComparison:
-    """Comparison of one quantity in one window.
+    """Comparison of one quantity in one window."""
 
-    Args:
-        quantity: its name.
-        title: as a reader calls it.
-        unit: SI unit.
-        runs: figures of each run; None where a run has no values.
-        differences: of each run after the first from the first, for each tested figure.
-    """
-
-    quantity: str
-    title: str
-    unit: str
-    runs: tuple[RunFigures | None, ...]
+    quantity: str  # its name
+    title: str  # as a reader calls it
+    unit: str  # SI unit
+    runs: tuple[RunFigures | None, ...]  # figures of each run; None where a run has no values
+    # of each run after the first from the first, for each tested figure
     differences: tuple[tuple[Difference, ...], ...]
 
 
@@ -64,16 +53,12 @@ class WindowComparison:
 
 @dataclass(frozen=True)
 class Timing:
-    """Timing of a run by its status: of the machine, not of the drill.
+    """Timing of a run by its status: of the machine, not of the drill."""
 
-    Args:
-        greatest: greatest value of each field in ``quantities.TIMING``, by name; NaN if unknown.
-        median: median of the same.
-        counters: last value of each field in ``quantities.COUNTERS``; None if unknown.
-    """
-
+    # greatest value of each field in ``quantities.TIMING``, by name; NaN if unknown
     greatest: dict[str, float]
-    median: dict[str, float]
+    median: dict[str, float]  # median of the same
+    # last value of each field in ``quantities.COUNTERS``; None if unknown
     counters: dict[str, int | None]
 
 
@@ -83,12 +68,9 @@ class Comparison:
 
     Args:
         names: short name of each run.
-        drills: the runs.
         values: what was read of each.
         parameters, versions: that differ.
-        commands, faults: aligned over the runs.
         bits: of each run after the first, by topic.
-        windows: comparisons of the distributions.
         timing: of each run.
         tolerance: relative difference that does not matter; 0 for none.
         warnings: one line each.

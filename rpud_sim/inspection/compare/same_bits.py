@@ -83,8 +83,6 @@ def compare_bits(
     Both bags are read side by side, so that few messages wait for their partner.
 
     Args:
-        reference: the first run.
-        other: the run beside it.
         report: called with the number of messages that were read since its last call.
 
     Raises:
@@ -142,17 +140,11 @@ def _read(
 
 @dataclass(frozen=True)
 class _Timed:
-    """Message of a run.
+    """Message of a run."""
 
-    Args:
-        data: serialized.
-        time: simulation time [ns].
-        origin: stamp of simulation time zero [ns].
-    """
-
-    data: bytes
-    time: int
-    origin: int
+    data: bytes  # serialized
+    time: int  # simulation time [ns]
+    origin: int  # stamp of simulation time zero [ns]
 
 
 def _timed(side: Side, pairs: dict[str, _Pair]) -> Iterator[tuple[str, _Timed]]:
@@ -175,16 +167,11 @@ def _timed(side: Side, pairs: dict[str, _Pair]) -> Iterator[tuple[str, _Timed]]:
 
 
 class _Pair:
-    """Messages of one topic of two runs, which wait for each other.
-
-    Attributes:
-        codec: of the topic.
-        done: whether a difference is found.
-    """
+    """Messages of one topic of two runs, which wait for each other."""
 
     def __init__(self, topic: str, codec: Codec) -> None:
-        self.codec = codec
-        self.done = False
+        self.codec = codec  # of the topic
+        self.done = False  # whether a difference is found
         self._topic = topic
         self._several_times = topic in _SEVERAL_TIMES
         self._waiting: tuple[deque[_Timed], deque[_Timed]] = (deque(), deque())

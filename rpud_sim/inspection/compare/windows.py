@@ -21,7 +21,6 @@ class Window:
     """Part of the time that is compared.
 
     Args:
-        name: of it.
         begins, ends: in each run, simulation time [s].
     """
 
@@ -32,17 +31,11 @@ class Window:
 
 @dataclass(frozen=True)
 class Choice:
-    """Choice of the part of the time that is compared.
+    """Choice of the part of the time that is compared."""
 
-    Args:
-        begin: simulation time from which on it is compared [s].
-        end: up to which [s]; None for the end of the shortest run.
-        settle: time that is left out after the start and after each change [s].
-    """
-
-    begin: float = 0.0
-    end: float | None = None
-    settle: float = 0.5
+    begin: float = 0.0  # simulation time from which on it is compared [s]
+    end: float | None = None  # up to which [s]; None for the end of the shortest run
+    settle: float = 0.5  # time that is left out after the start and after each change [s]
 
 
 def windows(
@@ -55,12 +48,6 @@ def windows(
 
     Where all runs have the same commands, each part between them is compared for itself, and so
     with faults. Otherwise the common time is one window.
-
-    Args:
-        runs: to compare.
-        commands: aligned.
-        faults: aligned.
-        choice: of the user.
     """
     warnings = []
     changes: list[tuple[str, tuple[float, ...]]] = []

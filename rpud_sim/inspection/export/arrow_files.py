@@ -25,8 +25,6 @@ class ParquetFile:
 
     Args:
         path: of the new file, without its ending.
-        columns: of the table.
-        metadata: of the file, by key.
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
@@ -62,7 +60,6 @@ class CsvFile:
 
     Args:
         path: of the new file, without its ending.
-        columns: of the table.
         metadata: not written, since CSV has no place for it.
     """
 

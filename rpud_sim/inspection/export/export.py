@@ -42,41 +42,25 @@ class ExportError(Exception):
 
 @dataclass(frozen=True)
 class ExportedTopic:
-    """Exported topic.
+    """Exported topic."""
 
-    Args:
-        name: of the topic.
-        type: of its messages.
-        messages: number of exported ones.
-        rows: of its table.
-        path: of its file or folder, in the folder of the export.
-        size: of its files [bytes].
-    """
-
-    name: str
-    type: str
-    messages: int
-    rows: int
-    path: str
-    size: int
+    name: str  # of the topic
+    type: str  # of its messages
+    messages: int  # number of exported ones
+    rows: int  # of its table
+    path: str  # of its file or folder, in the folder of the export
+    size: int  # of its files [bytes]
 
 
 @dataclass(frozen=True)
 class Exported:
-    """Result of an export.
+    """Result of an export."""
 
-    Args:
-        path: of the folder.
-        format: one of ``FORMATS``.
-        topics: in the order of their names.
-        left_out: topics that cannot be tables, with the reason.
-        damaged: amount and reason of the damaged parts that were skipped, by topic or record.
-    """
-
-    path: str
-    format: str
-    topics: tuple[ExportedTopic, ...]
-    left_out: dict[str, str]
+    path: str  # of the folder
+    format: str  # one of ``FORMATS``
+    topics: tuple[ExportedTopic, ...]  # in the order of their names
+    left_out: dict[str, str]  # topics that cannot be tables, with the reason
+    # amount and reason of the damaged parts that were skipped, by topic or record
     damaged: dict[str, str]
 
 
@@ -92,8 +76,6 @@ def export(
     """Write one table for each topic; ``out`` appears when all tables are complete.
 
     Args:
-        path: of the bag.
-        out: new folder for the files.
         file_format: one of ``FORMATS``.
         topics: names; None for all that can be tables.
         start: of the exported part, from the beginning of the bag [s].

@@ -25,8 +25,6 @@ class NumpyFolder:
     bytes; sequences of other things than numbers are JSON text.
 
     Args:
-        path: of the new folder.
-        columns: of the table.
         metadata: not written, since the files have no place for it.
     """
 
@@ -77,17 +75,12 @@ class _GrowingFile:
     """Growing ``.npy`` file whose length is written at the end.
 
     It is not kept open: a bag may have more columns than a process may have open files.
-
-    Attributes:
-        path: of the file.
-        dtype: of its numbers.
-        length: rows so far.
     """
 
     def __init__(self, path: Path, dtype: np.dtype, shape: tuple[int, ...] = ()) -> None:
-        self.path = path
-        self.dtype = dtype
-        self.length = 0
+        self.path = path  # of the file
+        self.dtype = dtype  # of its numbers
+        self.length = 0  # rows so far
         self._shape = shape
         with path.open("xb") as stream:
             self._write_header(stream)

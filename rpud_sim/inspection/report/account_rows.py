@@ -45,7 +45,6 @@ def account_rows(powers: Powers, electrical: float) -> Rows:
     """Return the terms of the energy account: in, out, and what is left.
 
     Args:
-        powers: of a drill.
         electrical: mean power that the actuator draws [W]; NaN where it is not modelled.
     """
     means = powers.means()

@@ -58,8 +58,6 @@ def write_report(
     """Write the report of a bag; return the survey that it shows.
 
     Args:
-        path: of the bag.
-        out: of the new HTML file.
         report: called with the number of messages that were read since its last call.
 
     Raises:

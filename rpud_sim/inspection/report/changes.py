@@ -22,30 +22,19 @@ _LENGTH = 160  # characters of a text
 
 @dataclass(frozen=True)
 class Change:
-    """Change by a command.
+    """Change by a command."""
 
-    Args:
-        time: since the bag began [s].
-        text: what the command asks for.
-        in_force: commands that are in force from then on.
-        weight_on_bit: that is in force from then on [N]; None if it is not known.
-    """
-
-    time: float
-    text: str
-    in_force: str
-    weight_on_bit: float | None = None
+    time: float  # since the bag began [s]
+    text: str  # what the command asks for
+    in_force: str  # commands that are in force from then on
+    weight_on_bit: float | None = None  # that is in force from then on [N]; None if it is not known
 
 
 class CommandsInForce:
-    """Commands that are in force, from the entries of a journal in their order.
-
-    Attributes:
-        changes: so far, in order, ``MOST_CHANGES`` at most.
-    """
+    """Commands that are in force, from the entries of a journal in their order."""
 
     def __init__(self) -> None:
-        self.changes: list[Change] = []
+        self.changes: list[Change] = []  # so far, in order, ``MOST_CHANGES`` at most
         self._feed = FeedChanges()
         self._fed: Change | None = None
         self._texts: dict[str, str] = {}
@@ -57,8 +46,6 @@ class CommandsInForce:
 
         Args:
             time: since the bag began [s].
-            kind: of the entry.
-            content: of the entry, a JSON object.
         """
         if kind not in COMMANDS:
             return None

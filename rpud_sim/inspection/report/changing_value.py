@@ -11,13 +11,10 @@ class ChangingValue:
     """Times at which a value changes, until there are too many of them.
 
     Such a series can be drawn as exact steps, however often its value was reported.
-
-    Attributes:
-        last: time of the last value [s].
     """
 
     def __init__(self) -> None:
-        self.last = 0.0
+        self.last = 0.0  # time of the last value [s]
         self._times = np.empty(0)
         self._values = np.empty(0)
         self._exceeded = False

@@ -36,16 +36,11 @@ Columns = Mapping[str, np.ndarray]
 
 
 class Impacts:
-    """Impacts on the drill tool, of ``rpud_msgs/ContactForce``.
-
-    Attributes:
-        intervals: between consecutive impacts, without pauses [s].
-        power: energies of the impacts over time [J].
-    """
+    """Impacts on the drill tool, of ``rpud_msgs/ContactForce``."""
 
     def __init__(self, duration: float) -> None:
-        self.intervals = Intervals()
-        self.power = Envelope(duration)
+        self.intervals = Intervals()  # between consecutive impacts, without pauses [s]
+        self.power = Envelope(duration)  # energies of the impacts over time [J]
         self._last: float | None = None
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
@@ -70,7 +65,6 @@ class Powers:
     change of state would distort the mean otherwise.
 
     Args:
-        names: of the powers.
         optional: names of powers that count only if every report has them, as numbers.
     """
 
@@ -120,17 +114,11 @@ class Powers:
 
 
 class Segments:
-    """Sums over the exact trajectory, of ``rpud_msgs/Trajectory``.
+    """Sums over the exact trajectory, of ``rpud_msgs/Trajectory``."""
 
-    Args:
-        duration: of all segments [s].
-        events: impacts and ends of contacts.
-        actuator_impacts: of the actuator on the free mass.
-    """
-
-    duration: float = 0.0
-    events: int = 0
-    actuator_impacts: int = 0
+    duration: float = 0.0  # of all segments [s]
+    events: int = 0  # impacts and ends of contacts
+    actuator_impacts: int = 0  # of the actuator on the free mass
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
         """Add segments; their times are not needed."""
@@ -142,17 +130,13 @@ class Segments:
 
 
 class Waveform:
-    """Spectra and a few samples of the waveform, of ``rpud_msgs/Waveform``.
-
-    Attributes:
-        spectrum: of ``CHANNELS``, since the last change of their rate.
-        rate: of the samples [Hz]; 0 before the first.
-        closer: consecutive samples of each channel, and their ``times`` since the bag began [s].
-    """
+    """Spectra and a few samples of the waveform, of ``rpud_msgs/Waveform``."""
 
     def __init__(self, duration: float) -> None:
+        # of ``CHANNELS``, since the last change of their rate
         self.spectrum = Spectrum(len(CHANNELS))
-        self.rate = 0.0
+        self.rate = 0.0  # of the samples [Hz]; 0 before the first
+        # consecutive samples of each channel, and their ``times`` since the bag began [s]
         self.closer: dict[str, np.ndarray] = {}
         self._middle = 0.5 * duration
         self._next: int | None = None
@@ -200,15 +184,11 @@ class Fault:
 
 @dataclass
 class FaultLog:
-    """Log of all faults, of ``rpud_msgs/Faults``.
+    """Log of all faults, of ``rpud_msgs/Faults``."""
 
-    Args:
-        faults: last state of each, by number of clock jumps before it and number of the fault.
-        unlisted: number of reported states that are not kept.
-    """
-
+    # last state of each, by number of clock jumps before it and number of the fault
     faults: dict[tuple[int, int], Fault] = field(default_factory=dict)
-    unlisted: int = 0
+    unlisted: int = 0  # number of reported states that are not kept
 
     def add(self, columns: Columns, times: np.ndarray, jumps: int) -> None:
         """Add messages at times since the bag began [s]; numbers of faults restart at a reset."""
@@ -246,17 +226,13 @@ def _to_fault(state: Mapping[str, Any], stamp: int, time: float) -> Fault:
 
 @dataclass
 class Journal:
-    """Journal of the changes of a simulation, of ``rpud_msgs/JournalEntry``.
+    """Journal of the changes of a simulation, of ``rpud_msgs/JournalEntry``."""
 
-    Args:
-        entries: time since the bag began [s], kind, content.
-        parameters: of the first simulation.
-        unlisted: number of entries that are not kept. Among these are commands of a feed that make
-            no clear change, which a controller may send 100 times a second.
-    """
-
+    # time since the bag began [s], kind, content
     entries: list[tuple[float, str, str]] = field(default_factory=list)
-    parameters: dict[str, Any] = field(default_factory=dict)
+    parameters: dict[str, Any] = field(default_factory=dict)  # of the first simulation
+    # number of entries that are not kept. Among these are commands of a feed that make no
+    # clear change, which a controller may send 100 times a second.
     unlisted: int = 0
     _in_force: CommandsInForce = field(default_factory=CommandsInForce)
 

@@ -12,15 +12,10 @@ _WAY = 1e-3  # between two targets [m]
 
 @dataclass(frozen=True)
 class FeedCommand:
-    """Command of the feed.
+    """Command of the feed."""
 
-    Args:
-        mode: ``rate`` or ``position``.
-        value: rate toward the rock [m/s], or position [m].
-    """
-
-    mode: str
-    value: float
+    mode: str  # ``rate`` or ``position``
+    value: float  # rate toward the rock [m/s], or position [m]
 
     def is_like(self, other: FeedCommand) -> bool:
         """Return whether it is no clear change from another one."""
@@ -74,7 +69,6 @@ class FeedChanges:
 
         Args:
             time: since the bag began [s].
-            feed: the command.
         """
         if self._next is not None and not 0.0 <= time - self._since < _LASTS:
             self._begun, self._next = self._next, None

@@ -13,32 +13,20 @@ MOST_GAPS = 300
 
 @dataclass(frozen=True)
 class Gap:
-    """Time in which messages are missing.
+    """Time in which messages are missing."""
 
-    Args:
-        begin: time of the last message before it [s].
-        end: time of the first message after it [s].
-        missing: number of messages by their sequence; None if the topic has none.
-    """
-
-    begin: float
-    end: float
-    missing: int | None = None
+    begin: float  # time of the last message before it [s]
+    end: float  # time of the first message after it [s]
+    missing: int | None = None  # number of messages by their sequence; None if the topic has none
 
 
 class Gaps:
-    """Gaps that a sequence shows, while messages are read.
-
-    Attributes:
-        found: at most ``MOST_GAPS``.
-        unlisted: number of further ones.
-        missing: number of messages.
-    """
+    """Gaps that a sequence shows, while messages are read."""
 
     def __init__(self) -> None:
-        self.found: list[Gap] = []
-        self.unlisted = 0
-        self.missing = 0
+        self.found: list[Gap] = []  # at most ``MOST_GAPS``
+        self.unlisted = 0  # number of further ones
+        self.missing = 0  # number of messages
         self._last: tuple[int, float] | None = None
 
     def add(self, numbers: np.ndarray, times: np.ndarray) -> None:

@@ -21,31 +21,18 @@ _NEAR = 1e-6  # s; boundaries that are closer are one
 
 @dataclass
 class Period:
-    """Segment of a run in which no command and no fault begins or ends.
+    """Segment of a run in which no command and no fault begins or ends."""
 
-    Args:
-        begin: since the bag began [s].
-        end: since the bag began [s].
-        commands: that are in force.
-        faults: that are active.
-        peak_force: of its impacts [N].
-        reacting_force: of the samples in it [N].
-        impacts: number of impacts.
-        intervals: number of intervals between its impacts.
-        spanned: time of these intervals [s].
-        energy: of its impacts [J].
-    """
-
-    begin: float
-    end: float
-    commands: str = ""
-    faults: str = ""
-    peak_force: Distribution = field(default_factory=Distribution)
-    reacting_force: Distribution = field(default_factory=Distribution)
-    impacts: int = 0
-    intervals: int = 0
-    spanned: float = 0.0
-    energy: float = 0.0
+    begin: float  # since the bag began [s]
+    end: float  # since the bag began [s]
+    commands: str = ""  # that are in force
+    faults: str = ""  # that are active
+    peak_force: Distribution = field(default_factory=Distribution)  # of its impacts [N]
+    reacting_force: Distribution = field(default_factory=Distribution)  # of the samples in it [N]
+    impacts: int = 0  # number of impacts
+    intervals: int = 0  # number of intervals between its impacts
+    spanned: float = 0.0  # time of these intervals [s]
+    energy: float = 0.0  # of its impacts [J]
 
     @property
     def duration(self) -> float:
@@ -124,7 +111,6 @@ def to_periods(changes: Sequence[Change], faults: Sequence[Fault]) -> Periods:
 
     Args:
         changes: by commands, in order.
-        faults: of the run.
     """
     moments = {0.0}
     moments.update(change.time for change in changes)

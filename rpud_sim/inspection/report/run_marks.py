@@ -48,8 +48,6 @@ def exact_steps(
     """Return the steps of a value, without those that fall into a gap of its envelope.
 
     Args:
-        changing: the value.
-        envelope: of the same values.
         factor: of the unit in which it is shown.
     """
     steps = changing.steps()

@@ -208,18 +208,14 @@ class Spectrum:
     Segments have Hann's window, overlap by half and lose their means. None spans a gap.
 
     Args:
-        channels: number of channels.
         length: of a segment [samples].
-
-    Attributes:
-        segments: number of averaged segments.
     """
 
     def __init__(self, channels: int, length: int = 2**14) -> None:
         self._length = length
         self._held = np.empty((channels, 0))
         self._sum: np.ndarray | None = None
-        self.segments = 0
+        self.segments = 0  # number of averaged segments
 
     def add(self, samples: np.ndarray) -> None:
         """Add samples that follow the last ones without a gap, shape (channels, n)."""
@@ -259,7 +255,6 @@ class Spectrum:
         Args:
             samples: shape (channels, (count + 1) * length / 2).
             length: of a segment; even.
-            count: number of segments.
         """
         parts = np.lib.stride_tricks.sliding_window_view(samples, length, axis=1)
         parts = parts[:, :: length // 2]

@@ -59,14 +59,9 @@ class Survey:
     """Content of a bag, as far as a report shows it.
 
     Args:
-        path: of the bag.
         start: log time of its beginning [ns].
         duration: [s].
         size: of its files [bytes].
-        message_count: of all topics.
-        compression: of its chunks.
-        manifests: of its runs.
-        summaries: of all topics.
         left_out: topics that are not surveyed, with the reason.
         topics: surveyed topics, by name.
         impacts, segments, waveforms, powers, faults, journals: content of the drill's own
@@ -114,7 +109,6 @@ def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: No
     """Read a bag once and return its survey.
 
     Args:
-        bag: open.
         report: called with the number of messages that were read since its last call.
 
     Raises:

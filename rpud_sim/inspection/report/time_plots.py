@@ -30,7 +30,6 @@ class TimePlots:
 
     Args:
         span: of the time [s].
-        marks: of the run.
     """
 
     def __init__(self, span: float, marks: Sequence[Mark]) -> None:
@@ -58,7 +57,6 @@ class TimePlots:
         """Return a column of a topic over time.
 
         Args:
-            item: the column.
             name: of the plot; that of the column if empty.
         """
         name = name or f"{item.column.name.replace('_', ' '):.{_NAME}}"
@@ -142,7 +140,6 @@ def closer(waveform: Waveform, name: str) -> TimeColumn:
     """Return consecutive samples of the three bodies and of the forces.
 
     Args:
-        waveform: with the samples.
         name: of the column, unique in the page.
     """
     found = waveform.closer

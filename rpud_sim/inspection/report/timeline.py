@@ -18,9 +18,6 @@ class Timeline:
         begin: log time at which the bag begins [ns].
         zero: stamp at that time, if another topic of the same clock shows it [ns].
         latched: whether the first messages may be older than the bag.
-
-    Attributes:
-        jumps: how often the clock was set, for example by a reset.
     """
 
     def __init__(self, begin: int, zero: int | None = None, *, latched: bool = False) -> None:
@@ -30,7 +27,7 @@ class Timeline:
         self._offset: int | None = None
         self._stamp = 0
         self._log_time = 0
-        self.jumps = 0
+        self.jumps = 0  # how often the clock was set, for example by a reset
 
     def elapsed(self, stamps: np.ndarray, log_times: np.ndarray) -> np.ndarray:
         """Return times since the bag began, shape (n,) [s].

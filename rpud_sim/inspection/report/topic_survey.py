@@ -25,38 +25,25 @@ _NO_SERIES = {"sequence", "sample_period"}
 
 @dataclass
 class Series:
-    """Column of numbers over time.
+    """Column of numbers over time."""
 
-    Args:
-        column: of the topic's table.
-        envelope: of its values over time.
-        changing: its exact changes, if they are few.
-        values: their distribution.
-    """
-
-    column: Column
-    envelope: Envelope
+    column: Column  # of the topic's table
+    envelope: Envelope  # of its values over time
+    # its exact changes, if they are few
     changing: ChangingValue = field(default_factory=ChangingValue)
-    values: Distribution = field(default_factory=Distribution)
+    values: Distribution = field(default_factory=Distribution)  # their distribution
 
 
 @dataclass
 class Timing:
-    """Timing of a topic's messages.
+    """Timing of a topic's messages."""
 
-    Args:
-        delays: from stamp to log time, over time [s]; for a block, from its last row's stamp.
-        delay: distribution of the same [s].
-        intervals: between the log times of messages [s].
-        gaps: in ``sequence``; None if there is no such field.
-        stamped: whether messages have stamps.
-    """
-
+    # from stamp to log time, over time [s]; for a block, from its last row's stamp
     delays: Envelope
-    delay: Distribution = field(default_factory=Distribution)
-    intervals: Intervals = field(default_factory=Intervals)
-    gaps: Gaps | None = None
-    stamped: bool = False
+    delay: Distribution = field(default_factory=Distribution)  # distribution of the same [s]
+    intervals: Intervals = field(default_factory=Intervals)  # between the log times of messages [s]
+    gaps: Gaps | None = None  # in ``sequence``; None if there is no such field
+    stamped: bool = False  # whether messages have stamps
 
     @property
     def missing(self) -> int | None:
@@ -81,18 +68,9 @@ class TopicSurvey:
     """Survey of one topic.
 
     Args:
-        summary: of the topic.
-        columns: of its table.
         begin: log time at which the bag begins [ns].
         duration: of the bag [s].
         zero: stamp at that time, if another topic of the same clock shows it [ns].
-
-    Attributes:
-        timing: of its messages.
-        timeline: conversion of its stamps to times since the bag began.
-        series: columns of numbers, at most ``MOST_SERIES``.
-        left_out: number of further ones.
-        end: last time since the bag began [s].
     """
 
     def __init__(
@@ -104,12 +82,13 @@ class TopicSurvey:
         zero: int | None = None,
     ) -> None:
         self.summary = summary
-        self.end = 0.0
-        self.timing = Timing(Envelope(duration))
+        self.end = 0.0  # last time since the bag began [s]
+        self.timing = Timing(Envelope(duration))  # of its messages
         self._blocks = columns[0].name == "time"
         times = {column.name for column in columns if column.kind is Kind.TIME}
         self._stamped_blocks = self._blocks and "header.stamp" in times
         self._stamp = stamp_column(columns)
+        # conversion of its stamps to times since the bag began
         self.timeline = (
             Timeline(begin)
             if self._stamp == "log_time"
@@ -123,8 +102,9 @@ class TopicSurvey:
         ]
         if summary.topic.type == "rpud_msgs/msg/Trajectory":
             numbers = []  # a drawing of its coefficients would show nothing
+        # columns of numbers, at most ``MOST_SERIES``
         self.series = [Series(column, Envelope(duration)) for column in numbers[:MOST_SERIES]]
-        self.left_out = len(numbers) - len(self.series)
+        self.left_out = len(numbers) - len(self.series)  # number of further ones
         if any(
             column.name == "sequence" and column.kind is Kind.NUMBER and column.dtype.kind in "iu"
             for column in columns

@@ -32,9 +32,6 @@ def over_time(
     """Return what a plot over time shows: the range, the mean and the greatest change.
 
     Args:
-        name: of the quantity.
-        values: its distribution.
-        envelope: of it over time.
         scale: factor and name of the unit in which it is shown.
         span: of the time [s].
         marks: moments at which it may change.
@@ -56,8 +53,6 @@ def of_distribution(name: str, values: Distribution, scale: tuple[float, str]) -
     """Return what a histogram shows: the middle, where most values lie, and the ends.
 
     Args:
-        name: of the quantity.
-        values: its distribution.
         scale: factor and name of the unit in which it is shown.
     """
     factor, unit = scale
@@ -74,7 +69,6 @@ def of_spectrum(name: str, frequencies: np.ndarray, density: np.ndarray) -> str:
     """Return at which frequency a spectrum has most power for its width: frequency times density.
 
     Args:
-        name: of the channel.
         frequencies: shape (n,) [Hz].
         density: shape (n,).
     """
@@ -98,12 +92,7 @@ def of_faults(marks: Sequence[Mark]) -> str:
 
 
 def of_lines(lines: Sequence[Line], unit: str) -> str:
-    """Return the range of each line of a plot.
-
-    Args:
-        lines: of the plot.
-        unit: of their values.
-    """
+    """Return the range of each line of a plot."""
     texts = []
     for line in lines:
         found = line.y[np.isfinite(line.y)]

@@ -18,19 +18,12 @@ from rpud_sim.simulation.together import Columns, Together
 
 @dataclass(frozen=True)
 class ComputedBlock:
-    """Computed messages of one topic, at least one; their keys ascend.
+    """Computed messages of one topic, at least one; their keys ascend."""
 
-    Args:
-        messages: serialized.
-        source: the same as columns.
-        stretch: of the journal in which they were computed.
-        ends: stamp of the end of each message's block [ns].
-    """
-
-    messages: MessageBlock
-    source: Columns
-    stretch: int
-    ends: np.ndarray
+    messages: MessageBlock  # serialized
+    source: Columns  # the same as columns
+    stretch: int  # of the journal in which they were computed
+    ends: np.ndarray  # stamp of the end of each message's block [ns]
 
     def fields(self, number: int) -> Fields:
         """Return the fields of a message."""
@@ -51,9 +44,7 @@ def computed_blocks(
     """Yield the messages of each topic that has a codec.
 
     Args:
-        together: the messages of a span.
         codecs: of the wanted topics, by their names in the run.
-        stretch: of the journal.
         origin: stamp of simulation time zero [ns].
     """
     ends = together.ends + origin

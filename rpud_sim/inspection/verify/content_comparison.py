@@ -22,17 +22,13 @@ class ContentComparison:
 
     Args:
         suspects: recorded messages that their run does not give.
-        codec: of the topic's type.
         recorded: all messages of the topic in the bag.
-
-    Attributes:
-        equal: number of recorded messages that were computed, in the recorded order.
     """
 
     def __init__(
         self, suspects: Sequence[Suspect], codec: Codec, recorded: Iterator[Message]
     ) -> None:
-        self.equal = 0
+        self.equal = 0  # number of recorded messages that were computed, in the recorded order
         self._codec = codec
         self._recorded = without_repeats(recorded)
         self._suspects: dict[Key, list[Suspect]] = {}

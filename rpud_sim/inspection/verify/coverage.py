@@ -38,14 +38,10 @@ _STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
 
 @dataclass(frozen=True)
 class Coverage:
-    """Part of the runs that a bag covers.
+    """Part of the runs that a bag covers."""
 
-    Args:
-        span: in positions of the drill.
-        last_stamp: that at least two topics reach, so that one altered stamp changes nothing [ns].
-    """
-
-    span: Span
+    span: Span  # in positions of the drill
+    # that at least two topics reach, so that one altered stamp changes nothing [ns]
     last_stamp: int
 
 
@@ -56,9 +52,7 @@ def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretc
     some topics are still on their way. If the drill ended first, its last status shows the end.
 
     Args:
-        bag: open.
         codecs: of the topics to look at, by name.
-        stretches: of its journal.
     """
     start = max(0, bag.duration - _END_LENGTH)
     readers = {topic: _StampReader(codec) for topic, codec in codecs.items()}
@@ -101,11 +95,7 @@ def _reached(found: np.ndarray, end: int, ended: bool) -> Position:
 
 
 class _StampReader:
-    """Reader of the stamps of one topic.
-
-    Args:
-        codec: of its type.
-    """
+    """Reader of the stamps of one topic."""
 
     def __init__(self, codec: Codec) -> None:
         columns = {column.attribute: column for column in columns_of(codec, "")}

@@ -61,7 +61,6 @@ def first_difference(codec: Codec, recorded: bytes, expected: bytes) -> tuple[st
     """Return the first field in which two messages differ, and its value in each, as texts.
 
     Args:
-        codec: of their type.
         recorded: bytes in the bag; if they cannot be decoded, the field is empty.
         expected: computed bytes, which differ from them.
     """

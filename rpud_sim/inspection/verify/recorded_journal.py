@@ -27,15 +27,10 @@ class UnverifiableError(Exception):
 
 @dataclasses.dataclass(frozen=True)
 class Span:
-    """Part of the runs that a bag covers, as all of its topics together show.
+    """Part of the runs that a bag covers, as all of its topics together show."""
 
-    Args:
-        begun: from here on, the bag should hold a topic that it holds at all.
-        reached: up to here it should hold it.
-    """
-
-    begun: Position
-    reached: Position
+    begun: Position  # from here on, the bag should hold a topic that it holds at all
+    reached: Position  # up to here it should hold it
 
 
 def journal_entries(
@@ -92,15 +87,11 @@ class Stretches:
 
     Args:
         journal: entries in order, with their messages.
-
-    Attributes:
-        runs: number of runs that messages can belong to.
-        ended: whether the last entry is the end of the drill.
     """
 
     def __init__(self, journal: Iterable[tuple[Message, JournalEntry]]) -> None:
-        self.runs = 0
-        self.ended = False
+        self.runs = 0  # number of runs that messages can belong to
+        self.ended = False  # whether the last entry is the end of the drill
         self._earliest: list[int] = []  # publishing time of a message in each stretch [ns]
         self._begins: list[int] = []  # publishing time of the entry that begins each [ns]
         before, beginning = 0, False

@@ -28,7 +28,6 @@ class RecordedTopics:
     bounded whatever the order of the messages.
 
     Args:
-        bag: open.
         topics: their names.
     """
 
@@ -80,7 +79,6 @@ class RecordedMessages:
     """Recorded messages of one topic in order, without repeats of the one before.
 
     Args:
-        source: of all topics.
         topic: its name.
     """
 

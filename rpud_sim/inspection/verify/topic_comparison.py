@@ -28,57 +28,34 @@ _MOST_SUSPECTS = 10_000
 
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """Difference between a recorded message and the computed one.
+    """Difference between a recorded message and the computed one."""
 
-    Args:
-        topic: name of its topic.
-        stamp: its stamp [ns].
-        log_time: when it was recorded [ns].
-        field: that differs, as in ``wrench.force.z`` or ``position[3]``; empty for the whole.
-        recorded: value in the bag.
-        computed: value in the simulation; None if the simulation gives no such message.
-    """
-
-    topic: str
-    stamp: int
-    log_time: int
-    field: str
-    recorded: str
-    computed: str | None
+    topic: str  # name of its topic
+    stamp: int  # its stamp [ns]
+    log_time: int  # when it was recorded [ns]
+    field: str  # that differs, as in ``wrench.force.z`` or ``position[3]``; empty for the whole
+    recorded: str  # value in the bag
+    computed: str | None  # value in the simulation; None if the simulation gives no such message
 
 
 @dataclasses.dataclass(frozen=True)
 class Counts:
-    """Numbers of messages of a topic, by result of the comparison.
+    """Numbers of messages of a topic, by result of the comparison."""
 
-    Args:
-        equal: bit for bit.
-        different: in at least one bit.
-        missing: computed between two recorded ones, and not in the bag.
-        unexpected: in the bag, and not computed.
-        tail: computed after the last recorded one, while the recording went on.
-    """
-
-    equal: int = 0
-    different: int = 0
-    missing: int = 0
-    unexpected: int = 0
-    tail: int = 0
+    equal: int = 0  # bit for bit
+    different: int = 0  # in at least one bit
+    missing: int = 0  # computed between two recorded ones, and not in the bag
+    unexpected: int = 0  # in the bag, and not computed
+    tail: int = 0  # computed after the last recorded one, while the recording went on
 
 
 @dataclasses.dataclass(frozen=True)
 class Suspect:
-    """Recorded message that its run does not give.
+    """Recorded message that its run does not give."""
 
-    Args:
-        difference: how it differs.
-        key: stamp [ns] and sequence number.
-        data: its bytes, zero between fields.
-    """
-
-    difference: Difference
-    key: Key
-    data: bytes
+    difference: Difference  # how it differs
+    key: Key  # stamp [ns] and sequence number
+    data: bytes  # its bytes, zero between fields
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,14 +83,9 @@ class TopicComparison:
 
     Args:
         topic: name of the topic.
-        codec: of its type.
         recorded: its messages in the bag, without repeats.
         stretches: of the journal; stamps may repeat in the next one.
         span: part of the runs that the bag covers.
-
-    Attributes:
-        counts: results so far.
-        suspects: messages so far that are not as computed, at most 10,000.
     """
 
     def __init__(
@@ -124,7 +96,8 @@ class TopicComparison:
         stretches: Stretches,
         span: Span,
     ) -> None:
-        self.counts = Counts()
+        self.counts = Counts()  # results so far
+        # messages so far that are not as computed, at most 10,000
         self.suspects: list[Suspect] = []
         self._topic = topic
         self._codec = codec

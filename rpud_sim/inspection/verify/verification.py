@@ -42,25 +42,17 @@ _TAIL = 2 * SECOND
 
 @dataclass(frozen=True)
 class Verification:
-    """Result of re-running a bag's journal.
+    """Result of re-running a bag's journal."""
 
-    Args:
-        topics: results of each topic, by its name.
-        lost: messages that the recorder counted as lost, by topic; None if it did not count.
-        first_difference: by the bag's clock, of a message that no run gives; None if all agree.
-        undecided: why it cannot be decided whether messages differ, one line; empty if it can.
-        simulated: simulation time that was run again [ns].
-        warnings: one line each.
-        other_versions: whether other versions made the bag than those that verified it.
-    """
-
-    topics: dict[str, Counts]
+    topics: dict[str, Counts]  # results of each topic, by its name
+    # messages that the recorder counted as lost, by topic; None if it did not count
     lost: dict[str, int | None]
+    # by the bag's clock, of a message that no run gives; None if all agree
     first_difference: Difference | None
-    undecided: str
-    simulated: int
-    warnings: tuple[str, ...]
-    other_versions: bool
+    undecided: str  # why it cannot be decided whether messages differ, one line; empty if it can
+    simulated: int  # simulation time that was run again [ns]
+    warnings: tuple[str, ...]  # one line each
+    other_versions: bool  # whether other versions made the bag than those that verified it
 
     @property
     def proved(self) -> bool:
@@ -79,7 +71,6 @@ def verify(
     """Run the simulations of a bag again and compare every message with those in the bag.
 
     Args:
-        path: of the bag.
         report: called with the seconds that were simulated since its last call.
 
     Raises:

@@ -8,11 +8,7 @@ from rpud_sim.ros.client.drill_connection import DrillConnection
 
 
 class ClientPart:
-    """Part of a client, which uses the client's connection.
-
-    Args:
-        drill: connection to the drill.
-    """
+    """Part of a client, which uses the client's connection."""
 
     def __init__(self, drill: DrillConnection) -> None:
         self._drill = drill

@@ -40,7 +40,6 @@ class DrillClient(Commands, FaultServices, SimulationServices):
     ``NoAnswerError`` after the patience, a missing one a ``NoDrillError``.
 
     Args:
-        namespace: of the drill.
         domain_id: ROS domain; None for that of the environment.
         node_name: name of the client's node.
         patience: time limit for each answer [s].

@@ -54,12 +54,7 @@ Value = TypeVar("Value")
 class DrillConnection:
     """Publishers, clients and subscriptions of one drill.
 
-    Attributes:
-        listening: node of the client.
-        watch: what the drill says.
-
     Args:
-        namespace: of the drill.
         domain_id: ROS domain; None for that of the environment.
         node_name: name of the client's node.
         patience: time limit for each answer [s].
@@ -73,8 +68,8 @@ class DrillConnection:
         self, namespace: str, domain_id: int | None, node_name: str, patience: float
     ) -> None:
         self._patience = float(SECONDS.check("patience", patience))
-        self.listening = ListeningNode(node_name, namespace, domain_id)
-        self.watch = DrillWatch(self.listening)
+        self.listening = ListeningNode(node_name, namespace, domain_id)  # node of the client
+        self.watch = DrillWatch(self.listening)  # what the drill says
         self._found = False
         self._publishers: dict[str, Publisher] = {}
         self._clients = {
@@ -148,7 +143,6 @@ class DrillConnection:
 
         Args:
             name: ``weight_on_bit``, ``drive`` or ``feed``.
-            message: the command.
             values: fields of it that the journal will show.
             shown: the same values by the fields of the status.
 
@@ -181,8 +175,6 @@ class DrillConnection:
         """Call a service of the drill and return its response.
 
         Args:
-            name: of the service.
-            request: of its type.
             repeat: whether to send it again and again; not if it must act only once.
 
         Raises:

@@ -19,23 +19,15 @@ _SILENCE = 4.0  # of a drill that is gone; the middleware remembers a killed one
 
 @dataclasses.dataclass(frozen=True)
 class FoundDrill:
-    """Drill of the list.
+    """Drill of the list."""
 
-    Args:
-        namespace: of the drill.
-        state: as its status says; ``silent`` if it publishes none any more, empty before the first.
-        regime: as its status says.
-        weight_on_bit: [N].
-        active_faults: number of them.
-        impacts: on the drill tool since the start.
-    """
-
-    namespace: str
+    namespace: str  # of the drill
+    # as its status says; ``silent`` if it publishes none any more, empty before the first
     state: str = ""
-    regime: str = ""
-    weight_on_bit: float | None = None
-    active_faults: int = 0
-    impacts: int = 0
+    regime: str = ""  # as its status says
+    weight_on_bit: float | None = None  # [N]
+    active_faults: int = 0  # number of them
+    impacts: int = 0  # on the drill tool since the start
 
 
 class DrillFinder:

@@ -29,21 +29,16 @@ _JOURNAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 class DrillWatch:
     """Latest status and faults of a drill, and the fate of a command.
 
-    Attributes:
-        status: the latest, None before the first.
-        faults: the latest, None before the first.
-        statuses: count of the statuses that came.
-        observer: called with the name of a topic (``status``, ``faults``, ``journal``) and each of
-            its messages.
-
     Args:
         listening: node in the drill's namespace.
     """
 
     def __init__(self, listening: ListeningNode) -> None:
-        self.status: Status | None = None
-        self.faults: Faults | None = None
-        self.statuses = 0
+        self.status: Status | None = None  # the latest, None before the first
+        self.faults: Faults | None = None  # the latest, None before the first
+        self.statuses = 0  # count of the statuses that came
+        # called with the name of a topic (``status``, ``faults``, ``journal``) and each
+        # of its messages
         self.observer: Callable[[str, Any], object] = lambda topic, message: None
         self._listening = listening
         self._sequence: deque[int] = deque(maxlen=100)  # publication numbers of the statuses

@@ -11,7 +11,6 @@ class RefusedError(ClientError):
     """Command or request that the drill refused; the text is the drill's own reason.
 
     Args:
-        reason: of the drill.
         result: number of the result, as in ``rpud_msgs/Result``; None where there is none.
     """
 

@@ -33,8 +33,6 @@ class ListeningNode:
     calls them. Other contexts of the process are not touched.
 
     Args:
-        name: of the node.
-        namespace: of the node.
         domain_id: ROS domain; None for that of the environment.
 
     Raises:
@@ -135,7 +133,6 @@ class ListeningNode:
         Args:
             condition: looked at after each message, and 50 times a second.
             patience: time limit [s].
-            what: sentence for the error.
 
         Raises:
             NoAnswerError: if it does not hold within the time limit.
@@ -158,8 +155,6 @@ class ListeningNode:
         """Call a service and return its response.
 
         Args:
-            client: of the service.
-            request: of its type.
             patience: time without a response and without a new sign of life [s].
             signs: returns another value after each sign of life of the server: some requests take
                 long.

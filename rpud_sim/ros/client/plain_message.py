@@ -21,7 +21,6 @@ def to_plain(value: Any, cut: int | None = None) -> Any:
     """Convert a message or a field to dictionaries, lists, numbers and texts.
 
     Args:
-        value: to convert.
         cut: length at which arrays and texts end with ``...``; None for their full length.
     """
     if hasattr(value, "get_fields_and_field_types"):
@@ -52,10 +51,6 @@ def to_json_value(value: Any) -> Any:
 
 class FieldPath:
     """Path to a field of a message, such as ``header.stamp.sec`` or ``faults[0].kind``.
-
-    Args:
-        text: the path.
-        kind: class of the message.
 
     Raises:
         ParameterError: if the message has no such field.

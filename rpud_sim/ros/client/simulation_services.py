@@ -48,9 +48,6 @@ class SimulationServices(ClientPart):
 
         Its status and all messages of that time that have arrived are taken before this returns.
 
-        Args:
-            seconds: of simulation time.
-
         Raises:
             RefusedError: if the drill refuses it.
         """

@@ -29,10 +29,6 @@ _REFRESH_PERIOD = 0.5  # between looks at the publishers [s]
 class TopicListener:
     """Subscription to a topic, and its messages in the order in which they came.
 
-    Attributes:
-        topic: absolute name.
-        kind: class of the messages.
-
     Args:
         listening: node that owns it.
         topic: name, absolute or relative to the node's namespace.
@@ -47,8 +43,8 @@ class TopicListener:
     def __init__(self, listening: ListeningNode, topic: str, patience: float) -> None:
         self._listening = listening
         self._node = listening.node
-        self.topic = absolute_name(self._node, topic)
-        self.kind = self._find(patience)
+        self.topic = absolute_name(self._node, topic)  # absolute name
+        self.kind = self._find(patience)  # class of the messages
         self._gaps = SequenceGaps(lambda: self._node.count_publishers(self.topic))
         self._messages: deque[Any] = deque()
         self._heard = False

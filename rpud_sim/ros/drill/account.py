@@ -32,15 +32,9 @@ _COMMAND_TOPICS = (
 class Account:
     """Statistics and reports, every second and on demand.
 
-    Attributes:
-        scheduling: how the system schedules the pacing thread.
-
     Args:
         node: for its name, its clock and the graph.
         telemetry_rate: of the node [Hz].
-        publishers: to publish with.
-        inbox: of commands.
-        namesakes: of the node.
     """
 
     def __init__(
@@ -51,7 +45,7 @@ class Account:
         inbox: Inbox,
         namesakes: Namesakes,
     ) -> None:
-        self.scheduling = "time-sharing"
+        self.scheduling = "time-sharing"  # how the system schedules the pacing thread
         self._node = node
         self._telemetry_rate = telemetry_rate
         self._publishers = publishers
@@ -134,7 +128,6 @@ class Account:
 
         Args:
             state: one of the STATE constants of ``rpud_msgs/Status``.
-            run: to report on.
             pacer: None before the start.
         """
         now = time.monotonic_ns()

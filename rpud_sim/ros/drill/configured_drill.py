@@ -25,9 +25,6 @@ class ConfiguredDrill:
 
     Args:
         node: that owns the publishers.
-        settings: to begin with.
-        inbox: of commands.
-        namesakes: of the node.
         restored: called with the settings to which a reset went back.
         end: simulation time after which it has finished [ns].
         sent: counts of the messages, None for no count.

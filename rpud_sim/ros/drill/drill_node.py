@@ -319,8 +319,6 @@ def spin(
     """Drill until the stop is requested or the node has finished.
 
     Args:
-        node: of the drill.
-        stop: the request.
         show: called several times a second with the latest report.
 
     Raises:

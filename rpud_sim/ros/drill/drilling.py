@@ -35,11 +35,6 @@ class Drilling:
     between two blocks.
 
     Args:
-        node: for its clock and its logger.
-        settings: to begin with.
-        publishers: to publish with.
-        account: of what it does.
-        inbox: of commands.
         restored: called with the settings to which a reset went back.
         end: simulation time after which it has finished [ns].
         start: state in which it begins; None for time zero.
@@ -211,7 +206,6 @@ class Drilling:
         """Go back to a checkpoint; return the stamp at which it goes on [ns].
 
         Args:
-            name: of the checkpoint.
             continues: whether stamps continue even where the node is the source of ``/clock``.
 
         Raises:
@@ -241,7 +235,6 @@ class Drilling:
             time: whether stamps begin again.
             state: whether the drill begins again: its motion, commands, faults, and parameters as
                 they were when it started, but for its pace.
-            seed: in place of the present one.
 
         Raises:
             ParameterError: if the scenario cannot be used, or a fork shall have another seed;

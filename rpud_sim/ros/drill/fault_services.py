@@ -28,7 +28,6 @@ class FaultServices:
 
     Args:
         node: that owns them.
-        host: whose drill they act on.
     """
 
     def __init__(self, node: Node, host: DrillHost) -> None:

@@ -32,7 +32,6 @@ class Gate:
 
     Args:
         node: that owns them.
-        settings: of the node.
         inbox: for accepted commands, and the count of rejected ones.
         now: stamp of a command that is given now [ns].
     """

@@ -26,27 +26,21 @@ class Inbox:
 
     One thread appends, another drains; each of these is one atomic operation of a deque. Any thread
     may refuse requests of services.
-
-    Attributes:
-        accepted: commands that were drained, since the start.
-        rejected: commands that were refused, since the start.
-        requests_refused: requests of services that were refused, since the start.
-        last_refusal: why the latest command or request was refused.
-        delays: of commands, from their arrival until they were drained, since ``begin_delays``.
     """
 
     def __init__(self, logger: RcutilsLogger) -> None:
         self._logger = logger
         self._waiting: deque[tuple[int, Command]] = deque()
+        # of commands, from their arrival until they were drained, since ``begin_delays``
         self.delays = Lateness()
         self._second = 0
         self._logged = 0
         self._notify: Callable[[], None] = lambda: None
         self._counting = threading.Lock()
-        self.accepted = 0
-        self.rejected = 0
-        self.requests_refused = 0
-        self.last_refusal = ""
+        self.accepted = 0  # commands that were drained, since the start
+        self.rejected = 0  # commands that were refused, since the start
+        self.requests_refused = 0  # requests of services that were refused, since the start
+        self.last_refusal = ""  # why the latest command or request was refused
 
     def notify(self, notify: Callable[[], None]) -> None:
         """Call this from now on when a command is accepted or refused."""
@@ -69,7 +63,6 @@ class Inbox:
         """Queue a command for the next block boundary.
 
         Args:
-            command: to queue.
             arrived: when the middleware received it, on the monotonic clock [ns]; None for now.
         """
         self._waiting.append((time.monotonic_ns() if arrived is None else arrived, command))

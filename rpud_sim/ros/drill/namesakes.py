@@ -27,7 +27,6 @@ class NameHold:
 
     Args:
         name: full name of the node.
-        domain: ROS domain of its context.
     """
 
     def __init__(self, name: str, domain: int) -> None:
@@ -87,7 +86,6 @@ class NamesakeSearch:
     It holds the name from now on, so of two that search at the same time one finds the other.
 
     Args:
-        name: of the node to look for.
         namespace: of that node.
     """
 

@@ -34,12 +34,6 @@ class PacedRun:
     Commands act at the end of the block in which they come. For use by one thread.
 
     Args:
-        run: to move.
-        publishers: to publish with.
-        account: of what it does.
-        inbox: of commands.
-        pacer: of the deadlines.
-        logger: of the node.
         planned: changes that come by themselves; delays count from simulation time zero.
     """
 

@@ -17,28 +17,17 @@ LEAD = 0.01
 
 @dataclasses.dataclass(frozen=True)
 class Timing:
-    """Punctuality of the blocks.
+    """Punctuality of the blocks."""
 
-    Args:
-        blocks: blocks finished since the start.
-        deadlines_missed: of them, those finished later than one period after their deadline.
-        lateness: of the last block, from its deadline to its end [s].
-        lateness_max: since the last call of ``Pacer.read`` [s].
-        lateness_p50: half of the blocks since the start were not later [s].
-        lateness_p99: of all blocks since the start, 99 % were not later [s].
-        lateness_p999: of all blocks since the start, 99.9 % were not later [s].
-        lag: how far simulation time is behind its schedule, in whole periods [s].
-        real_time_factor: simulated time over elapsed time since the last call of ``Pacer.read``.
-    """
-
-    blocks: int
-    deadlines_missed: int
-    lateness: float
-    lateness_max: float
-    lateness_p50: float
-    lateness_p99: float
-    lateness_p999: float
-    lag: float
+    blocks: int  # blocks finished since the start
+    deadlines_missed: int  # of them, those finished later than one period after their deadline
+    lateness: float  # of the last block, from its deadline to its end [s]
+    lateness_max: float  # since the last call of ``Pacer.read`` [s]
+    lateness_p50: float  # half of the blocks since the start were not later [s]
+    lateness_p99: float  # of all blocks since the start, 99 % were not later [s]
+    lateness_p999: float  # of all blocks since the start, 99.9 % were not later [s]
+    lag: float  # how far simulation time is behind its schedule, in whole periods [s]
+    # simulated time over elapsed time since the last call of ``Pacer.read``
     real_time_factor: float
 
 
@@ -100,13 +89,7 @@ class Pacer:
         self._read_time = 0
 
     def start(self, time: int, at: int | None = None, factor: float | None = None) -> None:
-        """Begin a schedule: a simulation time [ns] is due at a time of the schedule, now if None.
-
-        Args:
-            time: simulation time.
-            at: time of the schedule.
-            factor: a new one from here on.
-        """
+        """Begin a schedule: simulation time [ns] is due at a time of the schedule, now if None."""
         self._running = True
         self._factor = self._factor if factor is None else factor
         self._start = self._schedule() if at is None else at

@@ -14,11 +14,7 @@ _LONGEST_WAIT = 0.5  # so that a stop is noticed whatever happens to the event [
 
 
 class PacingThread:
-    """The one thread that moves the simulation, or changes it.
-
-    Args:
-        drilling: to move.
-    """
+    """The one thread that moves the simulation, or changes it."""
 
     def __init__(self, drilling: Drilling) -> None:
         self._drilling = drilling

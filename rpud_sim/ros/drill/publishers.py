@@ -35,15 +35,9 @@ Encoded = tuple[str, bytes]  # topic and serialized message
 class DrillPublishers:
     """All publishers of the drill node.
 
-    Attributes:
-        sent: counts of the messages of each topic, None for no count. With a count topics without
-            a subscriber are published too.
-        patient: whether to wait for reliable subscribers before overwriting messages they lack.
-
     Args:
         node: that owns them.
         publish_clock: whether the node is the source of ``/clock``.
-        sent: as the attribute.
         offered: topics of the node's namespace by name.
     """
 
@@ -60,7 +54,10 @@ class DrillPublishers:
         self._unacknowledged = Counter[str]()
         self._published = Counter[str]()
         self._delivery: tuple[dict[str, int], bool] = ({}, True)
+        # counts of the messages of each topic, None for no count. With a count topics
+        # without a subscriber are published too.
         self.sent = sent
+        # whether to wait for reliable subscribers before overwriting messages they lack
         self.patient = False
         self._awaits_status = True  # not for ever: a subscriber that was killed never acknowledges
         topics = {**offered, **({"/clock": CLOCK} if publish_clock else {})}

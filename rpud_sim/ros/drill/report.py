@@ -22,19 +22,12 @@ LAG_ERROR = 1.0  # simulation time this far behind its schedule is an error [s]
 
 @dataclasses.dataclass(frozen=True)
 class Delays:
-    """Delays of one kind in a period between two reports; zero without any.
+    """Delays of one kind in a period between two reports; zero without any."""
 
-    Args:
-        count: of the delays.
-        p50: half of them were not longer [s].
-        p99: 99 % were not longer [s].
-        greatest: of all [s].
-    """
-
-    count: int
-    p50: float
-    p99: float
-    greatest: float
+    count: int  # of the delays
+    p50: float  # half of them were not longer [s]
+    p99: float  # 99 % were not longer [s]
+    greatest: float  # of all [s]
 
     @staticmethod
     def of(delays: Lateness) -> Delays:
@@ -55,45 +48,26 @@ NO_DELAYS = Delays(0, 0.0, 0.0, 0.0)
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """State of the node at a block boundary.
+    """State of the node at a block boundary."""
 
-    Args:
-        time: simulation time [ns].
-        status: the fields of its ``rpud_msgs/Status``.
-        process: state of rotation, feed and borehole.
-        faults: that last.
-        bookkeeping: counts and timing, as in the status.
-        requests_refused: of services, since the start.
-        last_refusal: why the latest command or request was refused.
-        namesakes: other nodes of the same name.
-        scheduling: how the system schedules the pacing thread.
-        timing: punctuality of the blocks.
-        command_delays: of commands, from their arrival until they acted, in the last second.
-        impact_delays: of impacts, from their stamps until they were published, in the last second.
-        figures: of the interval since the report before.
-        published: messages by topic, the status of this report among them.
-        subscribers: by topic.
-        publishers: whose commands reach the node, by topic.
-        acknowledged: whether all reliable subscribers have every message.
-    """
-
-    time: int
-    status: Fields
-    process: ProcessState
-    faults: tuple[FaultRecord, ...]
-    bookkeeping: Bookkeeping
-    requests_refused: int
-    last_refusal: str
-    namesakes: int
-    scheduling: str
-    timing: Timing
-    command_delays: Delays
+    time: int  # simulation time [ns]
+    status: Fields  # the fields of its ``rpud_msgs/Status``
+    process: ProcessState  # state of rotation, feed and borehole
+    faults: tuple[FaultRecord, ...]  # that last
+    bookkeeping: Bookkeeping  # counts and timing, as in the status
+    requests_refused: int  # of services, since the start
+    last_refusal: str  # why the latest command or request was refused
+    namesakes: int  # other nodes of the same name
+    scheduling: str  # how the system schedules the pacing thread
+    timing: Timing  # punctuality of the blocks
+    command_delays: Delays  # of commands, from their arrival until they acted, in the last second
+    # of impacts, from their stamps until they were published, in the last second
     impact_delays: Delays
-    figures: Figures
-    published: Mapping[str, int]
-    subscribers: Mapping[str, int]
-    publishers: Mapping[str, int]
-    acknowledged: bool
+    figures: Figures  # of the interval since the report before
+    published: Mapping[str, int]  # messages by topic, the status of this report among them
+    subscribers: Mapping[str, int]  # by topic
+    publishers: Mapping[str, int]  # whose commands reach the node, by topic
+    acknowledged: bool  # whether all reliable subscribers have every message
 
 
 def report_to_diagnostics(

@@ -41,7 +41,6 @@ def open_drill(
 
     Args:
         values: parameters by name.
-        namespace: of the node.
         duration: simulation time after which it has finished [s]; None for never.
         allow_duplicate: whether to drill beside a drill of the same name.
         start: state in which it begins, whose settings are ``values``; None for time zero.

@@ -48,7 +48,6 @@ class SimulationServices:
 
     Args:
         node: that owns them.
-        host: whose drill they control.
     """
 
     def __init__(self, node: Node, host: DrillHost) -> None:

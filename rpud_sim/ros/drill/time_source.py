@@ -56,7 +56,6 @@ class TimeSource:
         """Wait until there is a time, and return the stamp of simulation time zero, now [ns].
 
         Args:
-            stop: ends the wait.
             serve: called repeatedly meanwhile.
         """
         if self._follows and self._now() == 0:

@@ -16,7 +16,6 @@ class DiskRoom:
     """Limit of a bag: by its size and by the free space of its disk.
 
     Args:
-        path: of the bag.
         limit: bytes that the whole bag may have; None for no limit.
     """
 
@@ -32,7 +31,6 @@ class DiskRoom:
 
         Args:
             closed_size: bytes of the bag if it were closed now.
-            size: bytes of the message.
 
         Raises:
             BagError: if the disk cannot be read.

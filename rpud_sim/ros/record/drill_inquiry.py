@@ -35,7 +35,6 @@ class DrillInquiry:
 
     Args:
         node: that asks.
-        guard: of what arrives.
         wants: whether the drill that publishes on a topic belongs to the recording.
         command: command line of the recorder.
     """

@@ -17,12 +17,7 @@ class Intake:
     ``snapshot`` writes them. In both cases the last messages of latched topics are written too: as
     received at the end of the pause, or at the beginning of the snapshot.
 
-    Attributes:
-        refused: messages of each topic that did not fit into the queue.
-        accepted: messages that the queue holds or held.
-
     Args:
-        messages: the queue.
         paused: whether it begins with a pause.
         snapshot_size: bytes that a snapshot has at most; None to write everything.
     """
@@ -30,8 +25,9 @@ class Intake:
     def __init__(
         self, messages: MessageQueue, *, paused: bool = False, snapshot_size: int | None = None
     ) -> None:
+        # messages of each topic that did not fit into the queue
         self.refused: Counter[str] = Counter()
-        self.accepted = 0
+        self.accepted = 0  # messages that the queue holds or held
         self._messages = messages
         self._paused = paused
         self._limit = snapshot_size

@@ -15,9 +15,6 @@ def scenario_text(content: str) -> str:
 
     The text is one JSON object, which YAML reads too; it is empty if no fault was planned.
 
-    Args:
-        content: of the entry.
-
     Raises:
         ValueError: if the content is not that of such an entry.
     """

@@ -11,17 +11,10 @@ _LOG_PERIOD = 10.0  # between two lines [s]
 
 
 class NetworkGuard:
-    """Suppresses, counts and logs errors that data from the network raises.
-
-    Attributes:
-        count: suppressed errors.
-
-    Args:
-        logger: of the node.
-    """
+    """Suppresses, counts and logs errors that data from the network raises."""
 
     def __init__(self, logger: Any) -> None:
-        self.count = 0
+        self.count = 0  # suppressed errors
         self._logger = logger
         self._next_line = float("-inf")
 

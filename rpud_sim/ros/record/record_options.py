@@ -14,47 +14,36 @@ COMPRESSIONS = ("none", "lz4", "zstd")
 class RecordOptions:
     """What to record, how to write it, and when to end."""
 
-    out: str
-    """New folder of the bag."""
+    out: str  # New folder of the bag
 
     # What to record.
-    topics: Sequence[str] = ()
-    """Names relative to the namespace; all of the namespace if empty."""
-    everything: bool = False
-    """Whether to record the topics of all namespaces."""
+    topics: Sequence[str] = ()  # Names relative to the namespace; all of the namespace if empty
+    everything: bool = False  # Whether to record the topics of all namespaces
+    # Expression to find in the names of further topics, of any namespace
     regex: re.Pattern[str] | None = None
-    """Expression to find in the names of further topics, of any namespace."""
+    # Expression to find in the names of topics that are not recorded
     exclude: re.Pattern[str] | None = None
-    """Expression to find in the names of topics that are not recorded."""
-    namespace: str = "/rpud"
-    """Namespace to record and to resolve names in."""
+    namespace: str = "/rpud"  # Namespace to record and to resolve names in
+    # YAML file of topics and the QoS to request for them; what publishers offer if None
     qos_profile_overrides_path: str | None = None
-    """YAML file of topics and the QoS to request for them; what publishers offer if None."""
 
     # How to write it.
-    compression: str = "zstd"
-    """Compression of the bag's chunks, one of ``COMPRESSIONS``."""
-    max_loss: float = 1.0
-    """Greatest time of messages that a crash of the recorder may cost [s]."""
+    compression: str = "zstd"  # Compression of the bag's chunks, one of ``COMPRESSIONS``
+    max_loss: float = 1.0  # Greatest time of messages that a crash of the recorder may cost [s]
+    # Size at which a new file of the bag begins [bytes]; one file if None
     max_bag_size: int | None = None
-    """Size at which a new file of the bag begins [bytes]; one file if None."""
+    # Duration at which a new file of the bag begins [s]; one file if None
     max_bag_duration: float | None = None
-    """Duration at which a new file of the bag begins [s]; one file if None."""
+    # Size of the whole bag at which the recording ends [bytes]; no limit if None
     max_disk: int | None = None
-    """Size of the whole bag at which the recording ends [bytes]; no limit if None."""
+    # Size of messages that wait for the disk, or that a snapshot has [bytes]
     max_cache_size: int = 256 * 2**20
-    """Size of messages that wait for the disk, or that a snapshot has [bytes]."""
 
     # When to record, and when to end.
-    snapshot_mode: bool = False
-    """Whether to write the latest messages on request, and no others."""
-    start_paused: bool = False
-    """Whether to record only when the service ``~/resume`` is called."""
-    duration: float | None = None
-    """Time after which to stop [s]; at SIGINT or SIGTERM if None."""
-    until_eof: bool = False
-    """Whether to stop also where standard input ends."""
+    snapshot_mode: bool = False  # Whether to write the latest messages on request, and no others
+    start_paused: bool = False  # Whether to record only when the service ``~/resume`` is called
+    duration: float | None = None  # Time after which to stop [s]; at SIGINT or SIGTERM if None
+    until_eof: bool = False  # Whether to stop also where standard input ends
+    # Whether a bag without a requested topic, or without any message, is a success
     allow_empty: bool = False
-    """Whether a bag without a requested topic, or without any message, is a success."""
-    ready_fd: int | None = None
-    """Open file descriptor that gets one line when the recording begins."""
+    ready_fd: int | None = None  # Open file descriptor that gets one line when the recording begins

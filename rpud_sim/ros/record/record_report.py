@@ -31,7 +31,6 @@ class RecordProgress:
         """Return the progress so far, with rates since the last text.
 
         Args:
-            count: messages so far.
             size: of the bag so far [bytes].
             losses: of each topic.
             paused: whether the recording is paused.

@@ -36,37 +36,26 @@ def is_damaged(data: bytes, log_time: int, publish_time: int) -> bool:
 
 @dataclass
 class RecordedTopic:
-    """Topic with its subscription and its counts.
-
-    Attributes:
-        request: QoS of the subscription.
-        gaps: of the middleware's sequence numbers.
-        endpoints: publishers that were found last.
-        declared: whether the bag has its declaration.
-        numbered: whether the middleware numbers its messages.
-        incompatible: whether an override keeps a publisher from connecting.
-        further_types: other types of the topic, which are not recorded.
-        damaged: messages that were damaged.
-        received_at: when a message came last, by the monotonic clock [s].
-        unmatched: since when fewer publishers are connected than there are, by that clock [s].
-        renewals: subscriptions that were renewed as a publisher was silent.
-    """
+    """Topic with its subscription and its counts."""
 
     name: str
     type: str
     message: Any
     subscription: Subscription
-    request: QoSProfile
-    gaps: SequenceGaps
+    request: QoSProfile  # QoS of the subscription
+    gaps: SequenceGaps  # of the middleware's sequence numbers
+    # publishers that were found last
     endpoints: list[TopicEndpointInfo] = field(default_factory=list)
-    declared: bool = False
-    numbered: bool = True
-    incompatible: bool = False
+    declared: bool = False  # whether the bag has its declaration
+    numbered: bool = True  # whether the middleware numbers its messages
+    incompatible: bool = False  # whether an override keeps a publisher from connecting
+    # other types of the topic, which are not recorded
     further_types: set[str] = field(default_factory=set)
-    damaged: int = 0
-    received_at: float = float("-inf")
+    damaged: int = 0  # messages that were damaged
+    received_at: float = float("-inf")  # when a message came last, by the monotonic clock [s]
+    # since when fewer publishers are connected than there are, by that clock [s]
     unmatched: float | None = None
-    renewals: int = 0
+    renewals: int = 0  # subscriptions that were renewed as a publisher was silent
     _uncounted: int = 0  # damaged messages whose numbers are a gap in the next ones
     _latest: dict[tuple[int, int | None], None] = field(default_factory=dict)
 
@@ -94,8 +83,6 @@ class RecordedTopic:
         """Return the message that came with this information; None for a damaged or repeated one.
 
         Args:
-            data: serialized message.
-            info: of the middleware.
             counts: whether a gap before it is a loss.
         """
         log_time = info["received_timestamp"] or time.time_ns()

@@ -46,15 +46,10 @@ _DRAIN_TIME = 0.1  # s in which messages on their way still arrive after a stop
 
 @dataclass(frozen=True)
 class RecordResult:
-    """Result of a recording.
+    """Result of a recording."""
 
-    Attributes:
-        summary: what was recorded, lost and left out; lines of text.
-        failure: why the bag is not as requested, in one line; empty where it is.
-    """
-
-    summary: str
-    failure: str
+    summary: str  # what was recorded, lost and left out; lines of text
+    failure: str  # why the bag is not as requested, in one line; empty where it is
 
 
 def record(
@@ -63,8 +58,6 @@ def record(
     """Record until the duration is over or a signal stops it, and return the result.
 
     Args:
-        options: of the recording.
-        ros_arguments: command line of ROS.
         show: called with a line about the progress, once a second.
 
     Raises:

@@ -35,16 +35,8 @@ class Recorder(Node):
 
     Subscriptions: the selected topics, as they appear, with the QoS that their publishers offer.
 
-    Attributes:
-        guard: of what arrives over the network.
-        skipped: topics, and further types of recorded ones, that are not recorded, with reasons.
-        missing: requested topics that never appeared, known after ``finish``.
-        taken: messages that were received.
-
     Args:
-        intake: for the messages.
         selection: of topics; its names are resolved in the namespace.
-        namespace: of the node.
         overrides: QoS in place of the offered one, by absolute name of the topic.
 
     Raises:
@@ -71,10 +63,11 @@ class Recorder(Node):
         self._recordings: dict[str, RecordedTopic] = {}
         self._batch: list[Message] = []
         self._standstill = Standstill()
-        self.guard = NetworkGuard(self.get_logger())
+        self.guard = NetworkGuard(self.get_logger())  # of what arrives over the network
+        # topics, and further types of recorded ones, that are not recorded, with reasons
         self.skipped: dict[str, str] = {}
-        self.missing: list[str] = []
-        self.taken = 0
+        self.missing: list[str] = []  # requested topics that never appeared, known after ``finish``
+        self.taken = 0  # messages that were received
 
     @property
     def topic_count(self) -> int:

@@ -23,7 +23,6 @@ class RecorderServices:
 
     Args:
         node: that owns them.
-        guard: of what arrives.
         intake: that they act on.
         catch_up: hands the intake all that was received before a request.
     """

@@ -9,19 +9,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class TopicSelection:
-    """Topics by name and by expression; without either, all of a namespace.
+    """Topics by name and by expression; without either, all of a namespace."""
 
-    Args:
-        topics: names.
-        regex: of topics to record, searched anywhere in the absolute name.
-        exclude: of topics not to record, before all else.
-        everything: whether to record every namespace.
-    """
-
-    topics: Collection[str] = ()
+    topics: Collection[str] = ()  # names
+    # of topics to record, searched anywhere in the absolute name
     regex: re.Pattern[str] | None = None
-    exclude: re.Pattern[str] | None = None
-    everything: bool = False
+    exclude: re.Pattern[str] | None = None  # of topics not to record, before all else
+    everything: bool = False  # whether to record every namespace
 
     @property
     def closed(self) -> bool:

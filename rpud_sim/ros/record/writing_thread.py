@@ -18,16 +18,7 @@ class WritingThread(threading.Thread):
     A message waits for others in its chunk for half of ``max_loss``; the rest is left for the disk.
     The bag itself is for others to close when the thread has ended.
 
-    Attributes:
-        error: why writing failed, None unless it did; the rest of the queue is left then.
-        refusal: why there was no room for a message, empty unless that happened; neither that
-            message nor a later one is written then.
-        exposure: for how long a message was in memory alone at most, by its log time [s]: more than
-            ``max_loss`` if the disk was too slow.
-
     Args:
-        messages: the queue.
-        bag: to write.
         max_loss: time within which messages are on the disk [s].
         on_end: called once when there is an error or a refusal.
         room: of the disk; None for no check.
@@ -42,8 +33,13 @@ class WritingThread(threading.Thread):
         room: DiskRoom | None = None,
     ) -> None:
         super().__init__(name="bag writer")
+        # why writing failed, None unless it did; the rest of the queue is left then
         self.error: Exception | None = None
+        # why there was no room for a message, empty unless that happened; neither that
+        # message nor a later one is written then
         self.refusal = ""
+        # for how long a message was in memory alone at most, by its log time [s]: more
+        # than ``max_loss`` if the disk was too slow
         self.exposure = 0.0
         self._messages = messages
         self._bag = bag

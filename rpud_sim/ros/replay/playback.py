@@ -47,22 +47,14 @@ class Outputs(Protocol):
 
 @dataclass(frozen=True)
 class Plan:
-    """Plan of a playback.
+    """Plan of a playback."""
 
-    Args:
-        first: time of the bag at which it begins [ns].
-        last: time of the bag at which it ends [ns].
-        rate: bag time over real time.
-        paused: whether it begins with a pause.
-        loop: whether it repeats.
-        tick: period of the messages on ``/clock`` [ns of real time]; None for none.
-    """
-
-    first: int
-    last: int
-    rate: float = 1.0
-    paused: bool = False
-    loop: bool = False
+    first: int  # time of the bag at which it begins [ns]
+    last: int  # time of the bag at which it ends [ns]
+    rate: float = 1.0  # bag time over real time
+    paused: bool = False  # whether it begins with a pause
+    loop: bool = False  # whether it repeats
+    # period of the messages on ``/clock`` [ns of real time]; None for none
     tick: float | None = None
 
 
@@ -71,8 +63,6 @@ class Playback:
 
     Args:
         read: opens the messages from a time of the bag [ns] on.
-        plan: what is played.
-        outputs: to publish with.
         clock: monotonic time [ns].
     """
 

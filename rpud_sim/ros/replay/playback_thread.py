@@ -20,7 +20,6 @@ class PlaybackThread:
     """Thread that plays; other threads reach the playback by ``do``.
 
     Args:
-        playback: to play.
         priority: of real-time scheduling, where permitted; 0 for none.
     """
 

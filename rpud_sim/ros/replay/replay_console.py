@@ -30,8 +30,6 @@ class ReplayConsole:
     """Reader of keys, where standard input is a terminal, and display of the position.
 
     Args:
-        thread: to control.
-        plan: of the playback.
         bar: ``tqdm`` bar in seconds of the bag.
         logger: for requests that are refused.
         keys: whether keys are read.

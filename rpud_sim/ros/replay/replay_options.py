@@ -21,27 +21,17 @@ DISCOVERY_TIME = 3.5
 class ReplayOptions:
     """What to replay, how fast, and under which names."""
 
-    bag: str
-    """Folder or file of the bag."""
-    rate: float = 1.0
-    """Speed in times real time."""
-    start: float = 0.0
-    """Seconds of the bag to skip."""
-    duration: float | None = None
-    """Seconds of the bag to replay; to its end if None."""
-    loop: bool = False
-    """Whether to begin again at the end."""
-    clock: float | None = None
-    """Rate of ``/clock`` [Hz]; no ``/clock`` if None."""
-    topics: Sequence[str] | None = None
-    """Absolute names of the topics to replay; all if None."""
-    exclude: Sequence[str] = ()
-    """Absolute names of topics not to replay."""
+    bag: str  # Folder or file of the bag
+    rate: float = 1.0  # Speed in times real time
+    start: float = 0.0  # Seconds of the bag to skip
+    duration: float | None = None  # Seconds of the bag to replay; to its end if None
+    loop: bool = False  # Whether to begin again at the end
+    clock: float | None = None  # Rate of ``/clock`` [Hz]; no ``/clock`` if None
+    topics: Sequence[str] | None = None  # Absolute names of the topics to replay; all if None
+    exclude: Sequence[str] = ()  # Absolute names of topics not to replay
+    # Rules ``OLD:=NEW`` with absolute names, for publishing under other names
     remap: Sequence[str] = ()
-    """Rules ``OLD:=NEW`` with absolute names, for publishing under other names."""
-    start_paused: bool = False
-    """Whether to wait at the beginning to be resumed."""
+    start_paused: bool = False  # Whether to wait at the beginning to be resumed
+    # Whether to wait without limit for a subscriber of every topic
     wait_for_subscribers: bool = False
-    """Whether to wait without limit for a subscriber of every topic."""
-    disable_keyboard_controls: bool = False
-    """Whether to read no keys."""
+    disable_keyboard_controls: bool = False  # Whether to read no keys

@@ -45,8 +45,6 @@ def replay(options: ReplayOptions, ros_arguments: Sequence[str], make_bar: MakeB
     """Replay to the end of the bag or until a signal stops it, and return a summary.
 
     Args:
-        options: of the replay.
-        ros_arguments: command line of ROS.
         make_bar: returns the bar that shows the progress.
 
     Raises:

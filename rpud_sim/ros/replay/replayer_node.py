@@ -34,7 +34,6 @@ class Replayer(Node):
     Services: those of ``ReplayServices``.
 
     Args:
-        topics: to publish.
         with_clock: whether to publish ``/clock``.
         remappings: other names of topics, as ``OLD:=NEW``.
     """

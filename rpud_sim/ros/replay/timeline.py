@@ -10,18 +10,12 @@ class Timeline:
     """Position in a bag as a function of a monotonic clock; all times are integer nanoseconds.
 
     Every change but a seek keeps the position.
-
-    Args:
-        position: in the bag until ``since``.
-        since: time of the clock from which on it moves, unless it is paused.
-        rate: bag time over clock time.
-        paused: whether it stands still.
     """
 
-    position: int
-    since: int
-    rate: float = 1.0
-    paused: bool = False
+    position: int  # in the bag until ``since``
+    since: int  # time of the clock from which on it moves, unless it is paused
+    rate: float = 1.0  # bag time over clock time
+    paused: bool = False  # whether it stands still
 
     def position_at(self, now: int) -> int:
         """Return the position at a time of the clock."""

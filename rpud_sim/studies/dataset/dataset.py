@@ -17,19 +17,12 @@ from rpud_sim.studies.workers import run_on_workers
 
 @dataclasses.dataclass(frozen=True)
 class DatasetResult:
-    """Result of making a data set.
+    """Result of making a data set."""
 
-    Args:
-        folder: with all files.
-        content: of its ``dataset.json``.
-        run: number of runs that this call simulated.
-        kept: number that earlier calls had simulated.
-    """
-
-    folder: Path
-    content: dict[str, Any]
-    run: int
-    kept: int
+    folder: Path  # with all files
+    content: dict[str, Any]  # of its ``dataset.json``
+    run: int  # number of runs that this call simulated
+    kept: int  # number that earlier calls had simulated
 
 
 def make_dataset(
@@ -42,9 +35,7 @@ def make_dataset(
     """Simulate those runs of a data set that are missing in its folder, and complete the folder.
 
     Args:
-        specification: of the data set.
         out: its folder; new, or left by an earlier call for the same data set.
-        workers: number of local processes.
         scheduler: address of a Dask cluster to use instead of local processes.
         report: called with the number of runs that finished since its last call.
 

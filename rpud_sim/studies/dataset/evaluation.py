@@ -23,51 +23,31 @@ MISSING = "changepoynt is not installed, its row is left out: pip install 'rpud_
 
 @dataclasses.dataclass(frozen=True)
 class LabelledRun:
-    """Features of the windows of a run, with its labels.
+    """Features of the windows of a run, with its labels."""
 
-    Args:
-        names: of the features.
-        features: of each window, shape (windows, features).
-        healthy: whether each window is before any fault.
-        labels: of the run, with scores that are all zero.
-    """
-
-    names: tuple[str, ...]
-    features: np.ndarray
-    healthy: np.ndarray
-    labels: ScoredRun
+    names: tuple[str, ...]  # of the features
+    features: np.ndarray  # of each window, shape (windows, features)
+    healthy: np.ndarray  # whether each window is before any fault
+    labels: ScoredRun  # of the run, with scores that are all zero
 
 
 @dataclasses.dataclass(frozen=True)
 class Evaluated:
-    """Result of a detector.
+    """Result of a detector."""
 
-    Args:
-        detector: its name.
-        limit: above which a score raises an alarm, from the validation split.
-        metrics: on the test split.
-        by_fault: metrics of the runs of each kind and severity.
-    """
-
-    detector: str
-    limit: float
-    metrics: Metrics
-    by_fault: dict[tuple[str, int], Metrics]
+    detector: str  # its name
+    limit: float  # above which a score raises an alarm, from the validation split
+    metrics: Metrics  # on the test split
+    by_fault: dict[tuple[str, int], Metrics]  # metrics of the runs of each kind and severity
 
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """Results of the baselines on the test split.
+    """Results of the baselines on the test split."""
 
-    Args:
-        results: of each detector.
-        left_out: one line for each detector that was left out.
-        runs: number of runs of the test split.
-    """
-
-    results: tuple[Evaluated, ...]
-    left_out: tuple[str, ...]
-    runs: int
+    results: tuple[Evaluated, ...]  # of each detector
+    left_out: tuple[str, ...]  # one line for each detector that was left out
+    runs: int  # number of runs of the test split
 
 
 def baselines() -> tuple[list[Detector], list[str]]:
@@ -84,7 +64,6 @@ def evaluate_dataset(path: Path, report: Callable[[int], None] = lambda scored: 
     """Return the results of the baselines on a data set.
 
     Args:
-        path: folder of the data set.
         report: called with the number of runs that were scored since its last call.
 
     Raises:

@@ -37,19 +37,11 @@ _ACCOUNT = "run.json"
 
 
 class DatasetFolder:
-    """Files of one data set.
-
-    Args:
-        path: of the folder.
-        specification: of the data set.
-
-    Attributes:
-        runs: as they are planned.
-    """
+    """Files of one data set."""
 
     def __init__(self, path: Path, specification: Specification) -> None:
         self.path = path
-        self.runs = plan_runs(specification)
+        self.runs = plan_runs(specification)  # as they are planned
         self._specification = specification
         self._manifest = {
             "notice": NOTICE,

@@ -23,65 +23,38 @@ RECOVERY = 2.0
 
 @dataclasses.dataclass(frozen=True)
 class ScoredRun:
-    """Scores of the windows of a run, with its labels. Times count from the run's beginning [s].
+    """Scores of the windows of a run, with its labels. Times count from the run's beginning [s]."""
 
-    Args:
-        begin: beginning of the first window.
-        ends: end of each window, increasing.
-        scores: of a detector, by window; NaN counts as no alarm.
-        kind: of the fault, empty in a healthy run.
-        severity: of the fault, zero in a healthy run.
-        onset: of the fault, NaN in a healthy run.
-        clear: of the fault, infinite if it lasts to the end.
-    """
-
-    begin: float
-    ends: np.ndarray
-    scores: np.ndarray
-    kind: str = ""
-    severity: int = 0
-    onset: float = math.nan
-    clear: float = math.inf
+    begin: float  # beginning of the first window
+    ends: np.ndarray  # end of each window, increasing
+    scores: np.ndarray  # of a detector, by window; NaN counts as no alarm
+    kind: str = ""  # of the fault, empty in a healthy run
+    severity: int = 0  # of the fault, zero in a healthy run
+    onset: float = math.nan  # of the fault, NaN in a healthy run
+    clear: float = math.inf  # of the fault, infinite if it lasts to the end
 
 
 @dataclasses.dataclass(frozen=True)
 class Judgement:
-    """Alarms of a detector on one run.
+    """Alarms of a detector on one run."""
 
-    Args:
-        detected: whether the fault was detected; False in a healthy run.
-        delay: from onset to detection [s]; NaN without one.
-        false_alarms: number of them.
-        hours: in which an alarm would be false [h].
-    """
-
-    detected: bool
-    delay: float
-    false_alarms: int
-    hours: float
+    detected: bool  # whether the fault was detected; False in a healthy run
+    delay: float  # from onset to detection [s]; NaN without one
+    false_alarms: int  # number of them
+    hours: float  # in which an alarm would be false [h]
 
 
 @dataclasses.dataclass(frozen=True)
 class Metrics:
-    """Metrics of a detector on several runs; what cannot be computed is NaN.
+    """Metrics of a detector on several runs; what cannot be computed is NaN."""
 
-    Args:
-        faults: number of faults.
-        detected: number of those that were detected.
-        false_alarms: number of them.
-        hours: in which an alarm would be false [h].
-        delay_mean: of the detected faults [s].
-        delay_median: of the detected faults [s].
-        delay_greatest: of the detected faults [s].
-    """
-
-    faults: int
-    detected: int
-    false_alarms: int
-    hours: float
-    delay_mean: float
-    delay_median: float
-    delay_greatest: float
+    faults: int  # number of faults
+    detected: int  # number of those that were detected
+    false_alarms: int  # number of them
+    hours: float  # in which an alarm would be false [h]
+    delay_mean: float  # of the detected faults [s]
+    delay_median: float  # of the detected faults [s]
+    delay_greatest: float  # of the detected faults [s]
 
     @property
     def precision(self) -> float:
@@ -142,7 +115,6 @@ def choose_limit(runs: Sequence[ScoredRun], most: int = 200) -> float:
     it is the farthest from limits that are worse.
 
     Args:
-        runs: of the validation split.
         most: half the number of limits to try: quantiles of the scores, finer near the greatest.
     """
     scores = np.concatenate([run.scores for run in runs])

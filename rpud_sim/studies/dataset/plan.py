@@ -17,33 +17,19 @@ from rpud_sim.studies.dataset.specification import HEALTHY, Specification
 
 @dataclasses.dataclass(frozen=True)
 class PlannedRun:
-    """Run of a data set, with its labels. Times are simulation time [ns].
+    """Run of a data set, with its labels. Times are simulation time [ns]."""
 
-    Args:
-        number: of the run, from 0.
-        name: of its folder, unique in the data set.
-        split: of its rock.
-        rock: its name.
-        fault: that begins, None in a healthy run.
-        severity: from 1, zero in a healthy run.
-        onset: time at which the fault begins, None in a healthy run.
-        clear: time at which it ends, None if it lasts to the end of the run.
-        seed: of the signals' random numbers.
-        initial_phase: of the vibration [cycles].
-        values: of the varied parameters.
-    """
-
-    number: int
-    name: str
-    split: str
-    rock: str
-    fault: Fault | None
-    severity: int
-    onset: int | None
-    clear: int | None
-    seed: int
-    initial_phase: float
-    values: Mapping[str, float]
+    number: int  # of the run, from 0
+    name: str  # of its folder, unique in the data set
+    split: str  # of its rock
+    rock: str  # its name
+    fault: Fault | None  # that begins, None in a healthy run
+    severity: int  # from 1, zero in a healthy run
+    onset: int | None  # time at which the fault begins, None in a healthy run
+    clear: int | None  # time at which it ends, None if it lasts to the end of the run
+    seed: int  # of the signals' random numbers
+    initial_phase: float  # of the vibration [cycles]
+    values: Mapping[str, float]  # of the varied parameters
 
     @property
     def kind(self) -> str:

@@ -23,34 +23,21 @@ from rpud_sim.studies.processes import check_versions
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """Run that a worker records.
+    """Run that a worker records."""
 
-    Args:
-        number: of the run.
-        run: the run.
-        specification: of the data set.
-        versions: of everything that determines the results.
-    """
-
-    number: int
-    run: PlannedRun
-    specification: Specification
-    versions: Mapping[str, str]
+    number: int  # of the run
+    run: PlannedRun  # the run
+    specification: Specification  # of the data set
+    versions: Mapping[str, str]  # of everything that determines the results
 
 
 @dataclasses.dataclass(frozen=True)
 class Recorded:
-    """Files of a run, by name; a run that failed has none.
+    """Files of a run, by name; a run that failed has none."""
 
-    Args:
-        bag: files of the bag.
-        tables: part of each table, as the content of a Parquet file.
-        failure: why the run failed, in one line; empty if it did not.
-    """
-
-    bag: Mapping[str, bytes]
-    tables: Mapping[str, bytes]
-    failure: str = ""
+    bag: Mapping[str, bytes]  # files of the bag
+    tables: Mapping[str, bytes]  # part of each table, as the content of a Parquet file
+    failure: str = ""  # why the run failed, in one line; empty if it did not
 
 
 def make_jobs(

@@ -47,33 +47,22 @@ class Interval:
 
 @dataclasses.dataclass(frozen=True)
 class Rock:
-    """Rock with the split to which all of its runs belong.
+    """Rock with the split to which all of its runs belong."""
 
-    Args:
-        split: of ``SPLITS``.
-        parameters: by which the rock differs from the others, by name.
-        feed_rate: that is commanded at time zero, positive toward the rock [m/s]; None for no
-            command to the feed.
-    """
-
-    split: str
-    parameters: Mapping[str, Any]
+    split: str  # of ``SPLITS``
+    parameters: Mapping[str, Any]  # by which the rock differs from the others, by name
+    # that is commanded at time zero, positive toward the rock [m/s]; None for no command to
+    # the feed
     feed_rate: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class FaultSeries:
-    """Fault with its severities.
+    """Fault with its severities."""
 
-    Args:
-        kind: of the fault.
-        channel: of a signal fault, empty for a physical one.
-        magnitudes: of severity 1, 2 and so on, in the unit of the kind.
-    """
-
-    kind: str
-    channel: str
-    magnitudes: tuple[float, ...]
+    kind: str  # of the fault
+    channel: str  # of a signal fault, empty for a physical one
+    magnitudes: tuple[float, ...]  # of severity 1, 2 and so on, in the unit of the kind
 
     def fault(self, severity: int) -> Fault:
         """Return the fault of a severity, from 1."""
@@ -82,15 +71,10 @@ class FaultSeries:
 
 @dataclasses.dataclass(frozen=True)
 class Window:
-    """Windows of the table of features.
+    """Windows of the table of features."""
 
-    Args:
-        length: of each [s].
-        stride: from the beginning of one to that of the next [s].
-    """
-
-    length: float = 0.2
-    stride: float = 0.1
+    length: float = 0.2  # of each [s]
+    stride: float = 0.1  # from the beginning of one to that of the next [s]
 
 
 LENGTH = Quantity("s", "length of a window", 1e-3, 1e3)
@@ -105,42 +89,25 @@ HEALTHY_RUNS = Quantity("", "runs without a fault with each rock", 0, 10_000, wh
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
-    """Data set.
+    """Data set."""
 
-    Args:
-        seed: of all draws.
-        duration: of each run [s].
-        settling: time before the first window: the drill starts from rest [s].
-        onset: times at which a fault may begin [s].
-        lasting: times for which it may last; None for to the end of the run [s].
-        seeds: runs with each rock, fault and severity.
-        healthy: runs without a fault with each rock.
-        topics: of bags and tables.
-        only_in_bags: further topics of the bags.
-        window: of the table of features.
-        fixed: parameters that differ from their defaults in all runs.
-        varied: parameters that are drawn for each run, with their intervals.
-        rocks: by name.
-        faults: in the order of the file.
-        commands: to the drill, the same in all runs, in the order of their times.
-        left_out: kinds of fault that ``physical`` stands for and that no run can honour.
-    """
-
-    seed: int
-    duration: float
-    settling: float
-    onset: Interval
-    lasting: Interval | None
-    seeds: int
-    healthy: int
-    topics: tuple[str, ...]
-    only_in_bags: tuple[str, ...]
-    window: Window
-    fixed: Mapping[str, Any]
-    varied: Mapping[str, Interval]
-    rocks: Mapping[str, Rock]
-    faults: tuple[FaultSeries, ...]
+    seed: int  # of all draws
+    duration: float  # of each run [s]
+    settling: float  # time before the first window: the drill starts from rest [s]
+    onset: Interval  # times at which a fault may begin [s]
+    lasting: Interval | None  # times for which it may last; None for to the end of the run [s]
+    seeds: int  # runs with each rock, fault and severity
+    healthy: int  # runs without a fault with each rock
+    topics: tuple[str, ...]  # of bags and tables
+    only_in_bags: tuple[str, ...]  # further topics of the bags
+    window: Window  # of the table of features
+    fixed: Mapping[str, Any]  # parameters that differ from their defaults in all runs
+    varied: Mapping[str, Interval]  # parameters that are drawn for each run, with their intervals
+    rocks: Mapping[str, Rock]  # by name
+    faults: tuple[FaultSeries, ...]  # in the order of the file
+    # to the drill, the same in all runs, in the order of their times
     commands: tuple[Planned, ...] = ()
+    # kinds of fault that ``physical`` stands for and that no run can honour
     left_out: tuple[str, ...] = ()
 
     @property
@@ -160,7 +127,6 @@ class Specification:
 
         Args:
             rock: its name.
-            values: of the varied parameters.
 
         Raises:
             ParameterError: if a value cannot be used.

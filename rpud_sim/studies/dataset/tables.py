@@ -61,13 +61,7 @@ WINDOW_LABELS = tuple(column.name for column in _WINDOW)
 
 
 def make_tables(bag_path: Path, run: PlannedRun, specification: Specification) -> dict[str, bytes]:
-    """Return the part of each table that a run gives, as the content of a Parquet file.
-
-    Args:
-        bag_path: bag of the run.
-        run: with its labels.
-        specification: of the data set.
-    """
+    """Return the part of each table that a run gives, as the content of a Parquet file."""
     names = {topic: f"{NAMESPACE}/{topic}" for topic in specification.topics}
     with rpud_sim.bag.open(bag_path) as bag, tempfile.TemporaryDirectory() as folder:
         values = bag.arrays(list(names.values()))

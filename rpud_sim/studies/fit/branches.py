@@ -31,50 +31,29 @@ class FitError(RuntimeError):
 
 @dataclasses.dataclass
 class Branch:
-    """Progress for one combination of choices.
+    """Progress for one combination of choices."""
 
-    Args:
-        number: of the combination.
-        choices: their values, by name.
-        region: of the present round.
-        shares: simulated points in it, shape (points, unknowns).
-        figures: of their runs, shape (points, repeat, targets).
-        surrogate: of the figures; None if too few points have them.
-        posterior: of the unknowns.
-        probability: of the combination.
-    """
-
-    number: int
-    choices: dict[str, Any]
-    region: Region
-    shares: np.ndarray
-    figures: np.ndarray
-    surrogate: Surrogate | None = None
-    posterior: Posterior | None = None
-    probability: float = 0.0
+    number: int  # of the combination
+    choices: dict[str, Any]  # their values, by name
+    region: Region  # of the present round
+    shares: np.ndarray  # simulated points in it, shape (points, unknowns)
+    figures: np.ndarray  # of their runs, shape (points, repeat, targets)
+    surrogate: Surrogate | None = None  # of the figures; None if too few points have them
+    posterior: Posterior | None = None  # of the unknowns
+    probability: float = 0.0  # of the combination
 
 
 @dataclasses.dataclass(frozen=True)
 class Round:
-    """Account of a round for one combination of choices.
+    """Account of a round for one combination of choices."""
 
-    Args:
-        number: of the round, from 1.
-        choices: the combination.
-        volume: of the region, as a share of that between all bounds.
-        points: that the surrogate was fitted to.
-        degrees: of its polynomials, by target.
-        errors: of the surrogate, standard deviations as they are fitted, by target.
-        probability: of the combination.
-    """
-
-    number: int
-    choices: Mapping[str, Any]
-    volume: float
-    points: int
-    degrees: tuple[int, ...]
-    errors: tuple[float, ...]
-    probability: float
+    number: int  # of the round, from 1
+    choices: Mapping[str, Any]  # the combination
+    volume: float  # of the region, as a share of that between all bounds
+    points: int  # that the surrogate was fitted to
+    degrees: tuple[int, ...]  # of its polynomials, by target
+    errors: tuple[float, ...]  # of the surrogate, standard deviations as they are fitted, by target
+    probability: float  # of the combination
 
 
 def add_design(

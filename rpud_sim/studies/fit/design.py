@@ -21,15 +21,10 @@ _CHUNK = 100.0  # simulated time in a chunk [s]: a fraction of a second of work
 
 @dataclasses.dataclass(frozen=True)
 class Region:
-    """Box in the space of the unknowns, as shares of the way from their low to their high bounds.
+    """Box in the space of the unknowns, as shares of the way from low to high bounds."""
 
-    Args:
-        low: shape (unknowns,).
-        high: shape (unknowns,).
-    """
-
-    low: np.ndarray
-    high: np.ndarray
+    low: np.ndarray  # shape (unknowns,)
+    high: np.ndarray  # shape (unknowns,)
 
     @staticmethod
     def whole(count: int) -> Region:
@@ -56,21 +51,13 @@ class Region:
 
 @dataclasses.dataclass(frozen=True)
 class Chunk:
-    """Points of a design with the same choices.
+    """Points of a design with the same choices."""
 
-    Args:
-        number: of the chunk in its job.
-        specification: of the fit.
-        points: values of all unknowns at each point.
-        phases: initial phases [cycles], shape (points, repeat, conditions).
-        versions: of everything that determines the results.
-    """
-
-    number: int
-    specification: Specification
-    points: tuple[Mapping[str, Any], ...]
-    phases: np.ndarray
-    versions: Mapping[str, str]
+    number: int  # of the chunk in its job
+    specification: Specification  # of the fit
+    points: tuple[Mapping[str, Any], ...]  # values of all unknowns at each point
+    phases: np.ndarray  # initial phases [cycles], shape (points, repeat, conditions)
+    versions: Mapping[str, str]  # of everything that determines the results
 
 
 def values_at(specification: Specification, shares: np.ndarray) -> dict[str, np.ndarray]:
@@ -96,10 +83,8 @@ def make_chunks(
     """Return the chunks of a list of points.
 
     Args:
-        specification: of the fit.
         points: values of all unknowns at each.
         repeat: runs at each.
-        seed: of the initial phases.
     """
     random = np.random.default_rng(seed)
     spread = specification.phase_spread

@@ -39,23 +39,14 @@ _DIGITS = 4  # of the best point
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """Target beside the model at the best point.
+    """Target beside the model at the best point."""
 
-    Args:
-        target: of the fit.
-        mean: of the model's runs.
-        standard_error: of the mean.
-        spread: standard deviation of single runs.
-        low: 5 % quantile of what the posterior predicts for the target.
-        high: 95 % quantile.
-    """
-
-    target: Target
-    mean: float
-    standard_error: float
-    spread: float
-    low: float
-    high: float
+    target: Target  # of the fit
+    mean: float  # of the model's runs
+    standard_error: float  # of the mean
+    spread: float  # standard deviation of single runs
+    low: float  # 5 % quantile of what the posterior predicts for the target
+    high: float  # 95 % quantile
 
     @property
     def ratio(self) -> float:
@@ -72,31 +63,18 @@ class Comparison:
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """Result of a fit.
+    """Result of a fit."""
 
-    Args:
-        specification: of the fit.
-        best: values of all unknowns at the best point, by name.
-        shares: equally probable points of the posterior over all choices.
-        samples: the same in SI units, by unknown.
-        identifiability: what the targets determine.
-        probabilities: of the combinations of choices.
-        comparisons: by target.
-        rounds: accounts of the rounds.
-        simulations: runs of this call.
-        kept: runs of earlier calls.
-    """
-
-    specification: Specification
-    best: Mapping[str, Any]
-    shares: np.ndarray
-    samples: Mapping[str, np.ndarray]
-    identifiability: Identifiability
-    probabilities: tuple[tuple[Mapping[str, Any], float], ...]
-    comparisons: tuple[Comparison, ...]
-    rounds: tuple[Round, ...]
-    simulations: int
-    kept: int
+    specification: Specification  # of the fit
+    best: Mapping[str, Any]  # values of all unknowns at the best point, by name
+    shares: np.ndarray  # equally probable points of the posterior over all choices
+    samples: Mapping[str, np.ndarray]  # the same in SI units, by unknown
+    identifiability: Identifiability  # what the targets determine
+    probabilities: tuple[tuple[Mapping[str, Any], float], ...]  # of the combinations of choices
+    comparisons: tuple[Comparison, ...]  # by target
+    rounds: tuple[Round, ...]  # accounts of the rounds
+    simulations: int  # runs of this call
+    kept: int  # runs of earlier calls
 
     @property
     def reached(self) -> bool:
@@ -123,9 +101,7 @@ def run_fit(
     """Fit the drill, with the simulations that are in the folder already.
 
     Args:
-        specification: of the fit.
         out: its folder; new, or left by an earlier call of the same fit.
-        workers: number of processes.
         report: called with the number of runs that finished since its last call.
 
     Raises:

@@ -74,7 +74,6 @@ def write_fit(fit: Fit, folder: Path, command: str) -> None:
     """Write all files of a fit.
 
     Args:
-        fit: its result.
         folder: of the files; it exists.
         command: that makes them again.
 

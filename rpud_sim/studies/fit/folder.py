@@ -43,9 +43,6 @@ class FitFolder:
     """Files of one fit.
 
     Args:
-        path: of the folder.
-        specification: of the fit.
-        workers: number of processes for simulations.
         report: called with the number of finished runs.
     """
 
@@ -82,7 +79,6 @@ class FitFolder:
             job: name of the work, different for each.
             points: values of all unknowns at each point.
             repeat: runs at each.
-            seed: of the initial phases.
 
         Returns:
             The measures, shape (points, repeat, targets).

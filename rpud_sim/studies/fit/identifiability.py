@@ -15,18 +15,12 @@ _RIDGE = 0.6  # rank correlation from which on two unknowns form a ridge
 
 @dataclasses.dataclass(frozen=True)
 class Interval:
-    """Posterior of one unknown.
+    """Posterior of one unknown."""
 
-    Args:
-        low: end of the interval of ``LEVEL``, in SI units.
-        median: of the posterior.
-        high: other end.
-        width: of the interval over that of the same level between the bounds, on the prior's scale.
-    """
-
-    low: float
-    median: float
-    high: float
+    low: float  # end of the interval of ``LEVEL``, in SI units
+    median: float  # of the posterior
+    high: float  # other end
+    # of the interval over that of the same level between the bounds, on the prior's scale
     width: float
 
     @property
@@ -39,14 +33,10 @@ class Interval:
 
 @dataclasses.dataclass(frozen=True)
 class Ridge:
-    """Two unknowns of which the targets determine a combination better than each.
+    """Two unknowns of which the targets determine a combination better than each."""
 
-    Args:
-        names: of the two.
-        correlation: rank correlation in the posterior; if negative, one falls as the other rises.
-    """
-
-    names: tuple[str, str]
+    names: tuple[str, str]  # of the two
+    # rank correlation in the posterior; if negative, one falls as the other rises
     correlation: float
 
     def __str__(self) -> str:
@@ -57,32 +47,20 @@ class Ridge:
 
 @dataclasses.dataclass(frozen=True)
 class Direction:
-    """Principal direction of the posterior, in shares of the way between the bounds.
+    """Principal direction of the posterior, in shares of the way between the bounds."""
 
-    Args:
-        width: standard deviation over that of the prior; near 1, nothing is determined.
-        parts: of each unknown, by name; their squares add up to one.
-    """
-
-    width: float
-    parts: Mapping[str, float]
+    width: float  # standard deviation over that of the prior; near 1, nothing is determined
+    parts: Mapping[str, float]  # of each unknown, by name; their squares add up to one
 
 
 @dataclasses.dataclass(frozen=True)
 class Identifiability:
-    """What the targets determine.
+    """What the targets determine."""
 
-    Args:
-        intervals: by unknown.
-        correlation: rank correlations, shape (unknowns, unknowns).
-        ridges: the strongest first.
-        directions: the widest first.
-    """
-
-    intervals: Mapping[str, Interval]
-    correlation: np.ndarray
-    ridges: tuple[Ridge, ...]
-    directions: tuple[Direction, ...]
+    intervals: Mapping[str, Interval]  # by unknown
+    correlation: np.ndarray  # rank correlations, shape (unknowns, unknowns)
+    ridges: tuple[Ridge, ...]  # the strongest first
+    directions: tuple[Direction, ...]  # the widest first
 
 
 def interval_shares(shares: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np.ndarray]:

@@ -72,23 +72,14 @@ UNITS: Mapping[str, str] = MappingProxyType(
 
 @dataclasses.dataclass(frozen=True)
 class Measure:
-    """Figure of a run.
+    """Figure of a run."""
 
-    Args:
-        figure: of ``UNITS``.
-        start: of its window, simulation time [s].
-        end: of its window [s].
-        statistic: of ``STATISTICS`` for values of impacts; empty for other figures.
-        quantile: from 0 to 1, for the statistic of that name.
-        impact_velocity: of the free mass, for a figure of one collision [m/s].
-    """
-
-    figure: str
-    start: float
-    end: float
-    statistic: str = ""
-    quantile: float = 0.5
-    impact_velocity: float = 5.0
+    figure: str  # of ``UNITS``
+    start: float  # of its window, simulation time [s]
+    end: float  # of its window [s]
+    statistic: str = ""  # of ``STATISTICS`` for values of impacts; empty for other figures
+    quantile: float = 0.5  # from 0 to 1, for the statistic of that name
+    impact_velocity: float = 5.0  # of the free mass, for a figure of one collision [m/s]
 
     @property
     def unit(self) -> str:
@@ -113,7 +104,6 @@ def measure(configuration: Configuration, phase: float, measures: Sequence[Measu
     """Return the measures of one run; NaN if the run has no such figure.
 
     Args:
-        configuration: of the drill.
         phase: initial phase of the vibration [cycles].
         measures: which figures.
 

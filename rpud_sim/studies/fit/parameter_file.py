@@ -16,7 +16,6 @@ def parameter_file(fit: Fit, command: str) -> str:
     """Return a ROS parameter file with the fit's best point.
 
     Args:
-        fit: its result.
         command: that makes the file again; its comment names it.
     """
     specification = fit.specification

@@ -30,11 +30,7 @@ class Likelihood:
     mean the target is, and the surrogate's own error.
 
     Args:
-        surrogate: of the figures.
         targets: of the fit, one for each figure.
-
-    Attributes:
-        tolerance: covariance of the targets' errors, as the figures are fitted.
     """
 
     def __init__(self, surrogate: Surrogate, targets: tuple[Target, ...]) -> None:
@@ -47,6 +43,7 @@ class Likelihood:
         tolerance = np.where(surrogate.logarithmic, tolerance / safe, tolerance)
         groups = [target.group or str(number) for number, target in enumerate(targets)]
         same = np.array([[a == b for b in groups] for a in groups])
+        # covariance of the targets' errors, as the figures are fitted
         self.tolerance = tolerance[:, None] * tolerance * np.where(same, surrogate.correlation, 0.0)
         self._values = surrogate.transform(values)
 
@@ -92,24 +89,17 @@ class Likelihood:
 
 @dataclasses.dataclass(frozen=True)
 class Posterior:
-    """Sampled posterior distribution for one combination of choices.
+    """Sampled posterior distribution for one combination of choices."""
 
-    Args:
-        shares: equally probable points, shape (particles, unknowns).
-        log_likelihood: at each.
-        log_evidence: logarithm of the mean likelihood between all bounds.
-    """
-
-    shares: np.ndarray
-    log_likelihood: np.ndarray
-    log_evidence: float
+    shares: np.ndarray  # equally probable points, shape (particles, unknowns)
+    log_likelihood: np.ndarray  # at each
+    log_evidence: float  # logarithm of the mean likelihood between all bounds
 
 
 def sample(likelihood: Likelihood, particles: int, random: np.random.Generator) -> Posterior:
     """Return the posterior distribution for even prior probability between the bounds.
 
     Args:
-        likelihood: of the unknowns.
         particles: number of points; a power of two.
         random: source of everything that is drawn.
     """

@@ -32,19 +32,13 @@ _DRAWN = 7  # second number of the seeds here; those of a fit are smaller
 
 @dataclasses.dataclass(frozen=True)
 class Proof:
-    """Result of fits to synthetic drills.
+    """Result of fits to synthetic drills."""
 
-    Args:
-        drills: number of synthetic drills with all figures.
-        covered: share of the drills whose interval holds the true value, by unknown.
-        ranks: of the true values in their posteriors, from 0 to 1, shape (drills, unknowns).
-        chosen: mean posterior probability of the true combination of choices.
-    """
-
-    drills: int
-    covered: dict[str, float]
+    drills: int  # number of synthetic drills with all figures
+    covered: dict[str, float]  # share of the drills whose interval holds the true value, by unknown
+    # of the true values in their posteriors, from 0 to 1, shape (drills, unknowns)
     ranks: np.ndarray
-    chosen: float
+    chosen: float  # mean posterior probability of the true combination of choices
 
     @property
     def mean(self) -> float:
@@ -87,9 +81,7 @@ def prove(
     drill, with an error drawn from the tolerances.
 
     Args:
-        folder: of the fit.
         specification: of the fit; the values of its targets give only the tolerances.
-        drills: number of synthetic drills.
         report: called with the number of drills that were fitted since its last call.
 
     Raises:

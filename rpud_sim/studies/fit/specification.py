@@ -15,26 +15,17 @@ from rpud_sim.studies.sweep.specification import Range
 
 @dataclasses.dataclass(frozen=True)
 class Target:
-    """Figure of the drill that the fit shall reach.
+    """Figure of the drill that the fit shall reach."""
 
-    Args:
-        measure: its counterpart in a run.
-        value: of the drill, in SI units.
-        tolerance: one standard deviation of the value's error [unit of the figure].
-        runs: number of runs whose mean the value is; 1 if it is from one run.
-        parameters: that the drill had for this target alone, by name.
-        hold_out: whether the fit does not see it, and only reports it.
-        source: where the value comes from; may be empty.
-        group: of targets from the same data, whose errors are correlated; empty for a single one.
-    """
-
-    measure: Measure
-    value: float
-    tolerance: float
-    runs: int = 1
+    measure: Measure  # its counterpart in a run
+    value: float  # of the drill, in SI units
+    tolerance: float  # one standard deviation of the value's error [unit of the figure]
+    runs: int = 1  # number of runs whose mean the value is; 1 if it is from one run
+    # that the drill had for this target alone, by name
     parameters: tuple[tuple[str, Any], ...] = ()
-    hold_out: bool = False
-    source: str = ""
+    hold_out: bool = False  # whether the fit does not see it, and only reports it
+    source: str = ""  # where the value comes from; may be empty
+    # of targets from the same data, whose errors are correlated; empty for a single one
     group: str = ""
 
     @property
@@ -46,29 +37,17 @@ class Target:
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
-    """Fit of the drill's parameters.
+    """Fit of the drill's parameters."""
 
-    Args:
-        parameters: fixed values, by name.
-        unknowns: bounds of the unknown numbers, by name.
-        choices: possible values of the unknown choices, by name.
-        targets: at least one that is not held out.
-        seed: of the design, the initial phases and the posterior.
-        points: simulated in each round, for each combination of choices; a power of two.
-        rounds: number of rounds; each has a smaller region.
-        repeat: runs at each point.
-        phase_spread: greatest initial phase of the vibration, either way [cycles].
-    """
-
-    parameters: Mapping[str, Any]
-    unknowns: Mapping[str, Range]
-    choices: Mapping[str, tuple[Any, ...]]
-    targets: tuple[Target, ...]
-    seed: int = 0
-    points: int = 256
-    rounds: int = 3
-    repeat: int = 4
-    phase_spread: float = 0.5
+    parameters: Mapping[str, Any]  # fixed values, by name
+    unknowns: Mapping[str, Range]  # bounds of the unknown numbers, by name
+    choices: Mapping[str, tuple[Any, ...]]  # possible values of the unknown choices, by name
+    targets: tuple[Target, ...]  # at least one that is not held out
+    seed: int = 0  # of the design, the initial phases and the posterior
+    points: int = 256  # simulated in each round, for each combination of choices; a power of two
+    rounds: int = 3  # number of rounds; each has a smaller region
+    repeat: int = 4  # runs at each point
+    phase_spread: float = 0.5  # greatest initial phase of the vibration, either way [cycles]
 
     @property
     def conditions(self) -> tuple[tuple[tuple[str, Any], ...], ...]:

@@ -29,33 +29,19 @@ class SurrogateError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Surrogate:
-    """Figures over a region.
+    """Figures over a region."""
 
-    Args:
-        region: outside of it the surrogate is not valid.
-        logarithmic: whether a figure's logarithm is fitted, shape (figures,).
-        mean_terms: exponents of the polynomials of each figure.
-        mean_factors: coefficients of each.
-        spread_terms: exponents of the polynomials for the spread.
-        spread_factors: coefficients for each figure, shape (terms, figures).
-        correlation: of the figures of one run, shape (figures, figures).
-        error: covariance of the surrogate's own errors, shape (figures, figures).
-        degrees: of the polynomial of each figure.
-        valid: whether each point of the design had all figures.
-        points: nearest-neighbour index of the design, None if all are valid.
-    """
-
-    region: Region
-    logarithmic: np.ndarray
-    mean_terms: tuple[np.ndarray, ...]
-    mean_factors: tuple[np.ndarray, ...]
-    spread_terms: np.ndarray
-    spread_factors: np.ndarray
-    correlation: np.ndarray
-    error: np.ndarray
-    degrees: tuple[int, ...]
-    valid: np.ndarray
-    points: KDTree | None
+    region: Region  # outside of it the surrogate is not valid
+    logarithmic: np.ndarray  # whether a figure's logarithm is fitted, shape (figures,)
+    mean_terms: tuple[np.ndarray, ...]  # exponents of the polynomials of each figure
+    mean_factors: tuple[np.ndarray, ...]  # coefficients of each
+    spread_terms: np.ndarray  # exponents of the polynomials for the spread
+    spread_factors: np.ndarray  # coefficients for each figure, shape (terms, figures)
+    correlation: np.ndarray  # of the figures of one run, shape (figures, figures)
+    error: np.ndarray  # covariance of the surrogate's own errors, shape (figures, figures)
+    degrees: tuple[int, ...]  # of the polynomial of each figure
+    valid: np.ndarray  # whether each point of the design had all figures
+    points: KDTree | None  # nearest-neighbour index of the design, None if all are valid
 
     def transform(self, figures: np.ndarray) -> np.ndarray:
         """Return figures, the last axis, as they are fitted; NaN without a logarithm."""

@@ -66,7 +66,6 @@ def parse_targets(content: Any, folder: Path = Path()) -> Specification:
     """Return the specification that plain values from YAML describe.
 
     Args:
-        content: of the file.
         folder: at which paths begin.
 
     Raises:

@@ -17,34 +17,22 @@ SPEEDS = (1.0, 2.0, CONTACT_SPEED, 10.0)  # [m/s]
 
 @dataclasses.dataclass(frozen=True)
 class Comparison:
-    """Results of one blow by all three models.
+    """Results of one blow by all three models."""
 
-    Args:
-        free_mass: [kg].
-        impact_velocity: [m/s].
-        bar: the elastic bar.
-        contacts: the energy balance, by contact model.
-    """
-
-    free_mass: float
-    impact_velocity: float
-    bar: BarImpact
-    contacts: dict[str, Contact]
+    free_mass: float  # [kg]
+    impact_velocity: float  # [m/s]
+    bar: BarImpact  # the elastic bar
+    contacts: dict[str, Contact]  # the energy balance, by contact model
 
 
 @dataclasses.dataclass(frozen=True)
 class BarStudy:
-    """Results of all blows.
+    """Results of all blows."""
 
-    Args:
-        by_mass: comparisons at 5 m/s.
-        by_speed: comparisons with the free mass of Table 2.
-        by_elements: the bar alone, by its number of elements in part I, with the free mass of
-            Table 2 at 5 m/s.
-    """
-
-    by_mass: list[Comparison]
-    by_speed: list[Comparison]
+    by_mass: list[Comparison]  # comparisons at 5 m/s
+    by_speed: list[Comparison]  # comparisons with the free mass of Table 2
+    # the bar alone, by its number of elements in part I, with the free mass of Table 2 at 5
+    # m/s
     by_elements: dict[int, BarImpact]
 
 
@@ -53,7 +41,6 @@ def run_bar_study(elements: int, track: Track) -> BarStudy:
 
     Args:
         elements: in part I of the drill tool.
-        track: shows the progress.
     """
     base = preset("drilling")
     blows = [(base.replace(free_mass=mass), CONTACT_SPEED, elements) for mass in FREE_MASSES]

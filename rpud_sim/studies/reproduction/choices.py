@@ -28,15 +28,10 @@ IMPLIED = "as Fig. 12 implies"
 
 @dataclasses.dataclass(frozen=True)
 class Tool:
-    """Drill tool in the rock: effective mass and spring rate, each a choice of its own.
+    """Drill tool in the rock: effective mass and spring rate, each a choice of its own."""
 
-    Args:
-        meaning: in words.
-        changes: parameters that set it.
-    """
-
-    meaning: str
-    changes: Mapping[str, Any]
+    meaning: str  # in words
+    changes: Mapping[str, Any]  # parameters that set it
 
 
 def _given(mass: float, spring_rate: float) -> dict[str, Any]:
@@ -112,21 +107,13 @@ def energy_share(energy: str, free_mass: float, tool_mass: float) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class Before:
-    """Choices before drilling; there is no weight on bit.
+    """Choices before drilling; there is no weight on bit."""
 
-    Args:
-        vibration_amplitude: [m].
-        actuator_restitution: e_1.
-        gravity: [m/s^2].
-        drill_tool_mass: [kg].
-        count: one of ``COUNTS``.
-    """
-
-    vibration_amplitude: float = PRINTED_AMPLITUDE
-    actuator_restitution: float = 1.0
-    gravity: float = 9.81
-    drill_tool_mass: float = PRINTED_TOOL_MASS
-    count: str = "one"
+    vibration_amplitude: float = PRINTED_AMPLITUDE  # [m]
+    actuator_restitution: float = 1.0  # e_1
+    gravity: float = 9.81  # [m/s^2]
+    drill_tool_mass: float = PRINTED_TOOL_MASS  # [kg]
+    count: str = "one"  # one of ``COUNTS``
 
     def parameters(self) -> Parameters:
         """Return the drill before drilling."""
@@ -141,25 +128,15 @@ class Before:
 
 @dataclasses.dataclass(frozen=True)
 class Rock:
-    """Choices in the rock.
+    """Choices in the rock."""
 
-    Args:
-        vibration_amplitude: [m].
-        actuator_restitution: e_1.
-        weight_on_bit: [N].
-        gravity: [m/s^2].
-        tool: one of ``TOOLS``.
-        energy: one of ``ENERGIES``.
-        count: one of ``COUNTS``.
-    """
-
-    vibration_amplitude: float = PRINTED_AMPLITUDE
-    actuator_restitution: float = 1.0
-    weight_on_bit: float = 10.0
-    gravity: float = 9.81
-    tool: str = "printed"
-    energy: str = "arriving"
-    count: str = "one"
+    vibration_amplitude: float = PRINTED_AMPLITUDE  # [m]
+    actuator_restitution: float = 1.0  # e_1
+    weight_on_bit: float = 10.0  # [N]
+    gravity: float = 9.81  # [m/s^2]
+    tool: str = "printed"  # one of ``TOOLS``
+    energy: str = "arriving"  # one of ``ENERGIES``
+    count: str = "one"  # one of ``COUNTS``
 
     def parameters(self) -> Parameters:
         """Return the drill in the rock."""
@@ -206,19 +183,12 @@ def _counted(choices: Before | Rock) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Reading:
-    """Set of choices with a name.
+    """Set of choices with a name."""
 
-    Args:
-        name: of the reading.
-        before: choices before drilling.
-        rock: choices in the rock.
-        reasons: for its choices; none for a reading that a search found.
-    """
-
-    name: str
-    before: Before
-    rock: Rock
-    reasons: tuple[str, ...] = ()
+    name: str  # of the reading
+    before: Before  # choices before drilling
+    rock: Rock  # choices in the rock
+    reasons: tuple[str, ...] = ()  # for its choices; none for a reading that a search found
 
     @property
     def searched(self) -> bool:

@@ -25,31 +25,18 @@ _HORIZON = 0.9
 
 @dataclasses.dataclass(frozen=True)
 class BarImpact:
-    """Result of one blow of the free mass on the bar.
+    """Result of one blow of the free mass on the bar."""
 
-    Args:
-        time: samples since the impact, shape (n,) [s].
-        force: contact force, shape (n,) [N].
-        displacement: of the bar's upper end, shape (n,) [m].
-        peak_force: [N].
-        peak_displacement: [m].
-        duration: from the first touch to the last [s].
-        touching: time in contact within that [s].
-        restitution: velocity of the free mass after the last touch over that before the first.
-        impulse: of the contact force [N s].
-        energy_error: change of the total energy over the initial energy.
-    """
-
-    time: np.ndarray
-    force: np.ndarray
-    displacement: np.ndarray
-    peak_force: float
-    peak_displacement: float
-    duration: float
-    touching: float
-    restitution: float
-    impulse: float
-    energy_error: float
+    time: np.ndarray  # samples since the impact, shape (n,) [s]
+    force: np.ndarray  # contact force, shape (n,) [N]
+    displacement: np.ndarray  # of the bar's upper end, shape (n,) [m]
+    peak_force: float  # [N]
+    peak_displacement: float  # [m]
+    duration: float  # from the first touch to the last [s]
+    touching: float  # time in contact within that [s]
+    restitution: float  # velocity of the free mass after the last touch over that before the first
+    impulse: float  # of the contact force [N s]
+    energy_error: float  # change of the total energy over the initial energy
 
 
 def impedance(parameters: Parameters) -> float:

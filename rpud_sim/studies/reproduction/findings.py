@@ -108,7 +108,6 @@ def captioned_values(result: Reproduction, keys: tuple[str, ...]) -> list[str]:
     """Return for presets and best reading a line with some numbers beside the paper's.
 
     Args:
-        result: of the reproduction.
         keys: of the numbers; none gives no line.
     """
     numbers = [number for number in NUMBERS if number.key in keys]

@@ -7,29 +7,17 @@ import dataclasses
 
 @dataclasses.dataclass(frozen=True)
 class Number:
-    """Number of the paper.
+    """Number of the paper."""
 
-    Args:
-        key: its name in the JSON.
-        paper: its value, in SI units.
-        unit: SI unit.
-        source: figure of the paper.
-        statement: meaning, in the paper's words where they matter.
-        regime: of the model's run; ``contact`` is the single collision at 5 m/s.
-        figure: name of the figure of that run.
-        measured: whether the paper measured it, rather than simulated it.
-        label: short heading of its column.
-    """
-
-    key: str
-    paper: float
-    unit: str
-    source: str
-    statement: str
-    regime: str
-    figure: str
-    measured: bool = False
-    label: str = ""
+    key: str  # its name in the JSON
+    paper: float  # its value, in SI units
+    unit: str  # SI unit
+    source: str  # figure of the paper
+    statement: str  # meaning, in the paper's words where they matter
+    regime: str  # of the model's run; ``contact`` is the single collision at 5 m/s
+    figure: str  # name of the figure of that run
+    measured: bool = False  # whether the paper measured it, rather than simulated it
+    label: str = ""  # short heading of its column
 
 
 CONTACT_SPEED = 5.0  # Fig. 12 [m/s]

@@ -59,17 +59,12 @@ CLAIMS: dict[str, dict[str, tuple[str, ...]]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """Study of one parameter's effect on all outputs.
+    """Study of one parameter's effect on all outputs."""
 
-    Args:
-        parameter: its name.
-        values: of the parameter, shape (n,), SI units.
-        members: outputs of the members at each value, by output, shape (n, members); NaN for a
-            stalled member.
-    """
-
-    parameter: str
-    values: np.ndarray
+    parameter: str  # its name
+    values: np.ndarray  # of the parameter, shape (n,), SI units
+    # outputs of the members at each value, by output, shape (n, members); NaN for a stalled
+    # member
     members: dict[str, np.ndarray]
 
     def mean(self, output: str) -> np.ndarray:
@@ -86,27 +81,16 @@ class Study:
 
 @dataclasses.dataclass(frozen=True)
 class Trend:
-    """Verdict on one output of one study.
+    """Verdict on one output of one study."""
 
-    Args:
-        parameter: that is varied.
-        output: that depends on it.
-        verdict: rises, falls or flat.
-        tau: Kendall's tau over all members.
-        p_value: corrected by Holm's method over all trends.
-        change: from the first to the last value, as a share of the mean.
-        change_interval: half its 95 % interval.
-        turns: whether the output turns back by more than ``LITTLE`` on the way.
-    """
-
-    parameter: str
-    output: str
-    verdict: str
-    tau: float
-    p_value: float
-    change: float
-    change_interval: float
-    turns: bool
+    parameter: str  # that is varied
+    output: str  # that depends on it
+    verdict: str  # rises, falls or flat
+    tau: float  # Kendall's tau over all members
+    p_value: float  # corrected by Holm's method over all trends
+    change: float  # from the first to the last value, as a share of the mean
+    change_interval: float  # half its 95 % interval
+    turns: bool  # whether the output turns back by more than ``LITTLE`` on the way
 
 
 def run_studies(
@@ -115,12 +99,9 @@ def run_studies(
     """Return the four studies of a drill.
 
     Args:
-        base: the drill.
         members: number of members of the ensemble at each point.
         duration: of each run, after it has settled [s].
         points: greatest number of ``VALUES`` of each parameter, chosen evenly.
-        seed: of the initial phases.
-        track: shows the progress.
     """
     random = np.random.default_rng(seed)
     chosen = {

@@ -34,29 +34,17 @@ _EXTRAS = ("contact_force_share", "nodal_plane_mean")
 
 @dataclasses.dataclass(frozen=True)
 class Effort:
-    """Amount of simulation for a reproduction.
+    """Amount of simulation for a reproduction."""
 
-    Args:
-        search_points: of the search's design, a power of two.
-        refined_points: of each refinement, a power of two.
-        search_members: runs per drill of the search.
-        window_members: runs of the paper's windows per reading.
-        study_members: runs per point of a study.
-        study_duration: of each of these runs [s].
-        study_points: number of values of each parameter.
-        bar_elements: elements in part I of the elastic bar.
-        seed: of the design and of all initial phases.
-    """
-
-    search_points: int = 64
-    refined_points: int = 16
-    search_members: int = 3
-    window_members: int = 40
-    study_members: int = 12
-    study_duration: float = 20.0
-    study_points: int = 9
-    bar_elements: int = 40
-    seed: int = 0
+    search_points: int = 64  # of the search's design, a power of two
+    refined_points: int = 16  # of each refinement, a power of two
+    search_members: int = 3  # runs per drill of the search
+    window_members: int = 40  # runs of the paper's windows per reading
+    study_members: int = 12  # runs per point of a study
+    study_duration: float = 20.0  # of each of these runs [s]
+    study_points: int = 9  # number of values of each parameter
+    bar_elements: int = 40  # elements in part I of the elastic bar
+    seed: int = 0  # of the design and of all initial phases
 
 
 QUICK = Effort(4, 2, 2, 4, 4, 2.0, 3, 4)
@@ -64,25 +52,15 @@ QUICK = Effort(4, 2, 2, 4, 4, 2.0, 3, 4)
 
 @dataclasses.dataclass(frozen=True)
 class Reproduction:
-    """Results of a reproduction.
+    """Results of a reproduction."""
 
-    Args:
-        effort: amount of simulation.
-        search: for readings.
-        fits: of the named readings and of those found, the best first.
-        extras: means of further figures by reading, then by name.
-        studies: by drill, ``PRESETS`` and ``BEST``.
-        trends: verdicts on the studies, by drill.
-        bar: study of the elastic bar.
-    """
-
-    effort: Effort
-    search: Search
-    fits: list[Fit]
-    extras: dict[str, dict[str, float]]
-    studies: dict[str, list[Study]]
-    trends: dict[str, list[Trend]]
-    bar: BarStudy
+    effort: Effort  # amount of simulation
+    search: Search  # for readings
+    fits: list[Fit]  # of the named readings and of those found, the best first
+    extras: dict[str, dict[str, float]]  # means of further figures by reading, then by name
+    studies: dict[str, list[Study]]  # by drill, ``PRESETS`` and ``BEST``
+    trends: dict[str, list[Trend]]  # verdicts on the studies, by drill
+    bar: BarStudy  # study of the elastic bar
 
     @property
     def best(self) -> Fit:
@@ -149,12 +127,7 @@ class Reproduction:
 
 
 def reproduce(effort: Effort, track: Track = silent) -> Reproduction:
-    """Run all simulations of the reproduction.
-
-    Args:
-        effort: amount of simulation.
-        track: shows the progress.
-    """
+    """Run all simulations of the reproduction."""
     found = search(
         effort.search_points, effort.refined_points, effort.search_members, effort.seed, track
     )

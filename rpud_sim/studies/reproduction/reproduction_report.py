@@ -37,7 +37,6 @@ def write_report(result: Reproduction, folder: Path, command: str) -> None:
     """Write the report, its numbers and validation.md into a folder.
 
     Args:
-        result: of the reproduction.
         folder: of the files; it is created if it does not exist.
         command: that generates the report; the report names it.
 

@@ -37,14 +37,10 @@ BAR_QUANTITIES = {
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """Cell of a table of scores.
+    """Cell of a table of scores."""
 
-    Args:
-        text: shown.
-        grade: near, close, low, high, far-low, far-high, or empty for a cell without a color.
-    """
-
-    text: str
+    text: str  # shown
+    # near, close, low, high, far-low, far-high, or empty for a cell without a color
     grade: str = ""
 
     def __str__(self) -> str:

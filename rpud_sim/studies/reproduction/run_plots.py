@@ -46,21 +46,13 @@ _DASHES: tuple[Literal["solid", "dashed", "dotdash", "dotted"], ...] = (
 
 @dataclasses.dataclass(frozen=True)
 class Shown:
-    """Reading that the figures show, with one run of it in each regime.
+    """Reading that the figures show, with one run of it in each regime."""
 
-    Args:
-        label: in the legends.
-        color: of its lines.
-        reading: the choices.
-        free: the run before drilling.
-        drilling: the run in the rock.
-    """
-
-    label: str
-    color: int
-    reading: Reading
-    free: Block
-    drilling: Block
+    label: str  # in the legends
+    color: int  # of its lines
+    reading: Reading  # the choices
+    free: Block  # the run before drilling
+    drilling: Block  # the run in the rock
 
 
 def run_plots(presets: Reading, best: Reading) -> dict[str, tuple[Plot, ...]]:

@@ -36,19 +36,12 @@ _RESAMPLES = 400
 
 @dataclasses.dataclass(frozen=True)
 class Value:
-    """Counterpart of a number in the model under one reading, in SI units.
+    """Counterpart of a number in the model under one reading, in SI units."""
 
-    Args:
-        mean: over the members.
-        standard_error: of the mean.
-        low: 2.5 % quantile of single members, since the paper shows one run.
-        high: 97.5 % quantile.
-    """
-
-    mean: float
-    standard_error: float
-    low: float
-    high: float
+    mean: float  # over the members
+    standard_error: float  # of the mean
+    low: float  # 2.5 % quantile of single members, since the paper shows one run
+    high: float  # 97.5 % quantile
 
     def over(self, number: Number) -> float:
         """Return model over paper."""
@@ -61,23 +54,15 @@ class Value:
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """Fit of a reading to all numbers.
+    """Fit of a reading to all numbers."""
 
-    Args:
-        reading: the choices.
-        values: of the model, by the numbers' keys.
-        misfit: over the simulated numbers.
-        misfit_interval: its 95 % interval, from resampled members.
-        group_misfits: misfit of each group of ``GROUPS``, and of the measured numbers.
-        stalled: number of members that the engine could not finish.
-    """
-
-    reading: Reading
-    values: Mapping[str, Value]
-    misfit: float
-    misfit_interval: tuple[float, float]
+    reading: Reading  # the choices
+    values: Mapping[str, Value]  # of the model, by the numbers' keys
+    misfit: float  # over the simulated numbers
+    misfit_interval: tuple[float, float]  # its 95 % interval, from resampled members
+    # misfit of each group of ``GROUPS``, and of the measured numbers
     group_misfits: Mapping[str, float]
-    stalled: int
+    stalled: int  # number of members that the engine could not finish
 
     def near(self, numbers: Iterable[Number] = SIMULATED, within: float = NEAR) -> int:
         """Return how many of the numbers are within a share of the paper's values."""
@@ -143,8 +128,6 @@ def columns_of(
     """Return each number's counterpart in every member, by the numbers' keys.
 
     Args:
-        numbers: of the paper.
-        reading: the choices.
         windows: the runs, by drill; those of the reading's drills are needed.
     """
     return {number.key: _column(number, reading, windows) for number in numbers}
@@ -169,13 +152,7 @@ def _blow(tool: str, gravity: float) -> Any:
 
 
 def fit(reading: Reading, windows: Mapping[Parameters, Members], seed: int) -> Fit:
-    """Return the fit of a reading whose drills have run.
-
-    Args:
-        reading: the choices.
-        windows: the runs, by drill.
-        seed: of the resampling.
-    """
+    """Return the fit of a reading whose drills have run."""
     random = np.random.default_rng(seed)
     columns = columns_of(NUMBERS, reading, windows)
     sizes = sorted({len(column) for column in columns.values()})

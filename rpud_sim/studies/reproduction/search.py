@@ -55,15 +55,10 @@ Point = tuple[float, float, float]  # A [m], W [N], e_1
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """Choices that a search compares: before drilling, in the rock, or both.
+    """Choices that a search compares: before drilling, in the rock, or both."""
 
-    Args:
-        before: choices before drilling; None if they do not matter.
-        rock: choices in the rock; None if they do not matter.
-    """
-
-    before: Before | None
-    rock: Rock | None
+    before: Before | None  # choices before drilling; None if they do not matter
+    rock: Rock | None  # choices in the rock; None if they do not matter
 
     def at(self, point: Point) -> Candidate:
         """Return the same discrete choices at another point."""
@@ -97,20 +92,14 @@ class Candidate:
 
 @dataclasses.dataclass(frozen=True)
 class Search:
-    """Result of a search.
+    """Result of a search."""
 
-    Args:
-        readings: the best of each tool, with one set of choices and with two.
-        ridges: by tool, the least misfit of the numbers in the rock at each point of the design,
-            over all other choices: points (n, 3) and misfits (n,).
-        compared: number of sets of choices that were compared.
-        runs: number of runs.
-    """
-
-    readings: tuple[Reading, ...]
+    readings: tuple[Reading, ...]  # the best of each tool, with one set of choices and with two
+    # by tool, the least misfit of the numbers in the rock at each point of the design, over
+    # all other choices: points (n, 3) and misfits (n,)
     ridges: dict[str, tuple[np.ndarray, np.ndarray]]
-    compared: int
-    runs: int
+    compared: int  # number of sets of choices that were compared
+    runs: int  # number of runs
 
 
 def simulate(
@@ -124,11 +113,7 @@ def simulate(
     """Run the paper's windows of every drill, each with initial phases of its own.
 
     Args:
-        drills: to run.
         members: runs of each.
-        seed: of the initial phases.
-        title: of the progress.
-        track: shows the progress.
         long: window of the mean reacting force [s].
     """
     unique = list(dict.fromkeys(drills))
@@ -144,8 +129,6 @@ def design(count: int, seed: int, centre: Point | None = None, side: float = 1.0
     """Return points of Sobol's sequence in a box.
 
     Args:
-        count: of points, a power of two.
-        seed: of the sequence's scrambling.
         centre: of the box; of the whole range without one. What lies outside is moved inside.
         side: of the box, as a share of each range.
     """
@@ -169,8 +152,6 @@ def search(points: int, refined: int, members: int, seed: int, track: Track) -> 
         points: of the design, a power of two.
         refined: points of each refinement, a power of two.
         members: runs per drill.
-        seed: of design and initial phases.
-        track: shows the progress.
     """
     finder = _Finder(members, seed, track)
     wide = design(points, seed)

@@ -15,23 +15,14 @@ from rpud_sim.model.parameters import Parameters
 
 @dataclasses.dataclass(frozen=True)
 class Contact:
-    """Result of one blow on the resting drill tool, by the energy balance.
+    """Result of one blow on the resting drill tool, by the energy balance."""
 
-    Args:
-        tool_mass: m_eff,dt [kg].
-        tool_spring_rate: k_eff,dt [N/m].
-        peak_force: greatest contact force [N].
-        peak_displacement: of the drill tool's upper side [m].
-        duration: t_con of eq. (39) [s].
-        restitution: velocity of the free mass after the contact over that before.
-    """
-
-    tool_mass: float
-    tool_spring_rate: float
-    peak_force: float
-    peak_displacement: float
-    duration: float
-    restitution: float
+    tool_mass: float  # m_eff,dt [kg]
+    tool_spring_rate: float  # k_eff,dt [N/m]
+    peak_force: float  # greatest contact force [N]
+    peak_displacement: float  # of the drill tool's upper side [m]
+    duration: float  # t_con of eq. (39) [s].
+    restitution: float  # velocity of the free mass after the contact over that before
 
 
 def single_contact(parameters: Parameters, impact_velocity: float) -> Contact:
@@ -60,7 +51,6 @@ def contact_history(
     """Return the tool's displacement [m] and the contact force [N], eqs. (30) and (36).
 
     Args:
-        parameters: of the drill.
         impact_velocity: of the free mass [m/s].
         times: since the impact, within the contact, shape (n,) [s].
     """

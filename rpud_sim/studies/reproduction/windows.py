@@ -28,22 +28,16 @@ _SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower 
 
 @dataclasses.dataclass(frozen=True)
 class Members:
-    """Figures of the members of an ensemble.
+    """Figures of the members of an ensemble."""
 
-    Args:
-        values: by name, each of shape (n,); NaN if a member has no such figure.
-        stalled: number of members that the engine could not finish; ``values`` lacks them.
-    """
-
-    values: dict[str, np.ndarray]
-    stalled: int
+    values: dict[str, np.ndarray]  # by name, each of shape (n,); NaN if a member has no such figure
+    stalled: int  # number of members that the engine could not finish; ``values`` lacks them
 
 
 def run_windows(parameters: Parameters, phases: np.ndarray, long: float = LONG) -> Members:
     """Run the paper's windows once per initial phase.
 
     Args:
-        parameters: of the drill.
         phases: initial phase of each member, shape (n,) [cycles].
         long: window of the mean reacting force [s]; a search takes a shorter one than the paper.
     """

@@ -36,17 +36,11 @@ PHASE = "initial_phase"
 
 @dataclasses.dataclass(frozen=True)
 class Sensitivity:
-    """Result of a sensitivity study.
+    """Result of a sensitivity study."""
 
-    Args:
-        specification: of the study.
-        values: figures at the independent points of the design, shape (points, figures).
-        indices: of the figures; the last input is the initial phase.
-    """
-
-    specification: Specification
-    values: np.ndarray
-    indices: Indices
+    specification: Specification  # of the study
+    values: np.ndarray  # figures at the independent points of the design, shape (points, figures)
+    indices: Indices  # of the figures; the last input is the initial phase
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -89,10 +83,6 @@ class Sensitivity:
 
 def run_sensitivity(specification: Specification, track: Track = silent) -> Sensitivity:
     """Run all simulations of a study and divide the figures' variance among the inputs.
-
-    Args:
-        specification: of the study.
-        track: shows the progress.
 
     Raises:
         SensitivityError: if a point has no figures; the text gives the reason.

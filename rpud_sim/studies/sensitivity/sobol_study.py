@@ -13,28 +13,19 @@ RESAMPLES = 400
 
 @dataclasses.dataclass(frozen=True)
 class Indices:
-    """Sobol indices of several figures; each array has the shape (figures, inputs).
+    """Sobol indices of several figures; each array has the shape (figures, inputs)."""
 
-    Args:
-        first: share of the variance that an input explains alone.
-        first_interval: lower and upper end of its confidence interval, shape (2, ...).
-        total: share in which an input takes part, alone or with others.
-        total_interval: of the total.
-    """
-
-    first: np.ndarray
-    first_interval: np.ndarray
-    total: np.ndarray
-    total_interval: np.ndarray
+    first: np.ndarray  # share of the variance that an input explains alone
+    first_interval: np.ndarray  # lower and upper end of its confidence interval, shape (2, ...)
+    total: np.ndarray  # share in which an input takes part, alone or with others
+    total_interval: np.ndarray  # of the total
 
 
 def design(dimensions: int, samples: int, seed: int) -> np.ndarray:
     """Return the points of Saltelli's design in the unit cube.
 
     Args:
-        dimensions: number of inputs.
         samples: of each matrix, a power of two.
-        seed: of the scrambled Sobol sequence.
 
     Returns:
         Shape (dimensions + 2, samples, dimensions): the matrices A and B, and for each input A with
@@ -57,7 +48,6 @@ def find_indices(values: np.ndarray, seed: int) -> Indices:
 
     Args:
         values: shape (inputs + 2, samples, figures), finite, in the order of ``design``.
-        seed: of the resampling.
     """
     a, b, mixed = values[0].T, values[1].T, np.swapaxes(values[2:], 1, 2)
     samples = a.shape[1]

@@ -31,38 +31,23 @@ class SensitivityError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Interval:
-    """Interval of an input, in which it is distributed evenly.
+    """Interval of an input, in which it is distributed evenly."""
 
-    Args:
-        minimum: least value, SI units.
-        maximum: greatest value.
-        source: where the interval comes from.
-    """
-
-    minimum: float
-    maximum: float
-    source: str
+    minimum: float  # least value, SI units
+    maximum: float  # greatest value
+    source: str  # where the interval comes from
 
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
-    """Sensitivity study.
+    """Sensitivity study."""
 
-    Args:
-        samples: of each of the two matrices of Saltelli's design, a power of two.
-        seed: of the design and of the resampling.
-        settling: time of each simulation before its figures begin [s].
-        duration: time in which its figures are taken [s].
-        fixed: parameters that differ from the regime's preset.
-        inputs: interval of each parameter that is uncertain, by name.
-    """
-
-    samples: int
-    seed: int
-    settling: float
-    duration: float
-    fixed: Mapping[str, float | str | bool]
-    inputs: Mapping[str, Interval]
+    samples: int  # of each of the two matrices of Saltelli's design, a power of two
+    seed: int  # of the design and of the resampling
+    settling: float  # time of each simulation before its figures begin [s]
+    duration: float  # time in which its figures are taken [s]
+    fixed: Mapping[str, float | str | bool]  # parameters that differ from the regime's preset
+    inputs: Mapping[str, Interval]  # interval of each parameter that is uncertain, by name
 
     @property
     def simulations(self) -> int:

@@ -32,23 +32,15 @@ Failure = str | None
 
 @dataclasses.dataclass(frozen=True)
 class Chunk:
-    """Consecutive simulations of a sweep.
+    """Consecutive simulations of a sweep."""
 
-    Args:
-        number: of the chunk.
-        first: number of the first simulation.
-        count: of simulations.
-        specification: of the sweep.
-        points: values of the swept parameters at the points of these simulations.
-        versions: of everything that determines the results.
-    """
-
-    number: int
-    first: int
-    count: int
-    specification: Specification
+    number: int  # of the chunk
+    first: int  # number of the first simulation
+    count: int  # of simulations
+    specification: Specification  # of the sweep
+    # values of the swept parameters at the points of these simulations
     points: Mapping[str, np.ndarray]
-    versions: Mapping[str, str]
+    versions: Mapping[str, str]  # of everything that determines the results
 
     @property
     def first_point(self) -> int:
@@ -58,17 +50,11 @@ class Chunk:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """Results of the simulations of a chunk.
+    """Results of the simulations of a chunk."""
 
-    Args:
-        phases: initial phase of each [cycles], shape (count,).
-        figures: ``FIGURES`` of each, shape (count, figures), SI units; NaN if missing.
-        failures: why a simulation has no figures, None if it has.
-    """
-
-    phases: np.ndarray
-    figures: np.ndarray
-    failures: tuple[Failure, ...]
+    phases: np.ndarray  # initial phase of each [cycles], shape (count,)
+    figures: np.ndarray  # ``FIGURES`` of each, shape (count, figures), SI units; NaN if missing
+    failures: tuple[Failure, ...]  # why a simulation has no figures, None if it has
 
 
 # Chunks with their outcomes, as they finish.

@@ -48,12 +48,7 @@ def make_manifest(specification: Specification) -> dict[str, Any]:
 
 
 class SweepFolder:
-    """Files of one sweep.
-
-    Args:
-        path: of the folder.
-        specification: of the sweep.
-    """
+    """Files of one sweep."""
 
     def __init__(self, path: Path, specification: Specification) -> None:
         self.path = path

@@ -29,12 +29,7 @@ _MOST_PLOT_DOTS = 2000
 def point_plots(
     specification: Specification, points: Mapping[str, np.ndarray]
 ) -> dict[str, tuple[Plot, ...]]:
-    """Return for each swept parameter the plots of all figures.
-
-    Args:
-        specification: of the sweep.
-        points: the table of points, by column.
-    """
+    """Return for each swept parameter the plots of all figures."""
     plots = len(specification.swept) * len(FIGURES)
     most = min(_MOST_PLOT_DOTS, _MOST_DOTS // plots)
     return {

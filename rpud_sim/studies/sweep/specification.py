@@ -30,19 +30,12 @@ class SweepError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Range:
-    """Interval of values, spread evenly or evenly in their logarithms.
+    """Interval of values, spread evenly or evenly in their logarithms."""
 
-    Args:
-        minimum: least value, SI units.
-        maximum: greatest value.
-        scale: of ``SCALES``.
-        points: number of values in a grid; None in other designs.
-    """
-
-    minimum: float
-    maximum: float
-    scale: str = "linear"
-    points: int | None = None
+    minimum: float  # least value, SI units
+    maximum: float  # greatest value
+    scale: str = "linear"  # of ``SCALES``
+    points: int | None = None  # number of values in a grid; None in other designs
 
     def at(self, shares: np.ndarray) -> np.ndarray:
         """Return the values at shares of the way from minimum to maximum, in the same shape."""
@@ -75,25 +68,16 @@ class Values:
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
-    """Sweep over the drill's parameters.
+    """Sweep over the drill's parameters."""
 
-    Args:
-        design: of ``DESIGNS``.
-        points: number of points; None in a grid, whose ranges have their own.
-        seed: of the design and of the initial phases.
-        repeat: simulations at each point, with different initial phases.
-        duration: of each simulation [s].
-        fixed: parameters that differ from the regime's preset at all points.
-        swept: range or values of each swept parameter, by name.
-    """
-
-    design: str
-    points: int | None
-    seed: int
-    repeat: int
-    duration: float
+    design: str  # of ``DESIGNS``
+    points: int | None  # number of points; None in a grid, whose ranges have their own
+    seed: int  # of the design and of the initial phases
+    repeat: int  # simulations at each point, with different initial phases
+    duration: float  # of each simulation [s]
+    # parameters that differ from the regime's preset at all points
     fixed: Mapping[str, float | str]
-    swept: Mapping[str, Range | Values]
+    swept: Mapping[str, Range | Values]  # range or values of each swept parameter, by name
 
     @property
     def point_count(self) -> int:

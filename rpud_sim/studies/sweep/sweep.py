@@ -22,23 +22,14 @@ REPORT = "report.html"
 
 @dataclasses.dataclass(frozen=True)
 class SweepResult:
-    """Result of a sweep.
+    """Result of a sweep."""
 
-    Args:
-        folder: with all files.
-        manifest: of the sweep.
-        simulations: number that this call ran.
-        kept: number that earlier calls had run.
-        failures: number of simulations without figures.
-        report: file of the page.
-    """
-
-    folder: Path
-    manifest: dict[str, Any]
-    simulations: int
-    kept: int
-    failures: int
-    report: Path
+    folder: Path  # with all files
+    manifest: dict[str, Any]  # of the sweep
+    simulations: int  # number that this call ran
+    kept: int  # number that earlier calls had run
+    failures: int  # number of simulations without figures
+    report: Path  # file of the page
 
 
 def run_sweep(
@@ -51,9 +42,7 @@ def run_sweep(
     """Run those simulations of a sweep that are missing in its folder, and complete the folder.
 
     Args:
-        specification: of the sweep.
         out: its folder; new, or left by an earlier call of the same sweep.
-        workers: number of local processes.
         scheduler: address of a Dask cluster to use instead of local processes.
         report: called with the number of simulations that finished since its last call.
 

@@ -66,13 +66,7 @@ spread of the points; a single point has the spread of its simulations. Dots are
 def sweep_page(
     specification: Specification, points: Mapping[str, np.ndarray], failures: int
 ) -> str:
-    """Return the HTML page of a sweep.
-
-    Args:
-        specification: of the sweep.
-        points: the table of points, by column.
-        failures: number of simulations without figures.
-    """
+    """Return the HTML page of a sweep."""
     sections = [
         {"name": name, "plots": plots} for name, plots in point_plots(specification, points).items()
     ]

@@ -43,11 +43,7 @@ def simulation_table(chunk: Chunk, outcome: Outcome) -> pa.Table:
 
 
 class PointTables:
-    """Conversion of simulations' rows, added in order and in any portions, to points' rows.
-
-    Args:
-        specification: of the sweep.
-    """
+    """Conversion of simulations' rows, added in order and in any portions, to points' rows."""
 
     def __init__(self, specification: Specification) -> None:
         self._specification = specification

@@ -31,7 +31,6 @@ def run_campaign(
     """Fly those runs of a campaign that have not ended yet, and write its results.
 
     Args:
-        campaign: to fly.
         out: its folder; new, or left by an earlier call.
         workers: number of runs at the same time.
         again: whether to fly all runs, also those that have ended.

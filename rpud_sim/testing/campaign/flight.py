@@ -36,23 +36,14 @@ _ATTEMPTS = 3
 
 @dataclasses.dataclass(frozen=True)
 class Job:
-    """Run for a worker.
+    """Run for a worker."""
 
-    Args:
-        number: of the run.
-        run: to fly.
-        of: digest of what is run.
-        system: under test.
-        expectations: on the run.
-        folder: for the bag and the output.
-    """
-
-    number: int
-    run: PlannedRun
-    of: str
-    system: System
-    expectations: tuple[Expectation, ...]
-    folder: Path
+    number: int  # of the run
+    run: PlannedRun  # to fly
+    of: str  # digest of what is run
+    system: System  # under test
+    expectations: tuple[Expectation, ...]  # on the run
+    folder: Path  # for the bag and the output
 
 
 def fly_in_worker(job: Job) -> Outcome:
@@ -75,10 +66,6 @@ def fly(job: Job, pool: DrillPool) -> Outcome:
 
     A run that the drill or the middleware broke says nothing about the system under test: it is
     flown once more, a few times at most.
-
-    Args:
-        job: to do.
-        pool: of drills.
     """
     broken: list[str] = []
     while (outcome := _attempt(job, pool)).ending == BROKEN and len(broken) < _ATTEMPTS - 1:

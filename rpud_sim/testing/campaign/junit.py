@@ -12,11 +12,7 @@ from rpud_sim.verdicts.verdict import FAILED, UNDECIDED
 
 
 def campaign_junit(results: Results) -> str:
-    """Return the XML; an undecided verdict is a skipped case.
-
-    Args:
-        results: of the campaign.
-    """
+    """Return the XML; an undecided verdict is a skipped case."""
     root = ElementTree.Element("testsuites", {"name": printable(results.campaign.name)})
     for flown in results.runs:
         root.append(_suite(flown))

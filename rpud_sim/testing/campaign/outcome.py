@@ -28,28 +28,17 @@ _LAST_LINES = 20
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """What a run came to.
+    """What a run came to."""
 
-    Args:
-        of: digest of what was run.
-        ending: one of ``ENDINGS``.
-        reached: simulation time at its end [s].
-        text: why it ended early, with the last lines of output; empty if it is completed.
-        verdicts: on the system under test, and on each expectation.
-        record: digest of what was published and commanded.
-        wall_time: that it took [s].
-        bag: path of its bag in its folder; empty for none.
-        broken: reasons of earlier flights, in which the drill or the middleware failed.
-    """
-
-    of: str
-    ending: str
-    reached: float
-    text: str
-    verdicts: tuple[Verdict, ...]
-    record: str
-    wall_time: float
-    bag: str
+    of: str  # digest of what was run
+    ending: str  # one of ``ENDINGS``
+    reached: float  # simulation time at its end [s]
+    text: str  # why it ended early, with the last lines of output; empty if it is completed
+    verdicts: tuple[Verdict, ...]  # on the system under test, and on each expectation
+    record: str  # digest of what was published and commanded
+    wall_time: float  # that it took [s]
+    bag: str  # path of its bag in its folder; empty for none
+    # reasons of earlier flights, in which the drill or the middleware failed
     broken: tuple[str, ...] = ()
 
     @property

@@ -15,17 +15,11 @@ from rpud_sim.verdicts.verdict import FAILED, OUTCOMES, PASSED, UNDECIDED
 
 @dataclasses.dataclass(frozen=True)
 class FlownRun:
-    """Run of a campaign with its outcome.
+    """Run of a campaign with its outcome."""
 
-    Args:
-        run: as planned.
-        outcome: of the run.
-        folder: of the run, relative to that of the campaign.
-    """
-
-    run: PlannedRun
-    outcome: Outcome
-    folder: str
+    run: PlannedRun  # as planned
+    outcome: Outcome  # of the run
+    folder: str  # of the run, relative to that of the campaign
 
     @property
     def bag(self) -> str:
@@ -35,23 +29,14 @@ class FlownRun:
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """Verdicts on one requirement in some runs.
+    """Verdicts on one requirement in some runs."""
 
-    Args:
-        counts: of each outcome.
-        margin: the least one; None without any.
-        unit: of the margin.
-        reaction_time: the longest one [s]; None without any.
-        worst: run that shows the worst verdict.
-        verdict: that verdict.
-    """
-
-    counts: Mapping[str, int]
-    margin: float | None
-    unit: str
-    reaction_time: float | None
-    worst: FlownRun
-    verdict: Verdict
+    counts: Mapping[str, int]  # of each outcome
+    margin: float | None  # the least one; None without any
+    unit: str  # of the margin
+    reaction_time: float | None  # the longest one [s]; None without any
+    worst: FlownRun  # run that shows the worst verdict
+    verdict: Verdict  # that verdict
 
     @property
     def outcome(self) -> str:
@@ -61,21 +46,13 @@ class Cell:
 
 @dataclasses.dataclass(frozen=True)
 class Requirement:
-    """Requirement with its cells.
+    """Requirement with its cells."""
 
-    Args:
-        identifier: of the requirement; the expectation's name where it has none.
-        text: of the requirement; empty if the campaign gives none.
-        expectations: names of its expectations.
-        cells: by the name of the scenario; none without an expectation.
-        whole: of all runs; None without an expectation.
-    """
-
-    identifier: str
-    text: str
-    expectations: tuple[str, ...]
-    cells: Mapping[str, Cell]
-    whole: Cell | None
+    identifier: str  # of the requirement; the expectation's name where it has none
+    text: str  # of the requirement; empty if the campaign gives none
+    expectations: tuple[str, ...]  # names of its expectations
+    cells: Mapping[str, Cell]  # by the name of the scenario; none without an expectation
+    whole: Cell | None  # of all runs; None without an expectation
 
     @property
     def outcome(self) -> str:
@@ -85,16 +62,11 @@ class Requirement:
 
 @dataclasses.dataclass(frozen=True)
 class Results:
-    """Results of a campaign.
+    """Results of a campaign."""
 
-    Args:
-        campaign: that was flown.
-        runs: all of them, in order.
-        requirements: the system under test itself first, then as the campaign has them.
-    """
-
-    campaign: Campaign
-    runs: tuple[FlownRun, ...]
+    campaign: Campaign  # that was flown
+    runs: tuple[FlownRun, ...]  # all of them, in order
+    # the system under test itself first, then as the campaign has them
     requirements: tuple[Requirement, ...]
 
     @property

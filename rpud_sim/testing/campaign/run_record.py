@@ -31,34 +31,21 @@ _OF_THE_MACHINE = (
 
 @dataclasses.dataclass(frozen=True)
 class KeptTopic:
-    """Messages of a topic in a run; as ``HeardTopic``, but without its subscription.
+    """Messages of a topic in a run; as ``HeardTopic``, but without its subscription."""
 
-    Args:
-        kind: class of the messages.
-        latched: whether it is transient local.
-        lost: messages that were lost.
-        stamps: of the messages [ns].
-        payloads: the messages, serialized.
-    """
-
-    kind: Any
-    latched: bool
-    lost: int
-    stamps: Sequence[int]
-    payloads: Sequence[bytes]
+    kind: Any  # class of the messages
+    latched: bool  # whether it is transient local
+    lost: int  # messages that were lost
+    stamps: Sequence[int]  # of the messages [ns]
+    payloads: Sequence[bytes]  # the messages, serialized
 
 
 @dataclasses.dataclass(frozen=True)
 class RunRecord:
-    """Everything that was published in a run.
+    """Everything that was published in a run."""
 
-    Args:
-        namespace: of the drill.
-        heard: topics by absolute name.
-    """
-
-    namespace: str
-    heard: Mapping[str, KeptTopic]
+    namespace: str  # of the drill
+    heard: Mapping[str, KeptTopic]  # topics by absolute name
 
     def digest(self) -> str:
         """Return a digest of what was published and commanded, by simulation time."""

@@ -22,7 +22,6 @@ class CampaignError(ParameterError):
     """Unusable campaign; the text says why, in one line.
 
     Args:
-        reason: one line.
         path: keys and numbers that lead to the place in the file's content.
     """
 
@@ -33,67 +32,39 @@ class CampaignError(ParameterError):
 
 @dataclasses.dataclass(frozen=True)
 class System:
-    """System under test.
+    """System under test."""
 
-    Args:
-        command: words.
-        folder: in which it starts.
-        answers: topics on which it answers each step.
-        hears: topics of the drill that it subscribes to.
-        ready: regular expression that its output has when it is ready; empty for none.
-        period: simulation time between two answers [s].
-        answer_timeout: longest real time for the answers to one step [s].
-        start_timeout: longest real time until it is ready [s].
-        run_timeout: longest real time of a whole run [s].
-        files: digest of each of its files that the campaign names.
-        name: for messages; the command's file if empty.
-    """
-
-    command: tuple[str, ...]
-    folder: Path
-    answers: tuple[str, ...]
-    hears: tuple[str, ...]
-    ready: str
-    period: float
-    answer_timeout: float
-    start_timeout: float
-    run_timeout: float
-    files: Mapping[str, str]
-    name: str = ""
+    command: tuple[str, ...]  # words
+    folder: Path  # in which it starts
+    answers: tuple[str, ...]  # topics on which it answers each step
+    hears: tuple[str, ...]  # topics of the drill that it subscribes to
+    ready: str  # regular expression that its output has when it is ready; empty for none
+    period: float  # simulation time between two answers [s]
+    answer_timeout: float  # longest real time for the answers to one step [s]
+    start_timeout: float  # longest real time until it is ready [s]
+    run_timeout: float  # longest real time of a whole run [s]
+    files: Mapping[str, str]  # digest of each of its files that the campaign names
+    name: str = ""  # for messages; the command's file if empty
 
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """What happens in a run.
+    """What happens in a run."""
 
-    Args:
-        name: of the scenario.
-        faults: phrase for each fault that it has.
-        duration: of simulation time [s].
-    """
-
-    name: str
-    faults: tuple[str, ...]
-    duration: float
+    name: str  # of the scenario
+    faults: tuple[str, ...]  # phrase for each fault that it has
+    duration: float  # of simulation time [s]
 
 
 @dataclasses.dataclass(frozen=True)
 class PlannedRun:
-    """One run of a campaign.
+    """One run of a campaign."""
 
-    Args:
-        number: of the run in its campaign, from 1 on.
-        scenario: of the run.
-        parameters: values of the parameters that the campaign varies.
-        setup: of the drill.
-        repetition: number of this repetition of the same run, from 1 on.
-    """
-
-    number: int
-    scenario: Scenario
-    parameters: Mapping[str, Any]
-    setup: DrillSetup
-    repetition: int = 1
+    number: int  # of the run in its campaign, from 1 on
+    scenario: Scenario  # of the run
+    parameters: Mapping[str, Any]  # values of the parameters that the campaign varies
+    setup: DrillSetup  # of the drill
+    repetition: int = 1  # number of this repetition of the same run, from 1 on
 
     @property
     def what(self) -> str:
@@ -116,21 +87,13 @@ class PlannedRun:
 
 @dataclasses.dataclass(frozen=True)
 class Campaign:
-    """Campaign as its file describes it, wholly checked.
+    """Campaign as its file describes it, wholly checked."""
 
-    Args:
-        name: of the campaign.
-        requirements: text of each requirement by its identifier; may be empty.
-        system: under test.
-        runs: all of them, in order.
-        expectations: on each run.
-    """
-
-    name: str
-    requirements: Mapping[str, str]
-    system: System
-    runs: tuple[PlannedRun, ...]
-    expectations: tuple[Expectation, ...]
+    name: str  # of the campaign
+    requirements: Mapping[str, str]  # text of each requirement by its identifier; may be empty
+    system: System  # under test
+    runs: tuple[PlannedRun, ...]  # all of them, in order
+    expectations: tuple[Expectation, ...]  # on each run
 
     @property
     def scenarios(self) -> tuple[Scenario, ...]:

@@ -26,10 +26,6 @@ class CampaignStore:
 
     A run that has ended is kept as long as nothing changes on which it depends: the system under
     test, the scenario, the parameters, the seed, the expectations, and the versions.
-
-    Args:
-        path: of the folder.
-        campaign: of the runs.
     """
 
     def __init__(self, path: Path, campaign: Campaign) -> None:

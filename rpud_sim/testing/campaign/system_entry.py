@@ -56,10 +56,6 @@ _LAUNCHER = "rpud_sim.testing.campaign.launcher"
 def to_system(content: Any, folder: Path) -> System:
     """Return the system under test.
 
-    Args:
-        content: of the entry.
-        folder: of the campaign file.
-
     Raises:
         CampaignError: if the entry cannot be used.
     """

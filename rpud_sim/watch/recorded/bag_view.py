@@ -19,9 +19,6 @@ class BagView:
     When it is made it has read a sample of the bag, so that a page can stand at once. Questions of
     pages go first: the thread waits meanwhile.
 
-    Args:
-        path: of the bag.
-
     Raises:
         BagError: if the bag cannot be read.
     """
@@ -118,7 +115,6 @@ class Answerer:
     """Thread of one page that answers its newest request; older ones are dropped.
 
     Args:
-        view: of the bag.
         deliver: called in the thread with each answer, and whether it is the last one.
     """
 

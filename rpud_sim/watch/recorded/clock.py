@@ -17,15 +17,10 @@ Series = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Jump:
-    """Step of a clock that passed time does not explain, for example at a reset.
+    """Step of a clock that passed time does not explain, for example at a reset."""
 
-    Args:
-        log_time: of the first message after it [ns].
-        step: of the stamps, less the time that passed [ns].
-    """
-
-    log_time: int
-    step: int
+    log_time: int  # of the first message after it [ns]
+    step: int  # of the stamps, less the time that passed [ns]
 
 
 @dataclass(frozen=True)
@@ -33,16 +28,11 @@ class Clock:
     """Conversion of stamps to times since the bag began.
 
     Unlike ``Timeline`` it converts any part of a bag, in any order, because it knows the jumps.
-
-    Args:
-        zero: stamp at the beginning of the bag [ns]; None where log times are used.
-        begin: log time of the beginning [ns].
-        jumps: in their order.
     """
 
-    zero: int | None
-    begin: int
-    jumps: tuple[Jump, ...] = ()
+    zero: int | None  # stamp at the beginning of the bag [ns]; None where log times are used
+    begin: int  # log time of the beginning [ns]
+    jumps: tuple[Jump, ...] = ()  # in their order
 
     def offset(self, log_time: int) -> int:
         """Return the stamp at time zero, for messages that were logged at a time [ns]."""

@@ -20,41 +20,27 @@ _ROTATION = "rpud_msgs/msg/Rotation"
 
 @dataclass(frozen=True)
 class Layer:
-    """Line of a plot, or the points of impacts.
+    """Line of a plot, or the points of impacts."""
 
-    Args:
-        name: in the legend; no other layer of the plot has it.
-        signal: of a topic; None for a channel of the rebuilt waveform.
-        channel: of the waveform that is rebuilt from the trajectory; empty for a signal.
-        points: whether it has the single messages of impacts, and is empty in the overview.
-        spread: whether it has the spread of these, and is empty elsewhere.
-        sampled: channel of the waveform that the signal samples; the signal is left out where that
-            is drawn, since a line between its samples would contradict it.
-    """
-
-    name: str
-    signal: Signal | None = None
-    channel: str = ""
+    name: str  # in the legend; no other layer of the plot has it
+    signal: Signal | None = None  # of a topic; None for a channel of the rebuilt waveform
+    channel: str = ""  # of the waveform that is rebuilt from the trajectory; empty for a signal
+    # whether it has the single messages of impacts, and is empty in the overview
     points: bool = False
-    spread: bool = False
+    spread: bool = False  # whether it has the spread of these, and is empty elsewhere
+    # channel of the waveform that the signal samples; the signal is left out where that is
+    # drawn, since a line between its samples would contradict it
     sampled: str = ""
 
 
 @dataclass(frozen=True)
 class Content:
-    """Content of one plot.
+    """Content of one plot."""
 
-    Args:
-        title: of the plot.
-        unit: of its values.
-        layers: from back to front.
-        chosen: whether the reader chooses its signal.
-    """
-
-    title: str
-    unit: str
-    layers: tuple[Layer, ...]
-    chosen: bool = False
+    title: str  # of the plot
+    unit: str  # of its values
+    layers: tuple[Layer, ...]  # from back to front
+    chosen: bool = False  # whether the reader chooses its signal
 
 
 # Title, unit, signals (name, type, column, sampled channel), channels (name, channel).
@@ -145,7 +131,6 @@ def contents(
     """Return the plots of a drill, or of any other namespace, with those to choose last.
 
     Args:
-        recording: of the bag.
         drill: namespace.
         has: whether anything of a signal can be drawn; others are not chosen at first.
     """

@@ -13,14 +13,12 @@ class JumpFinder:
 
     Args:
         recording: that it reads.
-
-    Attributes:
-        jumps: found so far, by drill.
     """
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self._last: dict[str, tuple[int, int]] = {}
+        # found so far, by drill
         self.jumps: dict[str, list[Jump]] = {drill: [] for drill in recording.clocks}
 
     def add(self, number: int) -> bool:

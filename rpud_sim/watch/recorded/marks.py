@@ -47,9 +47,6 @@ class Marks:
 
     Args:
         recording: that is read.
-
-    Attributes:
-        unlisted: marks beyond ``MOST_MARKS`` of a kind, and messages that cannot be understood.
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -58,6 +55,7 @@ class Marks:
         self._commands: dict[tuple[str, int], Mark] = {}
         self._faults: dict[_FaultKey, Mark] = {}
         self._gaps: tuple[Mark, ...] = ()
+        # marks beyond ``MOST_MARKS`` of a kind, and messages that cannot be understood
         self.unlisted = 0
         self._codecs = {
             name: Codec(reader.summary.topic.type, reader.summary.definition or "")

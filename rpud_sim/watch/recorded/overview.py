@@ -27,19 +27,12 @@ _SPARE = 1.02  # of the time, for what is later than the last log time
 
 @dataclass(frozen=True)
 class Progress:
-    """How much of a bag the overview has seen.
+    """How much of a bag the overview has seen."""
 
-    Args:
-        read: parts of the bag that were read in their order.
-        sampled: further parts that were read before.
-        total: parts of the bag.
-        until: time up to which the parts that were read reach [s].
-    """
-
-    read: int
-    sampled: int
-    total: int
-    until: float
+    read: int  # parts of the bag that were read in their order
+    sampled: int  # further parts that were read before
+    total: int  # parts of the bag
+    until: float  # time up to which the parts that were read reach [s]
 
     @property
     def complete(self) -> bool:

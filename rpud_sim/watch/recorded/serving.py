@@ -19,7 +19,6 @@ def serve_bag(
     """Serve the page of a bag until SIGINT or SIGTERM; it reads the bag meanwhile.
 
     Args:
-        bag: path of the bag.
         place: where to listen.
         announce: called once, when the server listens; prints ``server.url(PATH)``.
 

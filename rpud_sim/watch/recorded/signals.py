@@ -40,21 +40,13 @@ _HELD = ("rpud_msgs/msg/Status",)  # types whose values hold until the next mess
 
 @dataclass(frozen=True)
 class Signal:
-    """Column of numbers of one topic.
+    """Column of numbers of one topic."""
 
-    Args:
-        topic: its name.
-        type: of its messages.
-        column: its name.
-        unit: from the comment in the type; empty without one.
-        held: whether a value holds until the next one.
-    """
-
-    topic: str
-    type: str
-    column: str
-    unit: str
-    held: bool = False
+    topic: str  # its name
+    type: str  # of its messages
+    column: str  # its name
+    unit: str  # from the comment in the type; empty without one
+    held: bool = False  # whether a value holds until the next one
 
     @property
     def name(self) -> str:
@@ -74,34 +66,22 @@ def namespace(topic: str) -> str:
 
 @dataclass(frozen=True)
 class Rows:
-    """Messages of one topic in a part of a bag.
+    """Messages of one topic in a part of a bag."""
 
-    Args:
-        log_times: shape (n,) [ns].
-        stamps: shape (n,) [ns]; the log times of messages without stamps.
-        values: of each signal, by column, shape (n,); NaN where a value cannot be drawn.
-    """
-
-    log_times: np.ndarray
-    stamps: np.ndarray
+    log_times: np.ndarray  # shape (n,) [ns]
+    stamps: np.ndarray  # shape (n,) [ns]; the log times of messages without stamps
+    # of each signal, by column, shape (n,); NaN where a value cannot be drawn
     values: dict[str, np.ndarray]
 
 
 @dataclass
 class TopicReader:
-    """Reader of the signals of one topic.
+    """Reader of the signals of one topic."""
 
-    Args:
-        summary: of the topic.
-        columns: of its table.
-        unreadable: messages that are not of the type.
-        reason: of the first of these.
-    """
-
-    summary: TopicSummary
-    columns: Sequence[Column]
-    unreadable: int = 0
-    reason: str = ""
+    summary: TopicSummary  # of the topic
+    columns: Sequence[Column]  # of its table
+    unreadable: int = 0  # messages that are not of the type
+    reason: str = ""  # of the first of these
     stamped: bool = field(init=False)
     block: bool = field(init=False)
     signals: tuple[Signal, ...] = field(init=False)

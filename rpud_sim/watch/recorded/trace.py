@@ -12,15 +12,10 @@ GAP = 3.0
 
 @dataclass(frozen=True)
 class Trace:
-    """Points of a line.
+    """Points of a line."""
 
-    Args:
-        x: times since the bag began, in ascending order, shape (n,) [s].
-        y: values, shape (n,); NaN is a gap.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
+    x: np.ndarray  # times since the bag began, in ascending order, shape (n,) [s]
+    y: np.ndarray  # values, shape (n,); NaN is a gap
 
     def at(self, time: float) -> float:
         """Return the value of the last point at or before a time; NaN without one."""

@@ -42,83 +42,48 @@ _PER_PIXEL = 2  # points of a line
 
 @dataclass(frozen=True)
 class Request:
-    """Range of time to be shown.
+    """Range of time to be shown."""
 
-    Args:
-        drill: namespace whose waveform is rebuilt.
-        start: since the bag began [s].
-        end: since the bag began [s].
-        width: of the plots [pixels].
-        layers: by plot and number of the layer.
-    """
-
-    drill: str
-    start: float
-    end: float
-    width: int
-    layers: Mapping[tuple[int, int], Layer]
+    drill: str  # namespace whose waveform is rebuilt
+    start: float  # since the bag began [s]
+    end: float  # since the bag began [s]
+    width: int  # of the plots [pixels]
+    layers: Mapping[tuple[int, int], Layer]  # by plot and number of the layer
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Traces of a range of time.
+    """Traces of a range of time."""
 
-    Args:
-        request: that it answers.
-        detail: ``OVERVIEW``, ``MESSAGES`` or ``WAVEFORM``.
-        complete: whether all of the bag in this range was read.
-        traces: of the layers, by the keys of the request.
-        rate: of the rebuilt samples [Hz]; 0 without any.
-    """
-
-    request: Request
-    detail: str
-    complete: bool
-    traces: Mapping[tuple[int, int], Trace]
-    rate: int = 0
+    request: Request  # that it answers
+    detail: str  # ``OVERVIEW``, ``MESSAGES`` or ``WAVEFORM``
+    complete: bool  # whether all of the bag in this range was read
+    traces: Mapping[tuple[int, int], Trace]  # of the layers, by the keys of the request
+    rate: int = 0  # of the rebuilt samples [Hz]; 0 without any
 
 
 @dataclass(frozen=True)
 class Impact:
-    """Impact on the drill tool.
+    """Impact on the drill tool."""
 
-    Args:
-        time: since the bag began [s].
-        duration: of its contact [s].
-        peak_force: [N].
-    """
-
-    time: float
-    duration: float
-    peak_force: float
+    time: float  # since the bag began [s]
+    duration: float  # of its contact [s]
+    peak_force: float  # [N]
 
 
 @dataclass(frozen=True)
 class Waveform:
-    """Exact samples of the channels of a trajectory.
+    """Exact samples of the channels of a trajectory."""
 
-    Args:
-        rate: of the samples [Hz]; sample n is n / rate after simulation time zero.
-        numbers: of the samples, shape (n,).
-        times: since the bag began [s], shape (n,).
-        channels: by name, shape (n,).
-        cuts: places before which samples are missing.
-    """
-
-    rate: int
-    numbers: np.ndarray
-    times: np.ndarray
-    channels: Mapping[str, np.ndarray] = field(default_factory=dict)
-    cuts: tuple[int, ...] = ()
+    rate: int  # of the samples [Hz]; sample n is n / rate after simulation time zero
+    numbers: np.ndarray  # of the samples, shape (n,)
+    times: np.ndarray  # since the bag began [s], shape (n,)
+    channels: Mapping[str, np.ndarray] = field(default_factory=dict)  # by name, shape (n,)
+    cuts: tuple[int, ...] = ()  # places before which samples are missing
 
 
 class Windows:
-    """Answers about one recording; several threads may ask.
-
-    Args:
-        recording: of the bag.
-        overview: of the same.
-    """
+    """Answers about one recording; several threads may ask."""
 
     def __init__(self, recording: Recording, overview: Overview) -> None:
         self._recording = recording
