@@ -72,7 +72,7 @@ dist: install/.package ## Build wheels of both packages into dist/, for each CPy
 	@$(WITH_ENV) python -m toolchain.dist $(PYTHONS:%=--python %)
 
 .PHONY: bench
-bench: install/.package .venv/.bench .venv/.browser ## Run the benchmarks, or those of BENCH_ARGS; installs MuJoCo to compare with
+bench: install/.package install/.kernels ## Run the benchmarks, or those of BENCH_ARGS
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
 
 .PHONY: measure-setup
@@ -146,10 +146,6 @@ help: ## Show this help
 	@touch $@
 
 .venv/.browser: toolchain/requirements/browser.lock .venv/.installed
-	@$(call INSTALL,--only-binary :all: -r $<)
-	@touch $@
-
-.venv/.bench: toolchain/requirements/bench.lock .venv/.installed
 	@$(call INSTALL,--only-binary :all: -r $<)
 	@touch $@
 

@@ -1,20 +1,14 @@
-"""What a node costs by its telemetry rate, and how many drills drill in real time at once."""
+"""How many drills drill in real time at once."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
 from collections.abc import Iterator
-from functools import partial
 
-import rclpy
-from rclpy.signals import SignalHandlerOptions
+from bench.table import Row, row
+from bench.talk import Talk, ros
 
-from bench.quiet import undisturbed
-from bench.row import Row, row
-from bench.talk import Talk
-
-RATES = (1, 10, 100, 1000)  # of telemetry, over three decades [Hz]
 SECONDS = 10.0
 MOST = 64  # drills
 _PERIOD = 0.01  # of blocks at the default rate [s]
@@ -24,30 +18,18 @@ _REPORTS = 3.0  # by which two diagnostics may be apart more or less than the ti
 _TURNS = 4  # of listening to each drill in a second
 
 
-def growth() -> Iterator[tuple[str, float, float]]:
-    """Yield the telemetry rate [Hz] and the time of processors [s] of ten seconds of drilling."""
-    with _ros():
-        for rate in RATES:
-            block = max(0.05, 1.0 / rate)
-            parameters = {"telemetry_rate": rate, "block_duration": block}
-            with Talk("drill_node", parameters) as talk:
-                talk.settle()
-                share = talk.measure(SECONDS).share
-                yield "node: 10 s of drilling, by telemetry rate [Hz]", rate, share * SECONDS
-
-
 def drills() -> Iterator[Row]:
     """Start more and more drills, all in one domain and each with a listener, until one is late.
 
     A drill keeps up if 99 % of its blocks are at most one period late. They double until one does
     not, then the number in between is sought.
     """
-    with _ros():
+    with ros():
         kept, failed, in_time = 0, MOST + 1, dict[int, float]()
         while failed - kept > 1:
             number = max(1, 2 * kept) if failed > MOST else (kept + failed) // 2
             number = min(number, MOST)
-            in_time[number] = undisturbed(partial(_in_time, number))
+            in_time[number] = _in_time(number)
             print(
                 f"  {number} drills: {in_time[number]:.2f} % in time", file=sys.stderr, flush=True
             )
@@ -63,7 +45,7 @@ def drills() -> Iterator[Row]:
 def _in_time(number: int) -> float:
     """Return the blocks within their period of the worst of several drills at once [%]."""
     with contextlib.ExitStack() as stack:
-        talks = [stack.enter_context(Talk("drill_node", {})) for _ in range(number)]
+        talks = [stack.enter_context(Talk({})) for _ in range(number)]
         try:
             for talk in talks:
                 talk.settle(0.0)
@@ -92,12 +74,3 @@ def _counts(talk: Talk) -> tuple[int, int]:
     talk.hearing.take()
     values = talk.diagnostics()
     return int(values["deadlines_missed"]), int(values["blocks"])
-
-
-@contextlib.contextmanager
-def _ros() -> Iterator[None]:
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        yield
-    finally:
-        rclpy.try_shutdown()

@@ -7,10 +7,7 @@ import platform
 from importlib import metadata
 from pathlib import Path
 
-_LIBRARIES = (
-    "numpy", "numba", "llvmlite", "scipy", "pyarrow", "mcap", "lz4", "zstandard",
-    "dask", "distributed", "bokeh", "mujoco",
-)  # fmt: skip
+_LIBRARIES = ("numpy", "numba", "llvmlite", "scipy", "pyarrow", "mcap", "lz4", "zstandard")
 
 
 def describe_machine() -> dict[str, str]:
@@ -20,16 +17,11 @@ def describe_machine() -> dict[str, str]:
         "processor": _processor(),
         "cores": str(len(os.sched_getaffinity(0))),
         "memory": f"{memory:.0f} GiB",
-        "system": f"{platform.system()} {platform.release()}",
+        "system": f"{platform.system()} {platform.release().partition('-')[0]}",
         "Python": platform.python_version(),
         "middleware": os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp"),
     }
     return found | {name: version for name in _LIBRARIES if (version := _version(name))}
-
-
-def load() -> float:
-    """Return the processes that ran or waited for a core in the last minute, on average."""
-    return os.getloadavg()[0]
 
 
 def processor_time() -> tuple[float, float]:
@@ -43,11 +35,7 @@ def processor_time() -> tuple[float, float]:
 
 
 def used_by(process: int) -> float:
-    """Return the time of processors that a process has used so far [s].
-
-    Args:
-        process: its id.
-    """
+    """Return the time of processors that a process, given by its id, has used so far [s]."""
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 

@@ -1,17 +1,18 @@
-"""A process that publishes a drill's topics, and what an independent listener hears of it."""
+"""A drill's node in a process of its own, and what an independent listener hears of it."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import rclpy
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rpud_msgs.msg import Result
 from rpud_msgs.srv import ResetSimulation
 
@@ -37,33 +38,33 @@ class Counted(NamedTuple):
     share: float
 
 
+@contextlib.contextmanager
+def ros() -> Iterator[None]:
+    """Initialise ROS, and shut it down."""
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        yield
+    finally:
+        rclpy.try_shutdown()
+
+
 class Talk:
-    """A process that publishes a drill's topics, and what is heard of it.
+    """A drill's node in a process of its own, and what is heard of it."""
 
-    Args:
-        program: ``drill_node``, a module of the bench, or the words of a command.
-        parameters: of its node.
-    """
-
-    def __init__(self, program: str | Sequence[str], parameters: Mapping[str, object]) -> None:
+    def __init__(self, parameters: Mapping[str, object]) -> None:
         self.namespace = f"/bench_{os.getpid()}_{time.monotonic_ns()}"
         self.node: Node = rclpy.create_node("listener", namespace=self.namespace)
         kinds = {name: kind for name, kind in _KINDS.items() if name != "faults"}
         self.hearing = Hearing(self.node, kinds, ("status", "/diagnostics"), ("contact_force",))
         words = [f"{key}:={value}" for key, value in parameters.items()]
-        if isinstance(program, str):
-            talker = (sys.executable, "-m", f"bench.{program}")
-            program = (program,) if program == "drill_node" else talker
         self._process = subprocess.Popen(
             [
-                *program,
-                *("--ros-args", "-r", f"__ns:={self.namespace}"),
+                *("drill_node", "--ros-args", "-r", f"__ns:={self.namespace}"),
                 *("--log-level", "error"),
                 *(word for pair in words for word in ("-p", pair)),
             ]
         )
         self._interrupted = False
-        self.late: list[float] = []
 
     def __enter__(self) -> Talk:
         return self
@@ -91,9 +92,6 @@ class Talk:
         """Return the values of the process' last diagnostics, by key.
 
         Another process' may be the last that was heard: then the next ones are waited for.
-
-        Raises:
-            RuntimeError: if they do not come in time.
         """
         own: dict[str, str] = {}
 
@@ -109,24 +107,13 @@ class Talk:
         return own
 
     def settle(self, seconds: float = _SETTLING) -> None:
-        """Wait until the process is heard, and some time more.
-
-        Args:
-            seconds: of that time.
-
-        Raises:
-            RuntimeError: if it is not heard in time.
-        """
+        """Wait until the process is heard, and some seconds more."""
         if not self.hearing.take_until(lambda: self.hearing.messages["waveform"] > 0, _STARTING):
             raise RuntimeError(f"nothing was heard within {_STARTING:g} s")
         self.listen(seconds)
 
     def reset(self) -> None:
-        """Let the drill begin again: its counts of blocks are those from now on.
-
-        Raises:
-            RuntimeError: if it does not.
-        """
+        """Let the drill begin again: its counts of blocks are those from now on."""
         client = self.node.create_client(ResetSimulation, "simulation/reset")
         client.wait_for_service(_STARTING)
         answer = client.call_async(ResetSimulation.Request())
@@ -143,24 +130,14 @@ class Talk:
     def measure(self, seconds: float) -> Counted:
         """Listen for some time, and count."""
         began, before = time.monotonic(), self._counts()
-        for _ in self.each_second(seconds):
-            pass
+        self.listen(seconds)
         elapsed = time.monotonic() - began
         differences = zip(self._counts(), before, strict=True)
         return Counted(*((now - then) / elapsed for now, then in differences))
 
-    def each_second(self, seconds: float) -> Iterator[None]:
-        """Listen for some time, and yield once in every second."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
-            self.listen(min(1.0, left))
-            if self.status() is not None:
-                self.late.append(1e3 * self.status().lateness_max)
-            yield
-
-    def processor_time(self) -> float:
-        """Return the time of processors that the process has used [s]."""
-        return used_by(self._process.pid)
-
     def _counts(self) -> tuple[float, float, float]:
-        return self.hearing.bytes, self.hearing.messages["contact_force"], self.processor_time()
+        return (
+            self.hearing.bytes,
+            self.hearing.messages["contact_force"],
+            used_by(self._process.pid),
+        )

@@ -1,4 +1,4 @@
-"""The node's telemetry: its share of a core, how late its blocks are, how much it publishes."""
+"""The node's telemetry: its share of a core, and how late its blocks and its replies are."""
 
 from __future__ import annotations
 
@@ -15,23 +15,18 @@ from pathlib import Path
 
 import rclpy
 from rclpy.client import Client
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 from rpud_msgs.msg import WeightOnBit
 from rpud_msgs.srv import ListFaults
 
 from bench.bare_timer import SHARES
-from bench.block_talker import KINDS
-from bench.hearing import Hearing
-from bench.row import Goal, Row, row
-from bench.talk import Talk
+from bench.command import RPUD
+from bench.table import Goal, Row, row
+from bench.talk import Talk, ros
 from rpud_sim.ros.lateness import Lateness
 from rpud_sim.simulation.configuration import Settings
 
 SECONDS = 600.0  # of listening at the default rates: one block of 1,000 comes in 10 s
 LARGEST_SECONDS = 60.0  # of listening at the largest, where it comes each second
-TURNS = 5  # of the comparison of bytes
-TURN_SECONDS = 3.0
 LOADS: Mapping[str, Mapping[str, object]] = {
     "default": {},
     # Five channels and more at 100 kHz, about 1,500 impacts per second, scalars at 1 kHz.
@@ -46,7 +41,6 @@ _REQUESTS = 20.0  # of commands and of calls of a service, each [1/s]
 _PRIORITY = Settings().thread_priority
 _TIME_SHARING = "an ordinary bare timer, without a priority"
 _OF_ITS_PRIORITY = "a bare timer with the node's priority"
-_SAME_BLOCKS = "a bare publisher of such blocks"
 _CALLS = 200  # of a service
 _ANSWERING = 10.0  # that a reply may take [s]
 _POLL_PERIOD = 1e-4  # between looks for a reply [s]
@@ -54,45 +48,23 @@ _WEIGHTS = (59.0, 60.0)  # of the commands, in turns [N]
 
 
 def telemetry(seconds: float = SECONDS) -> Iterator[Row]:
-    """Run the node under an independent listener, at its default rates and at the largest.
-
-    Args:
-        seconds: of listening at the default rates, and at most at the largest.
-    """
+    """Run the node under an independent listener, at its default rates and at the largest."""
     with ros():
         yield from _real_time("default", seconds)
         yield from _real_time("largest", min(seconds, LARGEST_SECONDS))
-        for name, parameters in LOADS.items():
-            yield from _throughput(name, parameters)
-
-
-@contextlib.contextmanager
-def ros() -> Iterator[None]:
-    """Initialise ROS, and shut it down."""
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        yield
-    finally:
-        rclpy.try_shutdown()
 
 
 def _real_time(name: str, seconds: float) -> Iterator[Row]:
-    """Listen to the node beside bare programs; at the largest load beside a recorder."""
+    """Listen to the node beside bare timers; at the largest load beside a recorder."""
     largest = name == "largest"
     with contextlib.ExitStack() as stack:
-        talk = stack.enter_context(Talk("drill_node", LOADS[name]))
-        running: dict[str, Bare] = {}
+        talk = stack.enter_context(Talk(LOADS[name]))
+        running: dict[str, _BareTimer] = {}
         if largest:
             stack.enter_context(_recorder(talk.namespace))
         else:
-            namespace = f"{talk.namespace}/blocks"
-            hear_blocks(talk.node, namespace)  # the node keeps what listens
-            for key, words in (
-                (_TIME_SHARING, ("bare_timer", "0")),
-                (_OF_ITS_PRIORITY, ("bare_timer", str(_PRIORITY))),
-                (_SAME_BLOCKS, ("block_talker", namespace)),
-            ):
-                running[key] = stack.enter_context(Bare(*words))
+            for key, priority in ((_TIME_SHARING, 0), (_OF_ITS_PRIORITY, _PRIORITY)):
+                running[key] = stack.enter_context(_BareTimer(priority))
         talk.settle()
         talk.reset()  # the starts of the others took time from it
         counted = talk.measure(seconds)
@@ -118,7 +90,6 @@ def _real_time(name: str, seconds: float) -> Iterator[Row]:
                 what = f"telemetry, {name}: lateness of blocks over that of {bare}, {key}"
                 goal = RATIO if last and bare == _OF_ITS_PRIORITY else None  # like with like
                 yield row(what, [ours / quantiles[key]], "", goal)
-        yield row(f"telemetry, {name}: greatest lateness of each second", talk.late, "ms")
         missed = status.deadlines_missed
         yield row(f"telemetry, {name}: blocks late by a period", [missed])
         in_time = 100.0 * (1.0 - missed / int(values["blocks"]))
@@ -128,7 +99,6 @@ def _real_time(name: str, seconds: float) -> Iterator[Row]:
             delay = 1e3 * impacts.quantile(share)
             yield row(f"telemetry, {name}: an impact, stamp to arrival, {key}", [delay], "ms")
         yield row(f"telemetry, {name}: messages dropped", [status.messages_dropped])
-        yield row(f"telemetry, {name}: load of the machine", [os.getloadavg()[0]])
         yield from _answers(name, talk)
 
 
@@ -139,7 +109,7 @@ def _answers(name: str, talk: Talk) -> Iterator[Row]:
     client = caller.create_client(ListFaults, "list_faults")
     if not client.wait_for_service(10.0):
         raise RuntimeError("there is no service list_faults")
-    replies, delays = Lateness(), {"p50": [0.0], "p99": [0.0], "max": [0.0]}
+    replies = Lateness()
     for number in range(_CALLS):
         commands.publish(WeightOnBit(force=_WEIGHTS[number % 2]))
         began = time.monotonic_ns()
@@ -147,13 +117,7 @@ def _answers(name: str, talk: Talk) -> Iterator[Row]:
         _await_reply(client)
         replies.add(time.monotonic_ns() - began)
         talk.listen(max(0.0, 1.0 / _REQUESTS - (time.monotonic_ns() - began) / 1e9))
-        values = talk.diagnostics()
-        for key, found in delays.items():
-            found.append(1e3 * float(values[f"command_delay_{key} [s]"]))
     caller.destroy_node()
-    for key, found in delays.items():
-        what = f"telemetry, {name}: a command, arrival to effect, {key} of a second"
-        yield row(what, found[len(found) // 2 :], "ms")
     yield row(f"telemetry, {name}: reply to a call, p50", [1e3 * replies.quantile(0.5)], "ms")
     yield row(f"telemetry, {name}: reply to a call, p99", [1e3 * replies.quantile(0.99)], "ms")
     yield row(f"telemetry, {name}: slowest reply to a call", [1e3 * replies.greatest], "ms", REPLY)
@@ -168,24 +132,14 @@ def _await_reply(client: Client) -> None:
         time.sleep(_POLL_PERIOD)
 
 
-def hear_blocks(node: Node, namespace: str) -> Hearing:
-    """Return a listener to the topics of a ``block_talker``, which begins when all are heard."""
-    return Hearing(node, {f"{namespace}/{topic}": kind for topic, kind in KINDS.items()})
+class _BareTimer:
+    """The program `bench.bare_timer` in a process of its own, with a priority."""
 
-
-class Bare:
-    """A program of the bench in a process of its own, which does nothing but keep deadlines.
-
-    Args:
-        program: its module.
-        argument: of the program.
-    """
-
-    def __init__(self, program: str, argument: str) -> None:
-        words = (sys.executable, "-m", f"bench.{program}", argument)
+    def __init__(self, priority: int) -> None:
+        words = (sys.executable, "-m", "bench.bare_timer", str(priority))
         self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
 
-    def __enter__(self) -> Bare:
+    def __enter__(self) -> _BareTimer:
         assert self._process.stdout
         self._process.stdout.readline()  # it has begun
         return self
@@ -207,9 +161,9 @@ def _recorder(namespace: str) -> Iterator[None]:
     """Record a namespace; it has begun when the context is entered."""
     with tempfile.TemporaryDirectory() as folder:
         begun, ready = os.pipe()
-        words = ("-m", "rpud_sim.cli.main", "record", "--namespace", namespace)
+        words = ("--out", str(Path(folder, "bag")), "--ready-fd", str(ready))
         process = subprocess.Popen(
-            (sys.executable, *words, "--out", str(Path(folder, "bag")), "--ready-fd", str(ready)),
+            (*RPUD, "record", "--namespace", namespace, *words),
             stdout=subprocess.DEVNULL,
             pass_fds=(ready,),
         )
@@ -225,21 +179,3 @@ def _recorder(namespace: str) -> Iterator[None]:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-
-
-def _throughput(name: str, parameters: Mapping[str, object]) -> Iterator[Row]:
-    """Bytes per second of the node in a hurry and of a bare loop, in turns."""
-    ours: list[float] = []
-    bare: list[float] = []
-    for _ in range(TURNS):
-        for program, extra, found in (
-            ("drill_node", {"real_time_factor": 0.0}, ours),
-            ("bare_talker", {}, bare),
-        ):
-            with Talk(program, {**parameters, **extra}) as talk:
-                talk.settle()
-                found.append(talk.measure(TURN_SECONDS).bytes)
-    yield row(f"telemetry, {name}: bytes per second, as fast as possible", ours, "B/s")
-    yield row(f"telemetry, {name}: bytes per second, bare rclpy", bare, "B/s")
-    ratios = [a / b for a, b in zip(ours, bare, strict=True)]
-    yield row(f"telemetry, {name}: bytes per second over bare rclpy", ratios)

@@ -17,7 +17,6 @@ lock installed_ros.lock --python-version 3.12 --python-platform x86_64-manylinux
   runtime.in test.in build.in installed_ros.in
 lock browser.lock --universal --python-version 3.10 --constraints wheels.lock browser.in
 lock lint.lock --universal --python-version 3.10 --constraints wheels.lock lint.in
-lock bench.lock --universal --python-version 3.10 --constraints wheels.lock bench.in
 lock docs.lock --universal --python-version 3.10 docs.in
 
 # Without what wheels.lock installs already, and without matplotlib and what it alone needs, 60 MB that are never imported.
@@ -28,4 +27,4 @@ lock optional.lock --universal --python-version 3.10 --constraints wheels.lock -
 # Conditions that hold on every supported machine would only make the lines long.
 sed -i -E "s/ and (python_full_version < '3.14'|platform_python_implementation != 'PyPy')//
   s/(python_full_version < '3.14'|implementation_name == 'cpython'|platform_machine == 'x86_64') and //g
-  s/( and| ;) sys_platform == 'linux'//" {installer,wheels,browser,lint,bench,docs,optional}.lock
+  s/( and| ;) sys_platform == 'linux'//" {installer,wheels,browser,lint,docs,optional}.lock

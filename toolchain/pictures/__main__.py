@@ -21,7 +21,6 @@ from playwright.sync_api import Error as BrowserError
 
 from rpud_sim.foundation.terminal import complain
 from toolchain.pictures.diagrams import draw_blocks, draw_drill, draw_events
-from toolchain.pictures.growth import draw_growth
 from toolchain.pictures.screenshots import SCHEMES, chromium, open_in_both, save
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
@@ -86,7 +85,6 @@ DRAWINGS: dict[str, Callable[[], str]] = {
     "drill": draw_drill,
     "blocks": draw_blocks,
     "events": draw_events,
-    "growth": draw_growth,
 }
 PAGES: dict[str, Callable[[Browser, Path, Path], None]] = {
     "live": live,

@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from long_waveform import long_waveform
 from sample_bags import (
     SECOND,
     START,
@@ -25,7 +26,6 @@ from sample_bags import (
 )
 
 import rpud_sim.bag
-from bench.long_bag import long_waveform
 from rpud_sim.bag import BagError, BagWriter, Topic
 from rpud_sim.bag.losses import RECORD_NAME, Losses, losses_to_record
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from inspection.report.read_page import Page, surveyed
+from long_waveform import long_waveform
 from sample_bags import (
     SECOND,
     START,
@@ -18,7 +19,6 @@ from sample_bags import (
 )
 
 import rpud_sim.bag
-from bench.long_bag import long_waveform
 from rpud_sim.bag import BagError, BagWriter, Topic
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
 from rpud_sim.bag.manifest import Manifest

@@ -1,0 +1,68 @@
+"""Figures survive their file, a table shows them beside their goals, and pages show the rest."""
+
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from bench import __main__ as program
+from bench.page import PAGES, SHOWN, filled
+from bench.table import Goal, Part, heading, read_parts, row, table, write_parts
+
+PART = Part(
+    "engine",
+    "2026-11-22T12:00:00+00:00",
+    "0123456",
+    {"processor": "any", "cores": "2"},
+    0.4,
+    (
+        row("engine, drilling: speed over that of C", [1.4, 1.7, 1.6], goal=Goal(least=1.5)),
+        row("engine, free: speed over that of C", [1.2], goal=Goal(least=1.5)),
+        row("engine: events", [3.1e6], "1/s"),
+    ),
+)
+
+
+def test_a_table_shows_each_figure_beside_its_goal():
+    assert list(table(PART.rows))[2:] == [
+        "| engine, drilling: speed over that of C | 1.60 | 1.40 to 1.70 |  | >= 1.5 | yes |",
+        "| engine, free: speed over that of C | 1.20 |  |  | >= 1.5 | **no** |",
+        "| engine: events | 3,100,000 |  | 1/s |  |  |",
+    ]
+    assert next(heading([PART])) == "Measured on processor any, cores 2."
+
+
+def test_results_survive_their_file(tmp_path):
+    write_parts(tmp_path / "kept" / "engine.json", [PART, PART])
+
+    assert read_parts(tmp_path / "kept" / "engine.json") == [PART, PART]
+
+
+def test_a_measurement_that_fails_keeps_its_rows(tmp_path, monkeypatch):
+    def broken():
+        yield row("first", [1.0])
+        raise OSError("no such\ndevice")
+
+    monkeypatch.setattr(program, "KEPT", tmp_path)
+    monkeypatch.setitem(sys.modules, "bench.broken", SimpleNamespace(broken=broken))
+
+    program.measure("broken")
+
+    [part] = read_parts(tmp_path / "broken.json")
+    assert part.failure == "OSError: no such device"
+    assert [each.name for each in part.rows] == ["first"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_figures_of_a_page_are_those_of_the_kept_results(page):
+    text = page.read_text(encoding="utf-8")
+
+    assert text == filled(text, read_parts(SHOWN))
+
+
+def test_every_missed_goal_is_explained():
+    explained = PAGES[0].read_text(encoding="utf-8").partition("What misses its goal")[2]
+
+    for part in read_parts(SHOWN):
+        if any(each.missed for each in part.rows):
+            assert f"- **{part.measurement}**" in explained
