@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from rpud_sim.bag.errors import DefinitionNotFoundError
@@ -22,17 +22,16 @@ _TYPE_NAME = re.compile(r"([A-Za-z]\w*)/(?:msg/)?([A-Za-z]\w*)")
 _FIELD_TYPE = re.compile(r"\s*([A-Za-z][\w/]*)")
 
 
-def find_definition(type_name: str, prefixes: Iterable[str | Path] | None = None) -> str:
+def find_definition(type_name: str) -> str:
     """Return the complete ``ros2msg`` definition of a message type, with all types that it needs.
 
     Args:
         type_name: such as ``std_msgs/msg/Header``.
-        prefixes: of installations; None for those of AMENT_PREFIX_PATH and then this package's own.
 
     Raises:
         DefinitionNotFoundError: if the definition of a type is missing.
     """
-    places = _places(prefixes)
+    places = _places()
     parts = [_read(type_name, places, ".msg")]
     seen = {_short_name(type_name)}
     pending = list(_dependencies(parts[0], type_name))
@@ -47,26 +46,25 @@ def find_definition(type_name: str, prefixes: Iterable[str | Path] | None = None
     return "\n".join(parts)
 
 
-def find_type_hash(type_name: str, prefixes: Iterable[str | Path] | None = None) -> str:
+def find_type_hash(type_name: str) -> str:
     """Return the ``RIHS01_...`` hash of a message type.
 
     It comes from the installed description, or is calculated from the definition without one.
 
     Args:
         type_name: such as ``std_msgs/msg/Header``.
-        prefixes: as for ``find_definition``.
 
     Raises:
         DefinitionNotFoundError: if the definition of a type is missing.
     """
     package, name = _split(type_name)
-    places = _places(prefixes)
+    places = _places()
     try:
         description = _read(type_name, places, ".json")
     except DefinitionNotFoundError:
         from rpud_sim.bag.cdr import Codec
 
-        return Codec(type_name, find_definition(type_name, prefixes)).type_hash
+        return Codec(type_name, find_definition(type_name)).type_hash
     try:
         for entry in json.loads(description)["type_hashes"]:
             if entry["type_name"] == f"{package}/msg/{name}":
@@ -76,9 +74,7 @@ def find_type_hash(type_name: str, prefixes: Iterable[str | Path] | None = None)
     raise DefinitionNotFoundError(f"the installed description of {type_name} has no type hash")
 
 
-def _places(prefixes: Iterable[str | Path] | None) -> list[Path]:
-    if prefixes is not None:
-        return [Path(prefix) / "share" for prefix in prefixes]
+def _places() -> list[Path]:
     installed = filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep))
     return [*(Path(prefix) / "share" for prefix in installed), _OWN_PLACE]
 

@@ -7,9 +7,9 @@ module            what it holds
 ================  =================================================================================
 ``frame``         ``render_page``: a page from a template of jinja2, with ``table``, ``plot``,
                   ``column``, ``grid``
-``plot``          descriptions of plots: ``Plot``, its layers (``Line``, ``Envelope``, ``Band``,
-                  ``Points``, ``Bars``, ``Stems``, ``Spans``, ``Cells``, ``Rule``, ``Zone``),
-                  ``Axis``, ``TimeColumn``, ``Mark``
+``plot``          descriptions of plots: ``Plot``, its layers (``Line``, ``Envelope``,
+                  ``Points``, ``Bars``, ``Stems``, ``Spans``, ``Rule``, ``Zone``), ``Axis``,
+                  ``TimeColumn``, ``Mark``
 ``grid``          plots side by side: those over one quantity zoom together
 ``words``         ``described``: a plot with what its layers show, in words
 ``pointing``      values of a point in a cloud, beside the pointer

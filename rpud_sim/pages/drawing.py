@@ -20,9 +20,7 @@ from bokeh.plotting import figure as Figure  # noqa: N812 - a class of that name
 
 from rpud_sim.pages.paint import paint
 from rpud_sim.pages.plot import (
-    Band,
     Bars,
-    Cells,
     Envelope,
     Layer,
     Line,
@@ -50,16 +48,12 @@ def draw(figure: Figure, layer: Layer, color: str, number: int) -> Drawing:
         return _line(figure, layer, color, number)
     if isinstance(layer, Envelope):
         return _envelope(figure, layer, color, number)
-    if isinstance(layer, Band):
-        return _band(figure, layer, color)
     if isinstance(layer, Points):
         return _points(figure, layer, color, number)
     if isinstance(layer, Bars):
         return _bars(figure, layer, color, number)
     if isinstance(layer, Stems):
         return _stems(figure, layer, color, number)
-    if isinstance(layer, Cells):
-        return _cells(figure, layer)
     if isinstance(layer, Spans):
         return _spans(figure, layer, color)
     return _straight(figure, layer, color)
@@ -115,24 +109,6 @@ def _envelope(figure: Figure, layer: Envelope, color: str, number: int) -> Drawi
     return source, [band, mean]
 
 
-def _band(figure: Figure, layer: Band, color: str) -> Drawing:
-    """Draw a band as polygons, one between each two gaps: Bokeh's areas cannot have any."""
-    x, low, high = (np.asarray(values, float) for values in (layer.x, layer.low, layer.high))
-    whole = np.isfinite(x) & np.isfinite(low) & np.isfinite(high)
-    cuts = np.flatnonzero(np.diff(whole.astype(int))) + 1
-    parts = [part for part in np.split(np.arange(len(x)), cuts) if len(part) and whole[part[0]]]
-    source = ColumnDataSource(
-        {
-            "xs": [np.append(x[part], x[part][::-1]) for part in parts],
-            "ys": [np.append(low[part], high[part][::-1]) for part in parts],
-        },
-        name=layer.name,
-    )
-    band = figure.patches("xs", "ys", source=source, fill_alpha=_BAND, line_color=None)
-    paint(band.glyph, fill_color=color)
-    return source, [band]
-
-
 def _points(figure: Figure, layer: Points, color: str, number: int) -> Drawing:
     source = _source(
         layer, x=layer.x, y=layer.y, low=layer.low, high=layer.high, values=layer.values
@@ -167,22 +143,15 @@ def _points(figure: Figure, layer: Points, color: str, number: int) -> Drawing:
 
 
 def _bars(figure: Figure, layer: Bars, color: str, number: int) -> Drawing:
-    left = layer.edges[:-1] if layer.ends is None else layer.edges
-    right = layer.edges[1:] if layer.ends is None else layer.ends
-    source = _source(layer, left=left, right=right, top=layer.y)
+    source = _source(layer, left=layer.edges[:-1], right=layer.edges[1:], top=layer.y)
     # Zero is not on a logarithmic axis.
-    floor = (
-        1e-300 if "Log" in type(figure.x_scale if layer.across else figure.y_scale).__name__ else 0
-    )
-    sides = (
-        {"bottom": "left", "top": "right", "left": floor, "right": "top"}
-        if layer.across
-        else {"left": "left", "right": "right", "bottom": floor, "top": "top"}
-    )
-    bars = figure.quad(source=source, fill_alpha=0.75, line_width=0.5, **sides)
+    floor = 1e-300 if "Log" in type(figure.y_scale).__name__ else 0
+    bars = figure.quad(
+        left="left", right="right", bottom=floor, top="top", source=source,
+        fill_alpha=0.75, line_width=0.5,
+    )  # fmt: skip
     paint(bars.glyph, fill_color=color, line_color=color)
-    if not layer.across:
-        _read_out(source, number, "held", x="left", until="right", y="top")
+    _read_out(source, number, "held", x="left", until="right", y="top")
     return source, [bars]
 
 
@@ -201,22 +170,6 @@ def _spans(figure: Figure, layer: Spans, color: str) -> Drawing:
     )
     _paint_glyph(bars, color, filled=True)
     return source, [bars]
-
-
-def _cells(figure: Figure, layer: Cells) -> Drawing:
-    left, bottom = np.meshgrid(layer.x[:-1], layer.y[:-1])
-    right, top = np.meshgrid(layer.x[1:], layer.y[1:])
-    values = np.asarray(layer.values, float)
-    shown = np.isfinite(values)
-    sides = {"left": left, "right": right, "bottom": bottom, "top": top, "values": values}
-    source = _source(layer, **{name: array[shown] for name, array in sides.items()})
-    mapper = _mapper(values, layer.low, layer.high)
-    cells = figure.quad(
-        left="left", right="right", bottom="bottom", top="top", source=source,
-        fill_color={"field": "values", "transform": mapper}, line_color=None,
-    )  # fmt: skip
-    _color_bar(figure, mapper, layer.name)
-    return source, [cells]
 
 
 def _straight(figure: Figure, layer: Rule | Zone, color: str) -> Drawing:

@@ -21,7 +21,7 @@ from markupsafe import Markup
 from rpud_sim.foundation.terminal import printable
 from rpud_sim.pages.extent import layer_color
 from rpud_sim.pages.grid import grid_groups, grid_html
-from rpud_sim.pages.plot import Cells, Mark, Plot, TimeColumn
+from rpud_sim.pages.plot import Mark, Plot, TimeColumn
 from rpud_sim.pages.theme import DARK, LIGHT
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def host(plot: Plot, name: str, group: str = "", inner: Markup | None = None) ->
     keys = [
         _KEY.format(layer=number, color=layer_color(layer), text=printable(layer.name))
         for number, layer in enumerate(plot.layers)
-        if not isinstance(layer, Cells) and getattr(layer, "values", None) is None
+        if getattr(layer, "values", None) is None
     ]
     seen = Markup("")
     label = Markup('aria-label="{}"').format(plot.heading)

@@ -10,9 +10,7 @@ import numpy as np
 
 from rpud_sim.pages.plot import (
     Axis,
-    Band,
     Bars,
-    Cells,
     Envelope,
     Layer,
     Line,
@@ -31,9 +29,7 @@ _SCALED = ("m", "m/s", "N", "N s", "J", "W", "s", "V", "A", "Hz", "Pa", "C", "oh
 
 
 def layer_color(layer: Layer) -> str:
-    """Return the name of a layer's colour; empty for a heat map."""
-    if isinstance(layer, Cells):
-        return ""
+    """Return the name of a layer's colour."""
     return series_color(layer.color) if isinstance(layer.color, int) else layer.color
 
 
@@ -78,10 +74,7 @@ def _log_ends(low: float, high: float) -> tuple[float, float]:
 
 
 def _rests_on_zero(plot: Plot, side: str) -> bool:
-    return any(
-        isinstance(layer, Stems | Bars) and (getattr(layer, "across", False) == (side == "x"))
-        for layer in plot.layers
-    )
+    return side == "y" and any(isinstance(layer, Stems | Bars) for layer in plot.layers)
 
 
 def _held(layer: Layer, side: str) -> Iterator[np.ndarray]:
@@ -93,11 +86,9 @@ def _held(layer: Layer, side: str) -> Iterator[np.ndarray]:
         if layer.across == (side == "y"):
             yield np.array([layer.low, layer.high])
     elif isinstance(layer, Bars):
-        if layer.across == (side == "x"):
-            yield np.append(np.asarray(layer.y, float), 0.0)
-        else:
-            yield from (np.asarray(v, float) for v in (layer.edges, layer.ends) if v is not None)
-    elif isinstance(layer, Band | Envelope):
+        held = layer.edges if side == "x" else np.append(layer.y, 0.0)
+        yield np.asarray(held, float)
+    elif isinstance(layer, Envelope):
         names = ("x",) if side == "x" else ("low", "high")
         yield from (np.asarray(getattr(layer, name), float) for name in names)
     elif isinstance(layer, Spans):
@@ -107,7 +98,7 @@ def _held(layer: Layer, side: str) -> Iterator[np.ndarray]:
         yield np.asarray(getattr(layer, side), float)
         if layer.across == (side == "x"):
             yield from (np.asarray(v, float) for v in (layer.low, layer.high) if v is not None)
-    elif isinstance(layer, Line | Stems | Cells):
+    elif isinstance(layer, Line | Stems):
         yield np.asarray(getattr(layer, side), float)
         if isinstance(layer, Stems) and side == "y":
             yield np.zeros(1)

@@ -80,22 +80,6 @@ class Envelope:
 
 
 @dataclass(frozen=True)
-class Band:
-    """Band between two lines.
-
-    Args:
-        x, low, high: shape (n,).
-        color: number of its colour, or the name of one in ``theme``.
-    """
-
-    name: str
-    x: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    color: int | str = 0
-
-
-@dataclass(frozen=True)
 class Points:
     """Points, with intervals if they have any.
 
@@ -132,10 +116,8 @@ class Bars:
     """Bars side by side, such as a histogram or a rate over time."""
 
     name: str  # in the legend
-    edges: np.ndarray  # shape (n + 1,), or with ``ends`` the beginning of each bar, shape (n,)
+    edges: np.ndarray  # shape (n + 1,)
     y: np.ndarray  # height of each bar, shape (n,)
-    ends: np.ndarray | None = None  # of the bars where they do not touch, shape (n,)
-    across: bool = False  # whether bars grow along x; ``edges`` are along y then
     color: int | str = 0  # number of its colour, or the name of one in ``theme``
 
 
@@ -152,25 +134,6 @@ class Stems:
     x: np.ndarray
     y: np.ndarray
     color: int | str = 0
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Heat map.
-
-    Args:
-        name: of the values, with their unit; beside the scale of colours.
-        x, y: edges of its columns, shape (n + 1,), and of its rows, shape (m + 1,).
-        values: shape (m, n); NaN is left empty.
-        low, high: ends of the scale of colours; from the values if None.
-    """
-
-    name: str
-    x: np.ndarray
-    y: np.ndarray
-    values: np.ndarray
-    low: float | None = None
-    high: float | None = None
 
 
 @dataclass(frozen=True)
@@ -211,7 +174,7 @@ class Spans:
     color: int | str = 0  # number of its colour, or the name of one in ``theme``
 
 
-Layer: TypeAlias = Line | Envelope | Band | Points | Bars | Stems | Spans | Cells | Rule | Zone
+Layer: TypeAlias = Line | Envelope | Points | Bars | Stems | Spans | Rule | Zone
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,7 @@ import numpy as np
 
 from rpud_sim.pages.plot import (
     Axis,
-    Band,
     Bars,
-    Cells,
     Envelope,
     Layer,
     Line,
@@ -45,10 +43,8 @@ def _seen(layer: Layer, plot: Plot) -> str:
         return "" if named else f"{number(layer.low)} to {number(layer.high)}"
     if isinstance(layer, Bars):
         return _bars(layer)
-    if isinstance(layer, Band | Envelope):
+    if isinstance(layer, Envelope):
         return _extent(np.concatenate([layer.low, layer.high]), plot.y)
-    if isinstance(layer, Cells):
-        return _extent(np.ravel(layer.values), Axis())
     if isinstance(layer, Spans):
         return f"{len(layer.begin)} from {_place(float(np.min(layer.begin)), plot.x)} on"
     if isinstance(layer, Points) and layer.values is not None:
@@ -77,8 +73,7 @@ def _bars(layer: Bars) -> str:
         return "nothing"
     shares = np.cumsum(np.nan_to_num(heights)) / total
     first, last = (min(int(np.searchsorted(shares, end)), len(heights) - 1) for end in (0.05, 0.95))
-    ends = layer.edges[1:] if layer.ends is None else layer.ends
-    return f"90 % between {number(layer.edges[first])} and {number(ends[last])}"
+    return f"90 % between {number(layer.edges[first])} and {number(layer.edges[last + 1])}"
 
 
 def _least(layer: Points, values: np.ndarray, plot: Plot) -> str:

@@ -60,12 +60,6 @@ class Answers:
         """Absolute names of the topics."""
         return [answer.name for answer in self._answers]
 
-    @property
-    def nodes(self) -> list[str]:
-        """Full names of the nodes that publish them now."""
-        found = {name for each in self._answers for name in self._publishers(each).values()}
-        return sorted(found)
-
     def declare(
         self, names: tuple[str, ...], kind: str = "", count: int = 1, period: int = 0
     ) -> None:

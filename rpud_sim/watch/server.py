@@ -8,9 +8,7 @@ fills a document, and one line::
 ``show_bag(document)`` is called once for each browser tab. It may set ``document.template``;
 ``document.session_context.request.arguments`` are the arguments of the URL (lists of bytes), and
 ``document.on_session_destroyed`` tells when the tab is gone. All of it runs in the one thread of
-the server's loop: what takes long belongs into a thread of its own. Plain pages are handlers of
-Tornado that derive from ``bokeh.server.views.auth_request_handler.AuthRequestHandler``, so that
-they need the token.
+the server's loop: what takes long belongs into a thread of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +21,7 @@ import logging
 import secrets
 import signal
 import socket
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
@@ -78,12 +76,11 @@ class _Application(BokehTornado):
 
 
 class PageServer:
-    """HTTP server of Bokeh documents and of plain pages; listens from the start.
+    """HTTP server of Bokeh documents; listens from the start.
 
     Args:
         applications: by path, functions that fill a document.
         place: where to listen.
-        handlers: plain pages, pairs of a path and a handler of Tornado.
 
     Raises:
         ServerError: if it cannot listen there.
@@ -93,7 +90,6 @@ class PageServer:
         self,
         applications: Mapping[str, Callable[[Document], None]],
         place: Place,
-        handlers: Sequence[tuple[str, type[RequestHandler], dict[str, Any]]] = (),
     ) -> None:
         # Whatever the environment says, the browser gets BokehJS from here.
         settings.resources = "server"
@@ -111,7 +107,6 @@ class PageServer:
             # The guard compares with the address that the browser has asked for; Bokeh's own list
             # has no notation for it.
             extra_websocket_origins=["*"],
-            extra_patterns=list(handlers),
             use_index=False,
             redirect_root=False,
             auth_provider=Guard(place.token, self.port),
@@ -163,7 +158,6 @@ def serve(
     applications: Mapping[str, Callable[[Document], None]],
     place: Place,
     announce: Callable[[PageServer], object],
-    handlers: Sequence[tuple[str, type[RequestHandler], dict[str, Any]]] = (),
 ) -> None:
     """Serve pages until SIGINT or SIGTERM.
 
@@ -175,7 +169,7 @@ def serve(
     Raises:
         ServerError: if it cannot listen there.
     """
-    with PageServer(applications, place, handlers) as server:
+    with PageServer(applications, place) as server:
         announce(server)
         server.run()
 

@@ -10,7 +10,7 @@ from rpud_sim.bag.errors import DefinitionNotFoundError
 
 
 @pytest.fixture
-def prefix(tmp_path):
+def prefix(tmp_path, monkeypatch):
     def add(name, text):
         package, message = name.split("/")
         file = tmp_path / "share" / package / "msg" / f"{message}.msg"
@@ -32,11 +32,12 @@ def prefix(tmp_path):
     add("a_msgs/Inner2", "int8 x\n")
     add("b_msgs/Leaf", "int8 LEAF=1\nuint8 y")
     add("c_msgs/Long", "bool z\n")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path}")
     return tmp_path
 
 
 def test_dependencies_follow_in_order_once_each(prefix):
-    text = find_definition("a_msgs/msg/Outer", [prefix])
+    text = find_definition("a_msgs/msg/Outer")
     parts = text.split("\n" + "=" * 80 + "\n")
     heads = [part.partition("\n")[0] for part in parts[1:]]
     assert heads == [
@@ -49,29 +50,25 @@ def test_dependencies_follow_in_order_once_each(prefix):
     assert parts[2] == "MSG: b_msgs/Leaf\nint8 LEAF=1\nuint8 y"
 
 
-def test_earlier_prefixes_win(prefix, tmp_path):
+def test_earlier_prefixes_win(prefix, tmp_path, monkeypatch):
     overlay = tmp_path / "overlay"
     file = overlay / "share" / "b_msgs" / "msg" / "Leaf.msg"
     file.parent.mkdir(parents=True)
     file.write_text("int16 other\n")
-    assert find_definition("b_msgs/msg/Leaf", [overlay, prefix]) == "int16 other\n"
-
-
-def test_the_environment_is_the_default(prefix, monkeypatch):
-    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{prefix}")
-    assert find_definition("a_msgs/msg/Inner2") == "int8 x\n"
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{overlay}:{prefix}")
+    assert find_definition("b_msgs/msg/Leaf") == "int16 other\n"
 
 
 @pytest.mark.parametrize("name", ["a_msgs/msg/Missing", "Outer", "a/b/c/d", "../a/Outer", ""])
 def test_an_unknown_type_is_named(prefix, name):
     with pytest.raises(DefinitionNotFoundError, match=name or "''"):
-        find_definition(name, [prefix])
+        find_definition(name)
 
 
 def test_a_missing_dependency_is_named(prefix):
     (prefix / "share" / "b_msgs" / "msg" / "Leaf.msg").unlink()
     with pytest.raises(DefinitionNotFoundError, match="b_msgs/Leaf"):
-        find_definition("a_msgs/msg/Outer", [prefix])
+        find_definition("a_msgs/msg/Outer")
 
 
 def test_the_type_hash_comes_from_the_installed_description(prefix):
@@ -81,14 +78,14 @@ def test_the_type_hash_comes_from_the_installed_description(prefix):
         {"type_name": "a_msgs/msg/Outer", "hash_string": "RIHS01_11"},
     ]
     file.write_text(json.dumps({"type_hashes": hashes}))
-    assert find_type_hash("a_msgs/msg/Outer", [prefix]) == "RIHS01_11"
+    assert find_type_hash("a_msgs/msg/Outer") == "RIHS01_11"
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"type_hashes": []}'])
 def test_a_description_without_the_hash_is_refused(prefix, text):
     (prefix / "share" / "a_msgs" / "msg" / "Outer.json").write_text(text)
     with pytest.raises(DefinitionNotFoundError, match="a_msgs/msg/Outer"):
-        find_type_hash("a_msgs/msg/Outer", [prefix])
+        find_type_hash("a_msgs/msg/Outer")
 
 
 def test_the_real_messages_are_found_and_their_hashes_agree_with_an_independent_library():
@@ -130,4 +127,4 @@ def test_what_is_installed_wins_over_the_package_s_own(prefix, monkeypatch):
 
 
 def test_a_definition_without_a_description_gets_its_hash_calculated(prefix):
-    assert find_type_hash("a_msgs/msg/Inner2", [prefix]).startswith("RIHS01_")
+    assert find_type_hash("a_msgs/msg/Inner2").startswith("RIHS01_")

@@ -13,9 +13,7 @@ from rpud_sim.pages.plot import (
     FAULT,
     GAP,
     Axis,
-    Band,
     Bars,
-    Cells,
     Envelope,
     Line,
     Mark,
@@ -34,12 +32,10 @@ Y = np.array([1.0, np.nan, 3.0, 4.0])
 LAYERS = (
     Line("line", X, Y, marker=True),
     Envelope("envelope", X, Y - 1.0, Y, Y + 1.0),
-    Band("band", X, Y - 1.0, Y + 1.0),
     Points("points", X, Y, Y - 0.1, Y + 0.1, joined=True),
     Bars("bars", np.arange(5.0), Y),
     Stems("stems", X, Y),
     Spans("spans", X, X + 1.0, X),
-    Cells("cells", np.arange(3.0), np.arange(3.0), np.array([[1.0, 2.0], [3.0, np.nan]])),
     Rule("rule", 2.0),
     Zone("zone", 1.0, 2.0),
 )
@@ -78,8 +74,6 @@ def test_steps_are_steps_and_gaps_stay_gaps():
     assert isinstance(step, Step)
     assert step.mode == "after"
     np.testing.assert_array_equal(drawn.sources["a"].data["y"], Y)
-    band = draw_plot(Plot("title", (LAYERS[2],)), "p").sources["band"]
-    assert [list(x) for x in band.data["xs"]] == [[0.0, 0.0], [2.0, 3.0, 3.0, 2.0]]
     envelope = draw_plot(Plot("title", (LAYERS[1],)), "p")
     assert isinstance(envelope.figure.renderers[0].glyph, Quad)
     assert list(envelope.sources["envelope"].data["until"]) == [1.0, 2.0, 3.0, 3.0]

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.pages.plot import Axis, Band, Bars, Cells, Line, Plot, Points, Rule, Zone
+from rpud_sim.pages.plot import Axis, Bars, Line, Plot, Points, Rule, Zone
 from rpud_sim.pages.words import described, number
 
 FORCE, TIME = Axis(unit="N"), Axis("time", "s")
@@ -48,14 +48,11 @@ def test_rounding_is_no_extreme():
     assert words(Line("a", x, y)) == "a: 0 to 1."
 
 
-def test_bars_cells_bands_and_shaded_points_are_described():
+def test_bars_and_shaded_points_are_described():
     edges = np.arange(11.0)
     counts = np.array([0, 0, 1, 50, 50, 50, 1, 0, 0, 0.0])
     assert words(Bars("counts", edges, counts)) == "counts: 90 % between 3 and 6."
     assert words(Bars("counts", edges, np.zeros(10))) == "counts: nothing."
-    assert words(Band("band", edges, edges, edges + 1.0)) == "band: 0 to 11."
-    cells = Cells("heat", edges[:3], edges[:3], np.array([[1.0, np.nan], [2.0, 4.0]]))
-    assert words(cells) == "heat: 1 to 4."
     shaded = Points("points", edges[:2], edges[:2] + 5.0, values=np.array([3.0, 1.0]))
     assert words(shaded) == "points: least 1 at 1 s, 6 N; greatest 3."
 

@@ -125,9 +125,7 @@ def compare(
         changed,
         failed,
         bits,
-        _decided(
-            [_compare_window(runs, window, wanted, tolerance) for window in chosen], tolerance
-        ),
+        compare_values(runs, chosen, wanted, tolerance),
         tuple(_timing(run) for run in runs),
         tolerance,
         tuple(dict.fromkeys(warnings)),

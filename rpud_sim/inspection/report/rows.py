@@ -204,13 +204,6 @@ def _walk_rows(seen: Survey, name: str) -> Rows:
     return [("walk of the bit", show(1e3 * walked, "mm"), "from the intended place of the hole")]
 
 
-def mean_powers(seen: Survey, name: str) -> dict[str, float]:
-    """Return the mean of each power of one drill [W]; empty without a status that has them."""
-    status = seen.sibling(name, STATUS)
-    powers = seen.powers.get(status.name) if status is not None else None
-    return powers.means() if powers is not None else {}
-
-
 def timing_rows(seen: Survey) -> Rows:
     """Return losses, intervals and delays of the messages of each topic."""
     rows = []
