@@ -148,13 +148,6 @@ class Series:
         """Return the values of a column."""
         return self.rows[:, self.columns.index(name)]
 
-    @property
-    def times(self) -> np.ndarray:
-        """Time of each row, the beginning of its bin [s of simulation time]."""
-        if not self.period:
-            return self.column("time")
-        return (self.first + np.arange(len(self.rows))) * self.period
-
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:

@@ -8,7 +8,9 @@ fills a document, and one line::
 ``show_bag(document)`` is called once for each browser tab. It may set ``document.template``;
 ``document.session_context.request.arguments`` are the arguments of the URL (lists of bytes), and
 ``document.on_session_destroyed`` tells when the tab is gone. All of it runs in the one thread of
-the server's loop: what takes long belongs into a thread of its own.
+the server's loop: what takes long belongs into a thread of its own. Plain pages are handlers of
+Tornado that derive from ``bokeh.server.views.auth_request_handler.AuthRequestHandler``, so that
+they need the token.
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ import logging
 import secrets
 import signal
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
@@ -76,11 +78,12 @@ class _Application(BokehTornado):
 
 
 class PageServer:
-    """HTTP server of Bokeh documents; listens from the start.
+    """HTTP server of Bokeh documents and of plain pages; listens from the start.
 
     Args:
         applications: by path, functions that fill a document.
         place: where to listen.
+        handlers: plain pages, pairs of a path and a handler of Tornado.
 
     Raises:
         ServerError: if it cannot listen there.
@@ -90,6 +93,7 @@ class PageServer:
         self,
         applications: Mapping[str, Callable[[Document], None]],
         place: Place,
+        handlers: Sequence[tuple[str, type[RequestHandler], dict[str, Any]]] = (),
     ) -> None:
         # Whatever the environment says, the browser gets BokehJS from here.
         settings.resources = "server"
@@ -107,6 +111,7 @@ class PageServer:
             # The guard compares with the address that the browser has asked for; Bokeh's own list
             # has no notation for it.
             extra_websocket_origins=["*"],
+            extra_patterns=list(handlers),
             use_index=False,
             redirect_root=False,
             auth_provider=Guard(place.token, self.port),

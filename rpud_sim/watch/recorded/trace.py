@@ -17,11 +17,6 @@ class Trace:
     x: np.ndarray  # times since the bag began, in ascending order, shape (n,) [s]
     y: np.ndarray  # values, shape (n,); NaN is a gap
 
-    def at(self, time: float) -> float:
-        """Return the value of the last point at or before a time; NaN without one."""
-        place = int(np.searchsorted(self.x, time, "right")) - 1
-        return float(self.y[place]) if place >= 0 else float("nan")
-
 
 EMPTY = Trace(np.empty(0), np.empty(0))
 
