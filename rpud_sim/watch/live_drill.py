@@ -105,7 +105,6 @@ class LiveDrill:
                     connection=self._connection,
                     run=heard.run,
                     version=version,
-                    origin=heard.origin,
                     time=heard.time,
                     status=MappingProxyType(heard.status),
                     latest=MappingProxyType(heard.latest),

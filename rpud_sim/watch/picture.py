@@ -172,7 +172,6 @@ class Picture:
     connection: Connection  # to the drill
     run: int = 0  # number of the run; a restart or a reset begins a new one and empties the series
     version: int = 0  # grows whenever anything was heard
-    origin: int | None = None  # stamp of simulation time zero [ns]
     time: float | None = None  # latest time that was heard [s]
     # fields of the latest ``rpud_msgs/Status`` by name, with times as seconds; without its
     # header. Empty before the first.
