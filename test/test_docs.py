@@ -77,6 +77,7 @@ def run(command, folder):
     return printed.replace(f"{folder}/", "")
 
 
+@pytest.mark.extended
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=name_of)
 def test_every_command_runs_and_prints_what_is_shown(page, tmp_path):

@@ -117,6 +117,7 @@ def test_no_end():
 """
 
 
+@pytest.mark.extended
 def test_only_those_who_waited_in_vain_have_a_second_attempt(ci_run, tmp_path):
     line = next(line for line in ci_run(chromium="")[0].splitlines() if "make test" in line)
     options = shlex.split(line.partition("-x ")[2])
