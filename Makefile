@@ -45,12 +45,30 @@ picture: install/.package install/.kernels .venv/.browser ## Make docs/images an
 
 ##@ Develop
 .PHONY: test
-test: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test; PYTEST_ARGS passes on options
-	@$(WITH_ENV) RPUD_OPTIONAL="$$PWD/.venv/optional" python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
+test: install/.package install/.kernels ## Run the tests of every change, with real nodes over DDS; PYTEST_ARGS passes on options
+	@$(WITH_ENV) python -m pytest -n auto --dist worksteal $(PYTEST_ARGS)
+
+# An empty mark selects the extended tests as well.
+EXTENDED = RPUD_OPTIONAL="$$PWD/.venv/optional" RPUD_EXAMPLES=many python -m pytest -m "" --hypothesis-seed=$(SEED)
+
+.PHONY: test-all
+test-all: SEED = $(shell echo $$RANDOM)
+test-all: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test, also documents, browser, wheels and cluster; properties draw new examples from SEED
+	@echo "Properties draw their examples from SEED=$(SEED)"
+	@$(WITH_ENV) $(EXTENDED) -n auto --dist worksteal $(PYTEST_ARGS)
+
+.PHONY: test-long
+test-long: ## Run what takes hours: fuzz, kills, mutants, campaign, random-sets, test-busy and soak
+	@for target in fuzz kills mutants campaign random-sets test-busy soak; do $(MAKE) --no-print-directory $$target; done
 
 .PHONY: test-busy
+test-busy: SEED = 0
 test-busy: install/.package install/.kernels .venv/.browser .venv/.optional ## Run every test, one at a time, beside four busy loops: no test may need an idle machine
-	@$(WITH_ENV) RPUD_OPTIONAL="$$PWD/.venv/optional" python test/busy.py -- python -m pytest $(PYTEST_ARGS)
+	@$(WITH_ENV) python test/busy.py -- env $(EXTENDED) $(PYTEST_ARGS)
+
+.PHONY: mutants
+mutants: install/.package install/.kernels ## Break the engine and the examples' supervisor in known ways: tests must find each
+	@$(WITH_ENV) python -m pytest -m "" test/model/test_mutations.py && python examples/mutants.py
 
 .PHONY: lint
 lint: install/.package .venv/.lint ## Check style, types, the rules of import and package.xml

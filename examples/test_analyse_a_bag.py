@@ -5,9 +5,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 EXAMPLE = Path(__file__).parent / "analyse_a_bag.py"
 
 
+@pytest.mark.extended
 def test_it_tells_what_the_bag_holds(tmp_path):
     def run(*command):
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

@@ -28,6 +28,7 @@ def start(drill, supervisor=SUPERVISOR, **parameters):
     drill.start(command, hears=HEARD, ready="the drill is there")
 
 
+@pytest.mark.extended
 @pytest.mark.timeout(300)
 def test_it_drills_three_strata_and_clears_choking_and_an_inclusion(drill):
     drill.listen("supervisor/state", "diagnostic_msgs/msg/DiagnosticArray")
@@ -81,6 +82,7 @@ MUTANTS = {
 }
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("name", MUTANTS)
 @pytest.mark.timeout(300)
 def test_a_broken_supervisor_is_caught(drill, tmp_path, name):

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.extended
+
 FILE = Path(__file__).parent / "mutants.py"
 
 

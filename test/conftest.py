@@ -1,6 +1,7 @@
 """Fixtures for every test. This module is imported before any test, and so before any rclpy."""
 
 import os
+import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -8,27 +9,43 @@ from contextlib import ExitStack
 import pytest
 from ament_index_python.packages import get_package_prefix
 from hypothesis import settings
-from support import LOOPBACK, Process, claim_ros_domain
+from support import FEW, LOOPBACK, MANY_EXAMPLES, Process, claim_ros_domain
+
+# The shell that starts the tests changes nothing: a background job ignores SIGINT, and a user may
+# have a umask, a language, a proxy, or a home folder without write permission.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+os.umask(0o022)
+for _name in list(os.environ):
+    if _name.startswith(("LC_", "RPUD_TRACEBACK")) or _name.lower().endswith("_proxy"):
+        del os.environ[_name]
+for _name in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "LANGUAGE", "PYTHONWARNINGS", "TZ"):
+    os.environ.pop(_name, None)
 
 # `ros2 run` finds our executables, a shell without env.bash does not: `colcon test` has no other.
 _executables = os.path.join(get_package_prefix("rpud_sim"), "lib", "rpud_sim")
 _domain, _domain_lock = claim_ros_domain()
 _log_folder = tempfile.TemporaryDirectory(prefix="rpud_sim_log_")
+_home = tempfile.TemporaryDirectory(prefix="rpud_sim_home_")
 os.environ.update(
     PATH=os.pathsep.join([_executables, os.environ["PATH"]]),
     ROS_DOMAIN_ID=str(_domain),
     ROS_PYTHON_CHECK_FIELDS="1",  # without it a wrong type in a message field ends the process
     ROS_LOG_DIR=_log_folder.name,
+    LANG="C.UTF-8",
+    TERM="xterm",
     PYTHONUNBUFFERED="1",  # so that a line can be waited for
     MPLBACKEND="Agg",
     **LOOPBACK,
 )
+if not os.access(os.path.expanduser("~"), os.W_OK):
+    os.environ["HOME"] = _home.name
 os.environ.pop("ROS_LOCALHOST_ONLY", None)  # deprecated, and it would overrule the discovery range
 
-# The first example compiles, which takes longer than any deadline. CI must not fail by chance.
-_same = "CI" in os.environ or os.environ.get("RPUD_EXAMPLES") == "same"
-settings.register_profile("rpud_sim", deadline=None, derandomize=_same)
-settings.load_profile("rpud_sim")
+# The first example compiles, which takes longer than any deadline. `make test` draws the same
+# examples each time, so it never fails by chance. `make test-all` draws more, from a printed seed.
+settings.register_profile("few", deadline=None, derandomize=True, database=None, max_examples=FEW)
+settings.register_profile("many", deadline=None, print_blob=True)
+settings.load_profile("many" if MANY_EXAMPLES else "few")
 
 
 @pytest.fixture
@@ -46,11 +63,11 @@ def process() -> Iterator[Callable[..., Process]]:
 def optional_packages(monkeypatch: pytest.MonkeyPatch) -> str:
     """Let this process and those that it starts import what users may install in addition.
 
-    `make test` installs these packages into a folder of their own and names it in RPUD_OPTIONAL.
+    `make test-all` installs these packages into a folder of their own and names it in RPUD_OPTIONAL.
     """
     folder = os.environ.get("RPUD_OPTIONAL", "")
     if not folder:
-        pytest.skip("RPUD_OPTIONAL names no folder with optional.lock installed; `make test` does")
+        pytest.skip("RPUD_OPTIONAL names no folder with optional.lock installed; `make test-all` does")
     assert os.path.isdir(folder), folder
     monkeypatch.syspath_prepend(folder)
     path = os.environ.get("PYTHONPATH", "")

@@ -30,6 +30,14 @@ GRACE = 5.0  # seconds that a process has to obey a signal
 PATIENCE = 100.0
 """Seconds that a test waits for a condition at most: a first drill compiles, beside busy loops."""
 
+MANY_EXAMPLES = os.environ.get("RPUD_EXAMPLES") == "many"
+FEW = 25
+
+
+def examples(count: int) -> int:
+    """Number of examples that a property draws: `count` in `make test-all`, else 25 at most."""
+    return count if MANY_EXAMPLES else min(count, FEW)
+
 
 def claim_ros_domain() -> tuple[int, IO[str]]:
     """Take a ROS domain that no other test run on this machine uses, and the lock that holds it.

@@ -4,7 +4,10 @@ import re
 import sys
 from pathlib import Path
 
+import pytest
 from support import until
+
+pytestmark = pytest.mark.extended
 
 PROGRAM = Path(__file__).parent / "busy.py"
 

@@ -77,6 +77,7 @@ def run(command, folder):
     return printed.replace(f"{folder}/", "")
 
 
+@pytest.mark.extended
 @pytest.mark.timeout(240)
 @pytest.mark.parametrize("page", [page for page in PAGES if runs(page)], ids=name_of)
 def test_every_command_runs_and_prints_what_is_shown(page, tmp_path):
@@ -122,7 +123,7 @@ def test_console_blocks_hold_only_what_cannot_run_here(page):
         words = shlex.split(line.removeprefix("$ "))
         if words[0] == "make":
             assert {word for word in words[1:] if "=" not in word} <= targets
-        elif words[:3] == ["python", "-m", "pytest"]:  # `make test` runs it
+        elif words[:3] == ["python", "-m", "pytest"]:  # `make test` or `make test-all` runs it
             assert (ROOT / words[3]).exists()
         elif words[0] == "python":  # so does this, in part
             assert words[1] == "examples/mutants.py"

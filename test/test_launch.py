@@ -17,6 +17,8 @@ from ament_index_python.packages import (
 
 from rpud_sim.ros.record.record_options import COMPRESSIONS
 
+pytestmark = pytest.mark.extended
+
 ROOT = Path(__file__).resolve().parent.parent
 LAUNCH_FILES = sorted((ROOT / "launch").glob("*.launch.py"))
 

@@ -109,6 +109,7 @@ def plain_install(tmp_path_factory) -> Path:
     return prefix
 
 
+@pytest.mark.extended
 def test_pip_installs_the_commands_and_the_configuration(plain_install):
     commands = {path.name for path in (plain_install / "bin").iterdir()}
     assert commands == {"rpud", "drill_node", "recorder", "replayer"}

@@ -14,6 +14,8 @@ from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
 from rpud_sim.simulation.topics import TOPICS
 
+pytestmark = pytest.mark.extended
+
 CONTROLLERS = yaml.safe_load((ROOT / "config" / "ros2_control" / "controllers.yaml").read_text())
 PAGE = ROOT / "docs" / "how-to" / "put-it-on-an-arm.md"
 # What the controllers of ros2_controllers 4.42.1 for Jazzy are called, with those of their

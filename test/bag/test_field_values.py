@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from sample_bags import EVERYTHING, MESSAGE, SEPARATOR, serialized
+from support import examples
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.columns import Kind, Sequences, columns_of
@@ -130,7 +131,7 @@ def assert_same(codec, definition, messages, gap=b""):
         assert each == [row[place] for _, row in rows], column.name
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(types(), st.data())
 def test_columns_are_those_of_the_decoded_messages(kind, data):
     definition, values = kind
@@ -143,7 +144,7 @@ def test_columns_are_those_of_the_decoded_messages(kind, data):
     assert_same(codec, definition, messages, data.draw(st.binary(max_size=9)))
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(types(), st.data())
 def test_what_is_no_message_gives_the_same_error(kind, data):
     definition, values = kind

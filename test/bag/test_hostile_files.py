@@ -123,6 +123,7 @@ def said_of_bombs(tmp_path_factory):
     return read_in_bounded_memory(folder)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("name", COMPLAINTS)
 def test_a_bomb_is_one_line_in_bounded_memory(name, said_of_bombs):
     read, recovered = said_of_bombs[name]

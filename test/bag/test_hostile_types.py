@@ -148,6 +148,7 @@ def exported(path, file_format):
     return json.loads(result.stdout)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("name", GREEDY)
 def test_a_message_that_grows_when_it_is_decoded_is_refused(tmp_path, name):
     path = greedy_bag(tmp_path / "run", *GREEDY[name], 64_000_000)
@@ -157,6 +158,7 @@ def test_a_message_that_grows_when_it_is_decoded_is_refused(tmp_path, name):
     assert memory < GIGABYTE
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("file_format", ["parquet", "csv", "numpy"])
 @pytest.mark.parametrize("name", ["tiny members", "numbers", "text"])
 def test_a_message_just_within_the_limit_stays_in_memory(tmp_path, name, file_format):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from mcap.records import Attachment
 from mcap.writer import CompressionType, Writer
 from sample_bags import CHAT, START, STRING_DEFINITION, TALK, serialized_string
+from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagWriter
@@ -49,7 +50,7 @@ def library_file(messages, chunk_size):
     return completed(writer, stream)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(MESSAGES, st.sampled_from([1, 100, 2000, 1 << 20]), st.integers(0, 2))
 def test_one_by_one_the_file_is_that_of_the_library(messages, chunk_size, ahead):
     stream = io.BytesIO()
@@ -86,7 +87,7 @@ def blocks_of(messages):
     return parts
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(
     st.lists(MESSAGES, max_size=3),
     st.sampled_from([1, 100, 2000, 1 << 20]),

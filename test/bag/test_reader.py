@@ -19,6 +19,7 @@ from sample_bags import (
     serialized_string,
     write_bag,
 )
+from support import examples
 
 import rpud_sim.bag
 import rpud_sim.bag.tables
@@ -295,7 +296,7 @@ def whole_file(tmp_path_factory):
     return write_bag(tmp_path_factory.mktemp("whole") / "run", 20, chunk_size=300) / "run_0.mcap"
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(data=st.data())
 def test_changed_bytes_never_cause_anything_but_a_bag_error(whole_file, tmp_path_factory, data):
     content = bytearray(whole_file.read_bytes())
@@ -344,6 +345,7 @@ def test_what_channels_share_is_read_once(tmp_path, monkeypatch):
     assert len(compiled) == 7
 
 
+@pytest.mark.extended
 def test_to_list_channels_takes_no_more_than_so_much_for_each(tmp_path):
     def seconds(channels):
         path = many_channels(tmp_path / f"{channels}.mcap", channels, 1000)

@@ -14,6 +14,7 @@ from mcap.reader import make_reader
 from mcap.records import Chunk
 from rosbags.highlevel import AnyReader
 from sample_bags import CHAT, START, STRING_DEFINITION, TALK, serialized_string, write_bag
+from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagExistsError, BagFormatError, BagNotFoundError, BagWriter
@@ -75,7 +76,7 @@ def test_a_whole_bag_comes_back_as_it_was(whole, tmp_path, compression):
     assert sorted(os.listdir(tmp_path / "out")) == ["metadata.yaml", "out_0.mcap"]
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(data=st.data(), compression=st.sampled_from(["none", "zstd"]))
 def test_a_file_cut_off_anywhere_gives_its_messages_up_to_there(
     whole, tmp_path_factory, data, compression
@@ -92,7 +93,7 @@ def test_a_file_cut_off_anywhere_gives_its_messages_up_to_there(
             assert len(found) > (chunk.message_end_time - START) // 1_000_000
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(data=st.data(), compression=st.sampled_from(["none", "zstd"]))
 def test_a_changed_bit_costs_one_chunk_at_most(whole, tmp_path_factory, data, compression):
     content = bytearray(whole(compression))
@@ -107,7 +108,7 @@ def test_a_changed_bit_costs_one_chunk_at_most(whole, tmp_path_factory, data, co
         assert recovery.topics[TALK.name].lost == COUNT - len(found)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(data=st.data(), compression=st.sampled_from(["none", "zstd"]))
 def test_whatever_happens_to_the_bytes_it_is_a_bag_or_one_error(
     whole, tmp_path_factory, data, compression

@@ -26,6 +26,7 @@ from sample_bags import (
     serialized_string,
     write_bag,
 )
+from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagExistsError, BagWriter
@@ -95,7 +96,7 @@ def test_the_file_has_what_rosbag2_s_has(tmp_path):
     assert sorted(os.listdir(tmp_path / "run")) == ["metadata.yaml", "run_0.mcap"]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(
     st.lists(st.tuples(st.binary(max_size=300), st.integers(0, 2**63 - 1)), max_size=50),
     st.sampled_from(["none", "lz4", "zstd"]),

@@ -31,7 +31,7 @@ def _missing() -> str | None:
         import axe_playwright_python  # noqa: F401
         import playwright  # noqa: F401
     except ImportError as error:
-        return f"{error}: `make test` installs toolchain/requirements/browser.lock"
+        return f"{error}: `make test-all` installs toolchain/requirements/browser.lock"
     if find_chromium() is None:
         return f"no Chromium: CHROMIUM is not set, and PATH has none of {', '.join(NAMES)}"
     return None

@@ -7,6 +7,8 @@ from support import PATIENCE
 
 from rpud_sim.ros.client import DrillClient
 
+pytestmark = pytest.mark.extended
+
 NAMESPACE = "/arm_page"
 VALUES = {
     "feed_model": "arm",

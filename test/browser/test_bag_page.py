@@ -17,6 +17,8 @@ from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import read_scenario
 
+pytestmark = pytest.mark.extended
+
 HOSTILE = "/rpud/<img src=x onerror=alert(1)>"
 DURATION = 10.5  # longer than what is drawn from single messages at once
 DRAWN = "document.documentElement.dataset.drawn === 'true'"

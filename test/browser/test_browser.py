@@ -12,6 +12,8 @@ import pytest
 from browser.pages import PHONE
 from support import until
 
+pytestmark = pytest.mark.extended
+
 ROOT = Path(__file__).resolve().parents[2]
 GOOD = """<!DOCTYPE html><html lang="en"><title>Good</title>
 <meta name="viewport" content="width=device-width">

@@ -8,6 +8,8 @@ from rpud_sim.inspection.compare import compare
 from rpud_sim.inspection.compare.compare_page import write_page
 from rpud_sim.simulation import preset, read_scenario
 
+pytestmark = pytest.mark.extended
+
 HOSTILE = "<script>document.title = 'taken'</script>"
 
 

@@ -11,6 +11,8 @@ from support import PATIENCE, Process
 
 from rpud_sim.ros.client import DrillClient
 
+pytestmark = pytest.mark.extended
+
 NAMESPACE = "/live_page"
 
 

@@ -15,6 +15,8 @@ from rpud_sim.simulation.scenario import read_scenario
 from rpud_sim.studies.fit import branches
 from rpud_sim.studies.fit import fit as rounds
 
+pytestmark = pytest.mark.extended
+
 SCENARIO = """
 faults:
   - {kind: bias, channel: wrench, magnitude: 100, onset: 0.25, duration: 0.5}

@@ -12,6 +12,8 @@ from PIL import Image
 
 from toolchain.pictures.screenshots import chromium, open_in_both, save
 
+pytestmark = pytest.mark.extended
+
 PAGE = """<!DOCTYPE html><title>x</title><style>
 body { margin: 0; background: #fff; }
 @media (prefers-color-scheme: dark) { body { background: #000; } }

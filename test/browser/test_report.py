@@ -13,6 +13,8 @@ from rpud_sim.inspection.report.bag_report import write_report
 from rpud_sim.simulation import WeightOnBit
 from rpud_sim.simulation.scenario import read_scenario
 
+pytestmark = pytest.mark.extended
+
 DURATION = 2.0
 SCENARIO = "faults:\n  - {kind: bias, channel: wrench, magnitude: 100, onset: 1.0, duration: 0.5}\n"
 PEAKS = "peak contact force"

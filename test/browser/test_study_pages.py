@@ -13,6 +13,8 @@ from rpud_sim.studies.sweep.sweep import run_sweep
 from rpud_sim.testing.campaign.campaign_file import read_campaign
 from rpud_sim.testing.campaign.page import campaign_page
 
+pytestmark = pytest.mark.extended
+
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 SWEEP = {
     "design": "grid",

@@ -29,6 +29,7 @@ def test_simulate_ends_with_one_line(rpud):
     assert re.fullmatch(f"rpud simulate: {LINE}", result.stderr.splitlines(keepends=True)[-1])
 
 
+@pytest.mark.extended
 def test_a_sweep_goes_on_and_notes_the_reason(rpud, tmp_path):
     (tmp_path / "sweep.yaml").write_text(
         "{design: grid, duration: 1, fixed: {regime: free}, swept: {free_mass: [1e-11, 5e-3]}}"

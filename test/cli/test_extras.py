@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.extended
+
 CONFIG = Path(__file__).parents[2] / "config"
 BAGS = ("apsw", "lz4", "mcap", "rosbags", "zstandard")
 EXTRAS = ("bokeh", "distributed", "pandas", "pyarrow", "scipy")

@@ -51,6 +51,7 @@ def test_a_fit_prints_intervals_and_targets_and_writes_its_files(made):
     }
 
 
+@pytest.mark.extended
 def test_a_fit_is_resumed_and_printed_as_one_object(targets, made):
     folder, _ = made
     done = rpud("fit", targets, "--out", folder, "--json")
@@ -67,6 +68,7 @@ def test_the_parameter_file_is_one_that_commands_take(made):
     assert json.loads(done.stdout)["parameters"]["weight_on_bit"] == best
 
 
+@pytest.mark.extended
 def test_a_proof_counts_the_intervals(targets, made):
     folder, _ = made
     done = rpud("fit", targets, "--out", folder, "--prove", 20, "--json")

@@ -51,6 +51,7 @@ def specifications(tmp_path):
     return tmp_path
 
 
+@pytest.mark.extended
 def test_nothing_is_left_to_compile(specifications, capsys):
     assert execute(["precompile"]) == 0
     before = kernels()
@@ -122,6 +123,7 @@ print(digest.hexdigest(), dispatchers._codegen().magic_tuple()[1])
 """
 
 
+@pytest.mark.extended
 def test_kernels_of_the_baseline_compute_the_bits_of_kernels_for_this_processor_alone():
     def run(*words):
         process = subprocess.run(

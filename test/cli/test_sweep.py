@@ -111,6 +111,7 @@ def test_any_point_can_be_simulated_again(made):
         assert point[f"{name}_standard_error"] == pytest.approx(error, rel=1e-9), name
 
 
+@pytest.mark.extended
 def test_a_killed_worker_costs_its_own_chunk_alone(spec, made, tmp_path, process):
     out = tmp_path / "out"
     sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
@@ -161,6 +162,7 @@ def test_a_finished_sweep_is_not_run_again_and_another_is_refused(spec, made, tm
     assert {name: (folder / name).stat().st_mtime_ns for name in FILES} == before
 
 
+@pytest.mark.extended
 def test_ctrl_c_ends_a_sweep_and_its_workers_without_a_trace(spec, tmp_path, process):
     out = tmp_path / "out"
     sweep = process("rpud", "sweep", spec, "--out", out, "--workers", "2")
@@ -180,6 +182,7 @@ def cluster():
         yield made
 
 
+@pytest.mark.extended
 def test_a_cluster_gives_the_same_bytes_even_if_it_loses_a_worker(
     spec, made, tmp_path, process, cluster
 ):
@@ -193,6 +196,7 @@ def test_a_cluster_gives_the_same_bytes_even_if_it_loses_a_worker(
     assert same(out, made[0])
 
 
+@pytest.mark.extended
 def test_a_cluster_that_is_not_there_is_one_line(spec, tmp_path):
     done = rpud("sweep", spec, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:1")
     assert done.returncode == 1

@@ -146,6 +146,7 @@ def _environment(folder):
     return {**kept, "PATH": str(folder)}
 
 
+@pytest.mark.extended
 def test_a_drill_brings_its_page_along_and_takes_it_away(process):
     running = process("rpud", "run", "--watch", "0", "--namespace", NAMESPACE, "--quiet")
     base = running.wait_for_line(rf"drill {NAMESPACE}: (http://[^/]+)/drill")[1]

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from support import examples
 
 from rpud_sim.drilling.arm import Arm, Load, arm_force, drift, shift
 
@@ -33,7 +34,7 @@ def within(arm, rest, share):
 
 
 @given(arms, loads, places, st.floats(-1.0, 1.0))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 def test_what_the_arm_gives_is_lost_or_works_on_the_drill(arm, load, rest, share):
     start = within(arm, rest, share)
     moved = drift(arm, load, start, rest, INTERVAL)
@@ -44,7 +45,7 @@ def test_what_the_arm_gives_is_lost_or_works_on_the_drill(arm, load, rest, share
 
 
 @given(arms, loads, places, st.floats(-1.0, 1.0), st.floats(-1e-3, 1e-3))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 def test_work_of_the_feed_is_stored_lost_or_works_on_the_drill(arm, load, rest, share, way):
     start = within(arm, rest, share)
     moved = shift(arm, load, start, rest, rest + way)
@@ -58,7 +59,7 @@ def test_work_of_the_feed_is_stored_lost_or_works_on_the_drill(arm, load, rest, 
 
 
 @given(arms, loads, places, st.floats(-1.0, 1.0), st.floats(0.0, 1.0))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 def test_two_parts_of_an_interval_are_the_whole(arm, load, rest, share, cut):
     start = within(arm, rest, share)
     whole = drift(arm, load, start, rest, INTERVAL)

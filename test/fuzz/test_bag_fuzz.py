@@ -9,6 +9,8 @@ import pytest
 
 from fuzz import bag_campaign
 
+pytestmark = pytest.mark.extended
+
 BAGS = 400
 
 

@@ -8,6 +8,8 @@ from fuzz import campaign
 from fuzz.drill import Drill
 from fuzz.inputs import WAYS
 
+pytestmark = pytest.mark.extended
+
 INPUTS = 3000
 NEVER_REFUSED = {
     *("get_parameters", "get_parameter_types", "describe_parameters", "list_parameters"),

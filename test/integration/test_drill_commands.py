@@ -56,6 +56,7 @@ def applied(status):
     )
 
 
+@pytest.mark.extended
 def test_more_weight_on_bit_raises_the_mean_reacting_force_within_two_seconds(client, settle):
     settle()
     heard = client.listen("waveform")

@@ -161,6 +161,7 @@ def test_a_jam_silences_the_impacts_and_its_end_brings_them_back(client):
     assert at(client, client.step(0.5)).impacts > again.impacts + 50
 
 
+@pytest.mark.extended
 def test_a_lost_preload_is_felt_in_the_reacting_force(client):
     def mean():
         forces = [message.force for message in advance(client, 4.0)["reacting_force"]]
@@ -201,6 +202,7 @@ def test_signal_faults_change_their_channel_alone(client):
     assert told == [-message.wrench.force.z for message in heard["wrench"]]
 
 
+@pytest.mark.extended
 def test_the_hole_gets_deeper_while_it_is_in_the_rock_and_slower_in_a_harder_one(client):
     def progress():
         before = client.status[-1].depth
@@ -240,6 +242,7 @@ def test_the_actuator_rings_up_draws_power_and_suffers_from_a_drift(client):
     assert drifted.vibration_amplitude < full.vibration_amplitude / 2
 
 
+@pytest.mark.extended
 def test_a_scenario_comes_by_itself_at_its_times_and_again_after_a_reset(
     start_drill, connect, tmp_path
 ):

@@ -65,6 +65,7 @@ def test_a_parameter_of_rclpy_with_another_type_is_one_line(process, tmp_path, w
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.extended
 def test_neither_a_frozen_nor_a_killed_listener_nor_a_killed_recorder_holds_it_up(
     start_drill, process, connect, tmp_path
 ):
@@ -92,6 +93,7 @@ def test_neither_a_frozen_nor_a_killed_listener_nor_a_killed_recorder_holds_it_u
     os.kill(frozen.pid, signal.SIGCONT)
 
 
+@pytest.mark.extended
 def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
     start_drill, process, connect, tmp_path
 ):
@@ -122,6 +124,7 @@ def test_a_killed_drill_leaves_recorder_and_listener_for_the_next_one(
         assert set(steps(part)) == {1}
 
 
+@pytest.mark.extended
 def test_a_drill_that_stood_still_counts_it_and_skips_nothing(start_drill, connect):
     node = start_drill("/frozen")
     client = connect("/frozen")

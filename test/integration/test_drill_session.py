@@ -202,6 +202,7 @@ def recorder_of(running):
     return recorder
 
 
+@pytest.mark.extended
 def test_a_killed_drill_leaves_a_whole_bag_and_no_recorder(process, tmp_path):
     path = tmp_path / "bag"
     running = process("rpud", "run", "--record", path)
@@ -221,6 +222,7 @@ def has_ended(pid: str) -> bool:
     return state == "Z" and int(fields[16]) <= 1  # its other threads may outlive the first one
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("number", "complaint"),
     [
@@ -245,6 +247,7 @@ def test_a_recorder_that_ends_does_not_stop_the_drill_and_is_named_at_the_end(
     assert "bag: " not in running.output
 
 
+@pytest.mark.extended
 def test_messages_that_a_frozen_recorder_misses_are_counted_at_the_end(process, connect, tmp_path):
     running = process("rpud", "run", "--record", tmp_path / "bag", "--quiet")
     client = connect("/rpud")
@@ -273,6 +276,7 @@ def running_statuses(client):
     return [status for status in client.status if status.state == Status.STATE_RUNNING]
 
 
+@pytest.mark.extended
 def test_two_drills_in_two_namespaces_do_not_meet(process, connect):
     for name, force in (("one", 5), ("two", 25)):
         process("rpud", "run", "--namespace", name, "--set", f"weight_on_bit={force}", "--quiet")

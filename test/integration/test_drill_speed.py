@@ -44,6 +44,7 @@ def measured(client, clocks, ticks):
     return (now() - begin) / SECOND / (time.monotonic() - began)
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(("factor", "ticks"), [(0.1, 8), (1.0, 50), (5.0, 250)])
 def test_time_passes_at_the_given_factor(client, factor, ticks):
     clocks, statuses = client.listen("/clock"), client.status

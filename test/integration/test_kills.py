@@ -4,6 +4,10 @@ import re
 import sys
 from pathlib import Path
 
+import pytest
+
+pytestmark = pytest.mark.extended
+
 
 def test_killed_writers_leave_all_but_their_end(process):
     script = Path(__file__).parent.parent / "kills.py"

@@ -1,10 +1,12 @@
 """The live line of `rpud run` in a real terminal, beside a drill that is jammed and refuses."""
 
+import pytest
 from pseudo_terminal import PseudoTerminal, without_steering
 
 from rpud_sim.ros.client import DrillClient, RefusedError
 
 
+@pytest.mark.extended
 def test_faults_and_a_refusal_are_seen_and_the_line_never_wraps():
     words = ("--namespace", "/seen", "--set", "rock_model=specific_energy", "--set", "seed=1")
     with PseudoTerminal("rpud", "run", *words, TERM="xterm") as terminal:

@@ -5,6 +5,8 @@ import subprocess
 import pytest
 from support import PATIENCE
 
+pytestmark = pytest.mark.extended
+
 NAME = "/twin/drill_node"
 
 

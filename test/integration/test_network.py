@@ -13,6 +13,8 @@ from support import LOOPBACK
 
 import rpud_sim.bag
 
+pytestmark = pytest.mark.extended
+
 POLICY = Path(get_package_share_directory("rpud_sim"), "config", "sros2_policy.xml")
 RULES = {  # what a node does in the graph, and where the policy allows that
     "publisher": ("topics", "publish"),

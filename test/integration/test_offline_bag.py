@@ -3,7 +3,11 @@
 import itertools
 import time
 
+import pytest
+
 import rpud_sim.bag
+
+pytestmark = pytest.mark.extended
 
 
 def topics(path):

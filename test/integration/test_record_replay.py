@@ -196,6 +196,7 @@ def test_what_is_lost_on_the_way_is_counted(process, program, tmp_path):
     recorder.wait_for_line(rf"lost {lost} messages on /rpud/nodal_plane")
 
 
+@pytest.mark.extended
 def test_what_a_killed_recorder_has_flushed_is_recovered_without_a_gap(process, program, tmp_path):
     recorder = process("recorder", "--out", tmp_path / "run", "--max-loss", "0.5")
     program("talker", "--count", 100_000, "--rate", 500)
@@ -345,6 +346,7 @@ def test_a_replay_can_begin_later_and_leave_topics_out(process, program, bag):
     assert heard[STATUS] == []
 
 
+@pytest.mark.extended
 def test_a_replay_waits_for_subscribers_as_long_as_it_takes(process, program, bag):
     replayer = process("replayer", bag, "--wait-for-subscribers", "--topics", CONTACT_FORCE)
     replayer.wait_for_line("waiting for subscribers of /rpud/contact_force")

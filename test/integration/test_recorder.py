@@ -93,6 +93,7 @@ def test_answers_that_no_drill_gives_end_no_recording(process, talker, tmp_path)
     assert sequences(tmp_path / "run") == list(range(100))
 
 
+@pytest.mark.extended
 def test_a_topic_that_never_came_is_a_failure_with_the_nearest_name(process, talker, tmp_path):
     talker("--count", 0, "--subscribers", 0).wait_for_line("published 0")
     words = ("--out", tmp_path / "run", "--duration", "0.1")
@@ -109,6 +110,7 @@ def test_a_topic_that_never_came_is_a_failure_with_the_nearest_name(process, tal
     )
 
 
+@pytest.mark.extended
 def test_a_publisher_without_a_match_is_subscribed_again(process, tmp_path):
     # In another partition it is in the graph, and connected to no one.
     profile = tmp_path / "partition.xml"

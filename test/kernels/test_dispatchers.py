@@ -99,6 +99,7 @@ def read_only(folder):
         path.chmod(path.stat().st_mode & ~0o222)
 
 
+@pytest.mark.extended
 def test_kernels_serve_a_read_only_copy_elsewhere_with_other_times(package, tmp_path):
     assert run(package) == COMPILED  # the rule once, for a literal, a byte and an int64
     assert len(list((package / "kernels").iterdir())) == 1
@@ -110,6 +111,7 @@ def test_kernels_serve_a_read_only_copy_elsewhere_with_other_times(package, tmp_
     assert run(elsewhere, HOME="/nonexistent", XDG_CACHE_HOME="") == LOADED
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("file", "old", "new", "result"),
     [
@@ -127,6 +129,7 @@ def test_a_changed_source_is_never_served_by_the_former_kernel(package, file, ol
     assert len(list((package / "kernels").iterdir())) == 1  # the former one is gone
 
 
+@pytest.mark.extended
 def test_a_damaged_kernel_is_compiled_again(package):
     run(package)
     (kernel,) = (package / "kernels").iterdir()
@@ -135,6 +138,7 @@ def test_a_damaged_kernel_is_compiled_again(package):
     assert run(package) == LOADED
 
 
+@pytest.mark.extended
 def test_a_user_keeps_what_the_installation_cannot(package, tmp_path):
     (package / "kernels").write_text("")  # as if it could not be written to, also for root
     own = tmp_path / "own"
@@ -142,12 +146,14 @@ def test_a_user_keeps_what_the_installation_cannot(package, tmp_path):
     assert run(package, own) == LOADED
 
 
+@pytest.mark.extended
 def test_kernels_that_cannot_be_kept_work_all_the_same(package):
     (package / "kernels").write_text("")
     assert run(package, "/proc/nonexistent") == COMPILED
     assert run(package, "/proc/nonexistent") == COMPILED
 
 
+@pytest.mark.extended
 def test_a_processor_without_the_baseline_compiles_its_own_and_leaves_the_others(package):
     assert run(package) == COMPILED
     foreign = {"NUMBA_CPU_NAME": "core2", "NUMBA_CPU_FEATURES": "+ssse3,+cx16"}
@@ -156,6 +162,7 @@ def test_a_processor_without_the_baseline_compiles_its_own_and_leaves_the_others
     assert run(package) == LOADED
 
 
+@pytest.mark.extended
 def test_other_numba_code_is_compiled_for_this_processor_as_always(package):
     (package / "other.py").write_text(
         "import numba, numpy as np\n"

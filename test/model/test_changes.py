@@ -9,6 +9,7 @@ from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from invariants import check_trajectory
+from support import examples
 from trajectories import rebuild
 
 from rpud_sim.model.drill import derive
@@ -74,7 +75,7 @@ def run(regime, planned, stops, end=0.35):
     return engine.drain()
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(150), suppress_health_check=[HealthCheck.too_slow])
 @given(regime=st.sampled_from(REGIMES), planned=changes)
 def test_changes_at_any_time_keep_the_order_of_bodies_and_continuity(regime, planned):
     try:
@@ -102,7 +103,7 @@ def outcome(regime, planned, stops):
         return [str(error)]
 
 
-@settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(30), suppress_health_check=[HealthCheck.too_slow])
 @given(
     regime=st.sampled_from(REGIMES),
     planned=changes,

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
+from support import examples
 
 from rpud_sim.model import energy
 from rpud_sim.model.engine import Engine
@@ -238,7 +239,7 @@ def test_the_terms_of_an_empty_stretch_are_zero():
     assert not account(segments, 0.0).any()
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(
     st.complex_numbers(max_magnitude=1e3),
     st.one_of(st.just(0.0), st.floats(-1e5, -1e-9)),

@@ -9,6 +9,7 @@ from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from invariants import check_trajectory
+from support import examples
 
 from rpud_sim.model.drill import STATE, derive
 from rpud_sim.model.engine import Engine, EngineError
@@ -57,7 +58,7 @@ extremes = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(60), suppress_health_check=[HealthCheck.too_slow])
 @given(changes=extremes, phase=st.floats(0.0, 1.0))
 def test_extreme_drills_neither_stall_nor_overlap(changes, phase):
     regime = changes["regime"]

@@ -86,6 +86,7 @@ def test_a_burst_of_elastic_bounces_is_no_overload():
     assert engine._state["effort"][0] < GREATEST_EFFORT
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("number", range(24))
 def test_random_sets_finish_or_say_in_one_line_why_not(number):
     outcome = simulate(draw(1, number))

@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.model.compile import compiled
 from rpud_sim.model.pairwise_sum import SUM_ROOM, pairwise_sum
@@ -13,7 +14,7 @@ def sum_of(values, room):
     return pairwise_sum(values, room)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     st.integers(1, 5000),
     st.integers(0, 2**32 - 1),

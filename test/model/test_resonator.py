@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
+from support import examples
 
 from rpud_sim.model import resonator
 from rpud_sim.model.drill import STATE, derive
@@ -105,7 +106,7 @@ def test_half_the_power_is_left_half_a_bandwidth_away(side):
     assert drawn == pytest.approx(25.0, rel=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(st.floats(100.0, 2e5), st.floats(100.0, 2e5), st.floats(10.0, 1e5), st.floats(0.0, 1e3))
 def test_updates_are_few_however_far_from_resonance_and_however_sharp(f, f_r, quality, voltage):
     decay_time = quality / (math.pi * f_r)
@@ -118,7 +119,7 @@ def test_updates_are_few_however_far_from_resonance_and_however_sharp(f, f_r, qu
     assert state["amplitude"] == 0.0
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50), deadline=None)
 @given(st.floats(0.0, 1.0), st.floats(-0.1, 0.1))
 def test_a_blow_moves_no_tip_and_takes_its_work_from_the_vibration(phase, impulse):
     drill = derive(preset("drilling"))

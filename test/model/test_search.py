@@ -9,6 +9,7 @@ from closed_forms import DRILL_TOOL, FREE_MASS, TIP, gap, motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize_scalar
+from support import examples
 
 from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine
@@ -171,7 +172,7 @@ def every_part_computed(segment, limit):
     return time, False, LONGEST_SEARCH
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(
     clearance=st.one_of(st.floats(-7e-5, 1e-10), st.floats(0.0, 2e-3)),
     velocity=st.floats(-10.0, 10.0),

@@ -36,6 +36,7 @@ def wheels_are_installed():
         return False
 
 
+@pytest.mark.extended
 @pytest.mark.skipif(not wheels_are_installed(), reason="an installed ROS has DDS-Security")
 @pytest.mark.parametrize("name", commands(Path()))
 @pytest.mark.parametrize("keystore", [False, True], ids=["without_keystore", "with_keystore"])

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.foundation.parameters import quantities
 from rpud_sim.foundation.quantities import ParameterError
@@ -278,7 +279,7 @@ def test_a_choice_that_is_not_known_is_refused(name, value):
         ActuatorParameters(**{name: value})
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100), deadline=None)
 @given(
     st.fixed_dictionaries(
         {

@@ -2,6 +2,7 @@
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
@@ -151,7 +152,7 @@ commands = st.one_of(
 )
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.lists(st.one_of(commands, st.booleans(), st.integers(1, 400)), min_size=1, max_size=20))
 def test_it_never_acts_more_than_commanded_and_not_at_all_while_inactive(events):
     simulation, control = made(timeout=0.05, ramp=0.1)

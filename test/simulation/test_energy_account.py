@@ -10,6 +10,7 @@ import operator
 import pytest
 from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.report.power_flow import terms
@@ -83,7 +84,7 @@ def made(values, model, phase):
         assume(False)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(150), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     values=drills,
     model=st.sampled_from(["gain", "resonance"]),

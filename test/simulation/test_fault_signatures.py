@@ -62,6 +62,7 @@ def test_a_fault_has_its_signature(kind):
     assert {column: found()[kind][column].cell for column in COLUMNS} == SIGNATURES[kind]
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("kind", ROWS)
 def test_the_changes_of_the_page_are_those_of_other_phases(kind):
     """They are of eight phases, none of them one of the test's."""

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rpud_msgs.msg import Feed as FeedMessage
+from support import examples
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Fault, Feed, Simulation, WeightOnBit, to_configuration
@@ -117,7 +118,7 @@ def residuals(simulation, times):
     rates=st.lists(st.floats(-5e-3, 5e-3), min_size=1, max_size=3),
     kind=st.sampled_from(["", "lost_preload", "load_spring_binding"]),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_both_accounts_close(stiffness, damping, play, anchoring, start, rates, kind):
     simulation = made(
         **ARM,

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.lib.recfunctions import repack_fields
+from support import examples
 
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.model import engine
@@ -59,7 +60,7 @@ def statistics_of(configuration, phase, times):
     return statistics, block.impacts
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(DRILLS, st.lists(PHASES, min_size=1, max_size=4), st.integers(1, 60 * MILLISECOND))
 def test_members_are_runs_of_a_simulation(configuration, phases, end):
     found = QuietRuns(configuration, phases).run(end, True)
@@ -73,7 +74,7 @@ def test_members_are_runs_of_a_simulation(configuration, phases, end):
     assert exact([m.figures for m in without]) == exact([m.figures for m in found])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(DRILLS, PHASES, st.lists(st.integers(0, 60 * MILLISECOND), min_size=1, max_size=4))
 def test_a_run_in_parts_is_that_of_a_simulation(configuration, phase, times):
     times = sorted(times)

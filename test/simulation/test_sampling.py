@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from support import examples
 from trajectories import rebuild
 
 from rpud_sim.model.drill import derive
@@ -78,7 +79,7 @@ def test_a_grid_over_many_blocks_is_that_of_the_whole(regime):
         assert np.array_equal(joined, getattr(expected, name)), name
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.lists(st.integers(0, SECOND // 4), min_size=1, max_size=20))
 def test_a_sample_is_the_same_whatever_is_sampled_beside_it(times):
     block = run("drilling", commands=False, blocks=1)[0]

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from support import examples
 from trajectories import evaluate
 
 from rpud_sim.foundation.quantities import ParameterError
@@ -55,7 +56,7 @@ def phase(segment, time):
     return (segment["vibration_phase"] + segment["vibration_frequency"] * since)[0]
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     regimes,
     st.dictionaries(moments, commands, max_size=5),
@@ -103,7 +104,7 @@ def test_what_happened_does_not_change():
             values["start_seconds" if "start_seconds" in values.dtype.names else "seconds"] = 1
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(regimes, st.dictionaries(moments, commands, min_size=1, max_size=8))
 def test_segments_follow_each_other_without_a_gap_or_a_jump(parameters, given_commands):
     simulation = Simulation(parameters)
@@ -139,7 +140,7 @@ def test_segments_follow_each_other_without_a_gap_or_a_jump(parameters, given_co
     assert_allclose(new[name][alone], old[name][alone], rtol=0.0, atol=1e-12)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(regimes, moments, commands)
 @example(preset("free"), 0, Drive(True, 50.0, 27558.0))
 def test_nodal_plane_and_phase_are_continuous_at_a_command(parameters, time, command):
@@ -158,7 +159,7 @@ def test_nodal_plane_and_phase_are_continuous_at_a_command(parameters, time, com
         assert new["nodal_plane_velocity"] == pytest.approx(old["nodal_plane_velocity"], abs=1e-13)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(regimes, moments, st.floats(0.0, 200.0), st.booleans())
 def test_the_amplitude_changes_where_the_vibration_has_no_displacement(
     parameters, time, voltage, enabled

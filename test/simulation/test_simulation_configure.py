@@ -7,6 +7,7 @@ import pytest
 from drill_configurations import FULL, SANDSTONE
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.commands import WeightOnBit
@@ -61,7 +62,7 @@ def test_without_a_rock_there_is_no_depth():
     assert math.isnan(simulation.penetration_rate)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(
     st.sampled_from(["free", "drilling"]),
     st.integers(0, END),

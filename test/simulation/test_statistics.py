@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from support import examples
 
 from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.simulation import preset
@@ -26,7 +27,7 @@ def figures(blocks):
     return statistics.figures()
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     st.sampled_from(["free", "drilling"]),
     st.lists(st.integers(0, END), max_size=30),

@@ -15,6 +15,8 @@ from rpud_sim.studies.sweep.chunks import make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.specification import parse_specification
 
+pytestmark = pytest.mark.extended
+
 SPECIFICATION = parse_specification(
     {
         "design": "grid",

@@ -127,6 +127,7 @@ def test_a_node_that_answers_is_stepped_with_and_always_alike(drill, drill_facto
     assert found[0] == found[1]
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     ("how", "kind", "texts"),
     [
@@ -162,6 +163,7 @@ def test_a_command_that_cannot_be_started_or_is_not_connected_is_told(drill):
         drill.start("sleep", "100", hears=("wrench",), timeout=0.1)
 
 
+@pytest.mark.extended
 def test_a_command_that_does_not_reach_the_drill_is_told_before_the_first_step(drill):
     drill.press(10.0)  # that one publisher reaches it does not hide that another one does not
     drill.step(0.1)

@@ -45,6 +45,7 @@ def test_wrong_marks_are_refused_before_anything_starts(pytester):
     result.stdout.no_fnmatch_line("*passed*")
 
 
+@pytest.mark.extended
 def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing(pytester):
     pytester.makefile(".py", supervisor=SUPERVISOR)
     pytester.makepyfile("""

@@ -1,4 +1,4 @@
-"""What .ci/run asks of make: a browser, and a second attempt for those who waited in vain."""
+"""What .ci/run asks of make: a browser, both tiers of tests, and second attempts for one error."""
 
 import os
 import shlex
@@ -47,6 +47,7 @@ def ci_run(tmp_path):
 def test_a_browser_that_is_there_is_required(ci_run, tmp_path):
     printed, errors, code = ci_run(chromium="", apt_get="touch asked")
     assert "make test RPUD_BROWSER=required -x --reruns 1" in printed
+    assert "make test-all SEED=0 RPUD_BROWSER=required" in printed
     assert not (tmp_path / "asked").exists()
     assert (errors, code) == ("", 0)
 
@@ -74,12 +75,9 @@ def test_elsewhere_one_line_says_what_is_missing(ci_run, made):
 
 
 TESTS = """
-import time
 from pathlib import Path
 
-import pytest
-import support
-from playwright.sync_api import TimeoutError as BrowserTimeoutError
+from rpud_sim.testing.errors import LostMessagesError
 
 def once(name, error):
     with open(name, "a") as file:
@@ -87,55 +85,30 @@ def once(name, error):
     if Path(name).read_text() == "x":
         raise error
 
-def test_a_condition(monkeypatch):
-    with open("condition", "a") as file:
-        file.write("x")
-    monkeypatch.setattr(support, "PATIENCE", 0.0)
-    support.until(lambda: Path("condition").read_text() == "xx")
-
-def test_a_process():
-    with support.Process("sleep", "100") as process:
-        try:
-            process.wait_for_line("x", timeout=0.01)
-        except AssertionError as error:
-            once("process", error)
-
-def test_a_page():
-    once("page", BrowserTimeoutError("Page.wait_for_function: Timeout 100ms exceeded.\\nCall log"))
+def test_a_lost_command():
+    once("lost", LostMessagesError("1 commands were given, and the drill has not got all of them"))
 
 def test_an_assertion():
-    once("assertion", AssertionError("assert 'did it? it did not come true' == 'not within 3.0 s'"))
+    once("assertion", AssertionError("it did not come true"))
 
 def test_an_error():
     once("error", TimeoutError("no answer within 1 s"))
-
-@pytest.mark.timeout(1)
-def test_no_end():
-    with open("end", "a") as file:
-        file.write("x")
-    time.sleep(100)
 """
 
 
-def test_only_those_who_waited_in_vain_have_a_second_attempt(ci_run, tmp_path):
-    line = next(line for line in ci_run(chromium="")[0].splitlines() if "make test" in line)
+@pytest.mark.extended
+def test_only_a_lost_command_has_a_second_attempt(ci_run, tmp_path):
+    line = next(line for line in ci_run(chromium="")[0].splitlines() if "make test " in line)
     options = shlex.split(line.partition("-x ")[2])
     (tmp_path / "test_waits.py").write_text(TESTS)
     (tmp_path / "pytest.ini").write_text("[pytest]\n")
-    paths = [str(ROOT), str(ROOT / "test"), os.environ.get("PYTHONPATH", "")]
-    command = [sys.executable, "-m", "pytest", "-n1", "--dist=loadfile", "-ra", *options]
     done = subprocess.run(
-        [*command, "test_waits.py"],
+        [sys.executable, "-m", "pytest", "-n1", "-ra", *options, "test_waits.py"],
         cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        env={**os.environ, "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"},
         capture_output=True,
         text=True,
     )
-    attempts = {
-        name: len((tmp_path / name).read_text()) for name in ("condition", "process", "page")
-    }
-    assert attempts == {"condition": 2, "process": 2, "page": 2}, done.stdout
-    assert {len((tmp_path / name).read_text()) for name in ("assertion", "error", "end")} == {1}
-    assert "3 failed, 3 passed, 3 rerun" in done.stdout
-    for name in ("test_a_condition", "test_a_process", "test_a_page"):
-        assert f"RERUN test_waits.py::{name}" in done.stdout
+    attempts = {name: len((tmp_path / name).read_text()) for name in ("lost", "assertion", "error")}
+    assert attempts == {"lost": 2, "assertion": 1, "error": 1}, done.stdout
+    assert "2 failed, 1 passed, 1 rerun" in done.stdout

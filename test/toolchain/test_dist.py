@@ -19,9 +19,12 @@ ROOT = Path(__file__).resolve().parents[2]
 VENV = Path(sys.prefix)
 VERSION = ElementTree.parse(ROOT / "package.xml").getroot().findtext("version")
 
-pytestmark = pytest.mark.skipif(
-    not (VENV / "share" / "rclpy").is_dir(), reason="the wheels stand beside those of ROS"
-)
+pytestmark = [
+    pytest.mark.skipif(
+        not (VENV / "share" / "rclpy").is_dir(), reason="the wheels stand beside those of ROS"
+    ),
+    pytest.mark.extended,
+]
 
 
 def variables():

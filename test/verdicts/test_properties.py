@@ -5,6 +5,7 @@ import math
 import pytest
 from hypothesis import example, given, settings
 from random_expectations import TOPICS, formulas
+from support import examples
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts import Expectation, Record, evaluate, read_expectations
@@ -91,7 +92,7 @@ def test_a_file_gives_the_same_expectations_back(tmp_path_factory, formula):
     assert read_expectations(path) == (expectation,)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(formulas())
 @example(Quantile(0.01, PEAK, "<", Number(1.0, "kN"), Window(0, 0)))  # impacts are missing later
 @example(Count(Message("contact_force"), "<=", 1, Window(0, SECOND // 1000)))

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_expectations import record_of
+from support import examples
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts.atoms import Atoms
@@ -27,6 +28,8 @@ from rpud_sim.verdicts.vocabulary import (
 )
 
 rtamt = pytest.importorskip("rtamt")
+
+pytestmark = pytest.mark.extended
 
 NAMES = {"x": Signal("reacting_force", "force"), "y": Signal("nodal_plane", "velocity")}
 UNITS = {"x": "N", "y": "m/s"}
@@ -79,7 +82,7 @@ def margins_of_rtamt(text, x, y):
 values = st.integers(-5, 5).map(float)
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(formulas(), st.lists(st.tuples(values, values), min_size=2, max_size=15))
 def test_the_margins_are_those_of_rtamt(formula, pairs):
     """Beyond its end, rtamt judges what is left of a window: one way in which a run may go on."""
@@ -99,7 +102,7 @@ def test_the_margins_are_those_of_rtamt(formula, pairs):
             assert found[LEAST_TRUTH] <= sign <= found[MOST_TRUTH]
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(formulas(depth=2), st.lists(st.tuples(values, values), min_size=30, max_size=35))
 def test_the_margins_are_exactly_those_of_rtamt_where_all_windows_end_in_time(formula, pairs):
     formula, text = formula

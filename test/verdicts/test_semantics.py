@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from random_expectations import record_of
+from support import examples
 
 from rpud_sim.verdicts.atoms import Atoms
 from rpud_sim.verdicts.robustness import Evaluation
@@ -306,7 +307,7 @@ for _name in ("not", "and", "or"):
     setattr(Oracle, _name, getattr(Oracle, f"{_name}_"))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(formulas(), samples(1), samples(1))
 @example(  # whether the weight held before its first message is not known
     Until(

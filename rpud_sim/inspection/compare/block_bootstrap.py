@@ -86,9 +86,10 @@ def block_length(covariances: np.ndarray) -> float:
     lags = np.arange(1, reach + 1)
     # The flat top keeps the significant lags whole, and fades the next ones out.
     weights = np.minimum(1.0, 2.0 * (1.0 - lags / max(2 * lag, 1)))
-    weighted = weights * covariances[1 : reach + 1]
+    # Squares of correlations stay in the range of floats where those of covariances may not.
+    weighted = weights * correlations[1 : reach + 1]
     slope = 2.0 * float((lags * weighted).sum())
-    density = float(covariances[0]) + 2.0 * float(weighted.sum())
+    density = 1.0 + 2.0 * float(weighted.sum())
     if not density > 0.0:
         return longest
     best = (slope**2 / density**2 * count) ** (1.0 / 3.0)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rpud_sim.inspection.compare.block_bootstrap import (
@@ -82,6 +82,8 @@ def test_groups_are_means_of_neighbours(values, most):
 
 
 @given(st.lists(st.floats(-1e9, 1e9), min_size=4, max_size=200))
+@example([0.0, 0.0, 0.0, 9.160756580545566e-158])
+@example([0.0, 0.0, 0.0, 1.680047243702885e-96])
 def test_any_series_has_a_finite_error(values):
     found = mean_error(np.array(values))
     assert math.isfinite(found.error)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import false_discovery_control, ttest_ind
+from support import examples
 
 from rpud_sim.inspection.compare.estimates import (
     DIFFERS,
@@ -110,7 +111,7 @@ def test_a_figure_that_may_be_zero_has_no_ratio_and_is_tested_without_tolerance(
     assert compared(values(500, 0.0), values(500, 5.0, seed=1), 0.01)[1] == DIFFERS
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(
     st.lists(st.floats(-1e12, 1e12), min_size=4, max_size=80),
     st.lists(st.floats(-1e12, 1e12), min_size=4, max_size=80),

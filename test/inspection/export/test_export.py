@@ -231,6 +231,7 @@ def test_a_disk_that_is_full_is_one_error_and_leaves_nothing_behind(drilled, tmp
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.extended
 def test_memory_does_not_grow_with_the_bag(tmp_path):
     """In a process of its own: most of the memory is Arrow's, which Python does not count."""
     script = EXPORT + (

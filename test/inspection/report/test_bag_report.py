@@ -61,6 +61,7 @@ def test_every_section_has_its_plots_and_each_says_what_is_seen(page):
     assert "svg" in page.tags  # the flow of power
 
 
+@pytest.mark.extended
 def test_the_page_of_an_hour_is_small(drilled):
     """However long the run, a series has at most so many parts: here each has all of them."""
     seen = surveyed(drilled)
@@ -199,6 +200,7 @@ def test_a_disk_that_is_full_is_one_error_and_leaves_nothing_behind(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
 
+@pytest.mark.extended
 def test_memory_does_not_grow_with_the_bag(tmp_path):
     script = REPORT + (
         "write_report(*sys.argv[1:])\n"

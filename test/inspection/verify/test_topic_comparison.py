@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Message, QosProfile, Topic
@@ -120,7 +121,7 @@ def stretches_of(count):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     runs=st.sampled_from([1, 2]),
     damages=DAMAGES,

@@ -12,6 +12,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rpud_msgs.msg import Fault, Faults, Waveform
 from sensor_msgs.msg import Image
 from std_msgs.msg import Byte, ByteMultiArray, Header, String
+from support import examples
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.client.plain_message import CUT, FieldPath, to_json_value, to_plain
@@ -38,7 +39,7 @@ def test_long_arrays_and_texts_are_cut_unless_all_is_wanted():
     assert to_plain(Image(data=bytes(CUT)), CUT)["data"] == [0] * CUT
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.lists(st.floats(width=64), max_size=5), st.text(max_size=5))
 def test_json_has_every_message_with_null_for_what_is_no_number(values, text):
     faults = Faults(faults=[Fault(kind=text, magnitude=value) for value in values])

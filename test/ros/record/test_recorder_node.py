@@ -339,6 +339,7 @@ def test_a_name_that_never_appears_and_a_namespace_without_topics_are_failures(p
     assert failure(there, allow_empty=False) == ""
 
 
+@pytest.mark.extended
 def test_after_a_standstill_what_is_silent_is_subscribed_again(peer, record, capfd):
     silent = peer.create_publisher(Int32, "silent", LATCHED)
     talking = peer.create_publisher(Int32, "talking", RELIABLE)

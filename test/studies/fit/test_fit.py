@@ -117,6 +117,7 @@ def test_figures_out_of_reach_are_said_to_be(specification, tmp_path):
         run_fit(dataclasses.replace(silent, targets=(no_impact,)), tmp_path / "still", 1)
 
 
+@pytest.mark.extended
 def test_intervals_hold_synthetic_drills_as_often_as_they_say(tmp_path):
     specification = read_target_file(EXAMPLE)
     short = tuple(
@@ -145,6 +146,7 @@ class ClosedForm:
         return means[:, None] * np.exp(0.03 * random.standard_normal((len(points), repeat, 2)))
 
 
+@pytest.mark.extended
 def test_all_rounds_together_keep_the_truth():
     """Rounds that cut off a part of the posterior would hold it too rarely."""
     base = parse_targets(
