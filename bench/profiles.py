@@ -135,7 +135,7 @@ def _replay(folder: Path) -> dict[str, float]:
             (sys.executable, "-m", "bench.replay_listener", str(bag), str(folder / "heard.json"))
         )
         try:
-            options = ("--wait-for-subscribers", "--disable-keyboard-controls")
+            options = ("--wait-for-subscribers",)
             replay = _profiled(file, _RPUD, "replay", bag, "--rate", str(factor), *options)
             subprocess.run(replay, stdout=nowhere, check=True)
         finally:

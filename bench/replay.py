@@ -119,7 +119,7 @@ def _turn(name: str, bag: Path, rate: float, folder: Path) -> _Replayed:
     senders: dict[str, Sequence[str]] = {
         "rpud replay": (
             *(*_RPUD, "replay", str(bag), "--rate", str(rate), "--duration", duration),
-            *("--wait-for-subscribers", "--disable-keyboard-controls"),
+            "--wait-for-subscribers",
         ),
         "bare publisher": (sys.executable, "-m", "bench.bag_talker", str(bag), str(rate), duration),
     }
