@@ -250,7 +250,7 @@ def _prepare(version: Checkout) -> None:
     if not Path(found.strip()).is_relative_to(version.tree):
         raise CheckoutError(f"{version.tree}: Python imports rpud_sim from {found.strip()} instead")
     if (version.tree / "rpud_sim/cli/precompile.py").is_file():
-        version.run(["rpud", "precompile"])
+        version.run(["python", "-m", "rpud_sim.cli.precompile"])
     with tempfile.TemporaryDirectory() as folder:
         if version.tree != ROOT:
             bag = Path(folder) / "bag"

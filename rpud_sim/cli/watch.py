@@ -9,7 +9,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.drill_command import DOMAIN
+from rpud_sim.cli.drill_arguments import DOMAIN
 from rpud_sim.cli.options import Number
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.foundation.quantities import Quantity
