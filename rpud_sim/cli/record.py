@@ -101,11 +101,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="record only when the service ~/resume is called",
     )
-    parser.add_argument(
-        "--until-eof",
-        action="store_true",
-        help="stop also where standard input ends, as it does with the program that holds it open",
-    )
+    parser.add_argument("--until-eof", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument(
         "--allow-empty",
         action="store_true",
