@@ -186,7 +186,7 @@ install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* ms
 # What is up to date already is found and left. A kernel comes from the sources of the model, and from those that call it.
 install/.kernels: .venv/.installed $(wildcard rpud_sim/kernels/*.py rpud_sim/model/*.py) rpud_sim/simulation/sampling.py
 	@mkdir -p install
-	@PYTHONPATH="$$PWD" .venv/bin/python -m rpud_sim.cli.main precompile
+	@PYTHONPATH="$$PWD" .venv/bin/python -m rpud_sim.cli.precompile
 	@touch $@
 
 # Where PYTHONDONTWRITEBYTECODE is set, as in many containers, every command would compile again what it imports.

@@ -58,7 +58,6 @@ setup(
     extras_require={
         "ros": [*ROS, f"rpud_msgs=={VERSION}"],
         "web": [*WEB, "scipy"],  # watch, report, compare, test: whatever writes or serves a page
-        "terminal": ["textual"],  # watch --terminal
         "report": WEB,  # the same by its former name
         "export": EXPORT,
         "studies": STUDIES,  # sweep, dataset, sensitivity, fit, reproduce

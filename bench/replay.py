@@ -78,10 +78,7 @@ def replay() -> Iterator[Row]:
 def _turn(bag: Path, rate: float, folder: Path) -> _Replayed:
     """Have a bag's beginning of ``SECONDS`` sent and heard."""
     file, duration = folder / "heard.json", str(SECONDS * rate)
-    words = (
-        *(*RPUD, "replay", str(bag), "--rate", str(rate), "--duration", duration),
-        *("--wait-for-subscribers", "--disable-keyboard-controls"),
-    )
+    words = (*(*RPUD, "replay", str(bag), "--rate", str(rate), "--duration", duration),)
     listener = subprocess.Popen(
         [sys.executable, "-m", "bench.replay_listener", str(bag), str(file)]
     )

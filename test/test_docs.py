@@ -15,7 +15,7 @@ import rclpy
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
-from rpud_sim.cli.main import COMMANDS
+from rpud_sim.cli.main import COMMANDS, GROUPS
 from rpud_sim.model import tolerances
 from rpud_sim.ros import client
 from rpud_sim.ros.client import DrillClient
@@ -213,8 +213,10 @@ def test_the_table_of_services_is_that_of_the_node(node):
 
 
 def test_the_table_of_commands_is_that_of_the_program():
-    table = rows("reference/commands.md", "Commands")
-    assert [row[0].split()[1] for row in table] == list(COMMANDS)
+    for group in GROUPS:
+        table = rows("reference/commands.md", group.capitalize())
+        expected = [name for name, (own, _) in COMMANDS.items() if own == group]
+        assert [row[0].split()[1] for row in table] == expected
 
 
 def test_the_table_of_the_client_is_that_of_the_code():

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from rpud_sim.cli import precompile
 from rpud_sim.cli.main import COMMANDS
 from toolchain.recipe import PAGE, blocks, instructions
 
@@ -95,7 +96,7 @@ def check_command(words):
         assert os.access(ROOT / program, os.X_OK)
     elif program == "python":
         assert words[1] == "-m"
-        assert words[2] in ("venv", "pytest")
+        assert words[2] in ("venv", "pytest", precompile.__name__)
         if words[2] == "pytest":
             options = ["-n", "--junitxml"]
             assert {word for word in words[3:] if word.startswith("-")} <= set(options)

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.cli.drill_command import add_drill_arguments
+from rpud_sim.cli.drill_arguments import add_drill_arguments
 from rpud_sim.cli.options import POSITIVE_SECONDS, Number
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.foundation.quantities import Quantity

@@ -1,81 +1,104 @@
-"""``rpud``: one program, one file per command, each loaded when it is called."""
+"""``rpud``: one program with all commands, in groups."""
 
 from __future__ import annotations
 
 import argparse
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from rpud_sim.cli.options import Parser
 from rpud_sim.cli.program import report_errors, run_program
 from rpud_sim.foundation.quantities import did_you_mean
 
-COMMANDS = (
-    "run",
-    "record",
-    "replay",
-    "press",
-    "drive",
-    "feed",
-    "engage",
-    "inject",
-    "clear",
-    "faults",
-    "pause",
-    "play",
-    "step",
-    "reset",
-    "set",
-    "echo",
-    "watch",
-    "simulate",
-    "info",
-    "recover",
-    "verify",
+_DRILL, _RUNNING, _BAGS, _TEST, _STUDY = (
+    "drill",
+    "command a running drill",
+    "bags",
     "test",
-    "rebuild",
-    "fork",
-    "export",
-    "report",
-    "compare",
-    "sweep",
-    "dataset",
-    "sensitivity",
-    "fit",
-    "reproduce",
-    "precompile",
+    "study",
 )
 
+COMMANDS: Mapping[str, tuple[str, str]] = {
+    "run": (_DRILL, "run"),
+    "record": (_DRILL, "record"),
+    "replay": (_DRILL, "replay"),
+    "simulate": (_DRILL, "simulate"),
+    "watch": (_DRILL, "watch"),
+    "press": (_RUNNING, "drill_commands"),
+    "drive": (_RUNNING, "drill_commands"),
+    "feed": (_RUNNING, "drill_commands"),
+    "engage": (_RUNNING, "drill_commands"),
+    "inject": (_RUNNING, "drill_commands"),
+    "clear": (_RUNNING, "drill_commands"),
+    "pause": (_RUNNING, "drill_commands"),
+    "play": (_RUNNING, "drill_commands"),
+    "step": (_RUNNING, "drill_commands"),
+    "reset": (_RUNNING, "drill_commands"),
+    "set": (_RUNNING, "drill_commands"),
+    "echo": (_RUNNING, "echo"),
+    "info": (_BAGS, "info"),
+    "recover": (_BAGS, "recover"),
+    "verify": (_BAGS, "verify"),
+    "fork": (_BAGS, "fork"),
+    "export": (_BAGS, "export"),
+    "report": (_BAGS, "report"),
+    "compare": (_BAGS, "compare"),
+    "test": (_TEST, "test"),
+    "sweep": (_STUDY, "sweep"),
+    "dataset": (_STUDY, "dataset"),
+    "sensitivity": (_STUDY, "sensitivity"),
+    "fit": (_STUDY, "fit"),
+    "reproduce": (_STUDY, "reproduce"),
+}
+"""Commands in the order of the help: the group of each, and its module in this package."""
 
-class _HelpFormatter(argparse.HelpFormatter):
-    """Formatter with room for the longest command: argparse forgets that commands are indented."""
+GROUPS = tuple(dict.fromkeys(group for group, _ in COMMANDS.values()))
+"""Groups in that order."""
 
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog)
-        self._action_max_length = 4 + max(len(name) for name in COMMANDS)
+
+def load_command(name: str) -> Any:
+    """Return what a command is made of: HELP, EXAMPLE, add_arguments and run."""
+    module = importlib.import_module(f"rpud_sim.cli.{COMMANDS[name][1]}")
+    return getattr(module, "DRILL_COMMANDS", {}).get(name, module)
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of ``rpud`` with all its commands."""
+    loaded = {name: load_command(name) for name in COMMANDS}
     parser = Parser(
         prog="rpud",
         description="Impact dynamics of a rotary-percussive ultrasonic drill.",
-        formatter_class=_HelpFormatter,
+        epilog="\n\n".join(_group_help(group, loaded) for group in GROUPS),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        module = importlib.import_module(f"rpud_sim.cli.{name}")
-        details = getattr(module, "DETAILS", "")
-        command = commands.add_parser(
+    commands = parser.add_subparsers(
+        dest="command",
+        metavar="COMMAND",
+        required=True,
+        help="one of these; rpud COMMAND --help shows its options",
+    )
+    for name, command in loaded.items():
+        subparser = commands.add_parser(
             name,
-            help=module.HELP,
-            description=f"{module.HELP[0].upper()}{module.HELP[1:]}. {details}",
-            epilog=f"example: {module.EXAMPLE}",
+            description=f"{command.HELP[0].upper()}{command.HELP[1:]}. "
+            f"{getattr(command, 'DETAILS', '')}",
+            epilog=f"example: {command.EXAMPLE}",
         )
-        module.add_arguments(command)
-        command.set_defaults(run=module.run)
+        command.add_arguments(subparser)
+        subparser.set_defaults(run=command.run)
     return parser
+
+
+def _group_help(group: str, loaded: Mapping[str, Any]) -> str:
+    width = max(map(len, COMMANDS))
+    lines = (
+        f"  {name:<{width}}  {loaded[name].HELP}"
+        for name, (own, _) in COMMANDS.items()
+        if own == group
+    )
+    return "\n".join([f"{group}:", *lines])
 
 
 def execute(words: Sequence[str]) -> int:

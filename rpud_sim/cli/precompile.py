@@ -1,4 +1,4 @@
-"""``rpud precompile``: compile every kernel now, so that no later start has to."""
+"""Step of the set-up that compiles every kernel, so that no later start has to."""
 
 from __future__ import annotations
 
@@ -6,29 +6,36 @@ import argparse
 import dataclasses
 import shutil
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.program import CommandError, ExitCode
+from rpud_sim.cli.options import Parser
+from rpud_sim.cli.program import CommandError, ExitCode, report_errors, run_program
 
 if TYPE_CHECKING:
     from rpud_sim.kernels.store import KernelStore
 
-HELP = "compile the model now, for the first start on this machine or on others"
-DETAILS = (
-    "The kernels serve every x86-64 processor of level x86-64-v2 with the same versions of Python "
-    "(3.x), NumPy (its first number), Numba and llvmlite. Kernels that are there already are left."
-)
-EXAMPLE = "rpud precompile --into kernels"
+_PROGRAM = "python -m rpud_sim.cli.precompile"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def main(words: Sequence[str] | None = None) -> None:
+    """Compile what is missing, and exit with a code."""
+    parser = Parser(
+        prog=_PROGRAM,
+        description="Compile the model now, for the first start on this machine or on others. "
+        "The kernels serve every x86-64 processor of level x86-64-v2 with the same versions of "
+        "Python (3.x), NumPy (its first number), Numba and llvmlite. Kernels that are there "
+        "already are left.",
+    )
     parser.add_argument(
         "--into",
         metavar="DIR",
         help="folder for the kernels, such as rpud_sim/kernels/compiled of a package that is built "
         "(default: that of this installation, or the user's if it cannot be written to)",
     )
+    arguments = parser.parse_args(words)
+    run_program(_PROGRAM, lambda: report_errors(_PROGRAM, lambda: run(arguments)))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -89,3 +96,7 @@ def _text(store: KernelStore, cpu: str, duration: float) -> str:
         f"{len(store.written)} kernels compiled for {cpu} in {duration:.0f} s, {size:.1f} MB; "
         f"{len(store.found) + len(store.written)} are in {place}"
     )
+
+
+if __name__ == "__main__":
+    main()

@@ -19,7 +19,7 @@ TRACEBACK = "RPUD_TRACEBACK"
 
 _RETRY_DELAY = 0.01  # s
 # What only some commands need comes with an extra: these have one each, the others share one.
-_EXTRA_MODULES = ("bokeh", "pyarrow", "rich", "scipy", "textual", "tornado")
+_EXTRA_MODULES = ("bokeh", "pyarrow", "scipy", "tornado")
 _EXTRAS = {
     "rpud export": "export",
     "rpud report": "report",
@@ -28,7 +28,6 @@ _EXTRAS = {
     "rpud watch": "web",
 }
 _STUDIES = "studies"
-_MODULE_EXTRAS = {"rich": "terminal", "textual": "terminal"}  # of one extra, whatever the command
 # Of pip alone, so that a ROS package cannot depend on them. Any other missing module is of ROS.
 _BAG_MODULES = ("apsw", "lz4", "mcap", "rosbags", "zstandard")
 
@@ -109,7 +108,7 @@ def _report_unexpected(program: str, error: Exception) -> ExitCode:
         traceback.print_exception(error)
     missing = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
     if missing in _EXTRA_MODULES:
-        extra = _MODULE_EXTRAS.get(missing) or _EXTRAS.get(program, _STUDIES)
+        extra = _EXTRAS.get(program, _STUDIES)
         reason = f"needs {missing}: pip install 'rpud_sim[{extra}]'"
     elif missing in _BAG_MODULES:
         reason = f"needs {missing}: pip install {' '.join(_BAG_MODULES)}"

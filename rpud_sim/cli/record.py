@@ -39,11 +39,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="record no topic whose name contains this expression",
     )
     parser.add_argument(
-        "--qos-profile-overrides-path",
-        metavar="FILE",
-        help="YAML file of topics and the QoS to request for them (default: what is offered)",
-    )
-    parser.add_argument(
         "--out", required=True, metavar="DIR", help="the bag's new folder; nothing is overwritten"
     )
     parser.add_argument(
@@ -99,23 +94,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         quantity=BYTES,
         default=RecordOptions.max_cache_size,
         metavar="BYTES",
-        help="messages that may wait for the disk, or that a snapshot has (default: %(default)d)",
-    )
-    parser.add_argument(
-        "--snapshot-mode",
-        action="store_true",
-        help="write the latest messages when the service ~/snapshot is called, and no others",
+        help="messages that may wait for the disk (default: %(default)d)",
     )
     parser.add_argument(
         "--start-paused",
         action="store_true",
         help="record only when the service ~/resume is called",
     )
-    parser.add_argument(
-        "--until-eof",
-        action="store_true",
-        help="stop also where standard input ends, as it does with the program that holds it open",
-    )
+    parser.add_argument("--until-eof", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument(
         "--allow-empty",
         action="store_true",
@@ -138,12 +124,11 @@ def record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
     """Record with these options and ROS arguments; print the summary and return the exit code."""
     from rpud_sim.bag import BagError
     from rpud_sim.ros.record import recorder
-    from rpud_sim.ros.record.qos_overrides import QosOverrideError
     from rpud_sim.ros.starting import StartError
 
     with (
         failing(BagError),
-        failing(QosOverrideError, StartError, code=ExitCode.USAGE),
+        failing(StartError, code=ExitCode.USAGE),
         status_line(printable(Path(options.out).name)) as show,
     ):
         result = recorder.record(options, ros_arguments, show)

@@ -86,12 +86,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="begin when every replayed topic has a subscriber, without a limit of time; "
         f"otherwise it waits at most {DISCOVERY_TIME:g} s",
     )
-    parser.add_argument(
-        "--disable-keyboard-controls",
-        action="store_true",
-        help="read no keys; otherwise, in a terminal: space pauses and resumes, right or n gives "
-        "the next message, up and down change the rate by 0.1",
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -9,9 +9,9 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-from rpud_sim.cli.drill_command import DOMAIN
+from rpud_sim.cli.drill_arguments import DOMAIN
 from rpud_sim.cli.options import Number
-from rpud_sim.cli.program import CommandError, ExitCode, failing
+from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import complain, printable
 from rpud_sim.ros.record.record_options import RecordOptions
@@ -56,11 +56,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="address to listen on; others than this machine's own need the printed token "
         "(default: %(default)s)",
     )
-    parser.add_argument(
-        "--terminal",
-        action="store_true",
-        help="show the drill in this terminal, not in a browser; the only drill, or a list of them",
-    )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument(
         "--namespace",
@@ -79,8 +74,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Serve until a signal; return the exit code."""
-    if arguments.terminal:
-        return watch_terminal(arguments)
     return watch_drills(arguments) if arguments.bag is None else watch_bag(arguments)
 
 
@@ -101,22 +94,6 @@ def watch_bag(arguments: argparse.Namespace) -> ExitCode:
     with failing(BagError, ServerError):
         serve_bag(arguments.bag, Place.of(arguments.port, arguments.address), announce)
     return ExitCode.DONE
-
-
-def watch_terminal(arguments: argparse.Namespace) -> int:
-    """Show a drill in the terminal until the user quits; return the exit code."""
-    if arguments.bag is not None:
-        raise CommandError("--terminal shows running drills, not a bag", ExitCode.USAGE)
-    from rpud_sim.watch.terminal_check import NoTerminalError, check_terminal
-
-    with failing(NoTerminalError, code=ExitCode.USAGE):
-        check_terminal()
-    from rpud_sim.ros.starting import StartError
-    from rpud_sim.watch.terminal_session import watch_in_terminal
-
-    chosen = arguments.namespace != RecordOptions.namespace
-    with failing(StartError, code=ExitCode.USAGE):
-        return watch_in_terminal(arguments.namespace if chosen else None, arguments.domain)
 
 
 def watch_drills(arguments: argparse.Namespace) -> ExitCode:

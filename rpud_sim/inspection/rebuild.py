@@ -1,44 +1,59 @@
-"""Rebuilding of exact waveforms from a bag's trajectory: one NumPy file for each channel."""
+"""Rebuilding of exact waveforms from a bag's trajectory, as a table of an export."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
-from numpy.lib.format import write_array_header_1_0
 
 import rpud_sim.bag
 from rpud_sim.bag import BagReader, Message
 from rpud_sim.bag.cdr import Codec
+from rpud_sim.bag.columns import Column, Kind
 from rpud_sim.bag.definitions import find_definition
+from rpud_sim.foundation.time import SECOND
+from rpud_sim.inspection.export.export import (
+    ACCOUNT,
+    ExportError,
+    describe_column,
+    file_stem,
+    make_table,
+)
 from rpud_sim.inspection.output import new_folder
 from rpud_sim.inspection.trajectory_pieces import TrajectoryPiece, trajectory_pieces
 from rpud_sim.simulation.rebuilding import Rebuilder, end_sample, first_sample
-from rpud_sim.simulation.sampling import CHANNELS, Samples
+from rpud_sim.simulation.sampling import CHANNELS, Samples, Times
 from rpud_sim.simulation.topics import TOPICS
 
 _TYPE = TOPICS["trajectory"].type
 _MOST_SKIPPED = 100_000  # samples at once
-
-
-class RebuildError(Exception):
-    """Waveform that cannot be rebuilt; the text gives the reason in one line."""
+_UNITS = {"position": "m", "displacement": "m", "velocity": "m/s", "force": "N"}
+_FLOAT = np.dtype(np.float64)
+_COLUMNS = (
+    Column("time", Kind.TIME, np.dtype(np.int64), description="stamp of the sample, rounded"),
+    *(
+        Column(channel, Kind.NUMBER, _FLOAT, unit=_UNITS[channel.rpartition("_")[2]])
+        for channel in CHANNELS
+    ),
+)
 
 
 @dataclass(frozen=True)
 class Rebuilt:
-    """Result of rebuilding the waveforms of one run."""
+    """Result of rebuilding the waveform of one run."""
 
-    path: str  # folder of the files, each named after its channel, of shape (count,), float64, SI
+    path: str  # folder of the export
+    format: str  # of the table, one of ``export.FORMATS``
+    topic: str  # of the trajectory
+    table: str  # file or folder of the table, in the folder of the export
     rate: int  # of the samples [Hz]
     first: int  # number of the first sample: simulation time is number / rate
-    count: int  # of samples of each channel
-    missing: int  # samples that no segment covers; they are NaN in all files
+    count: int  # of samples
+    missing: int  # samples that no segment covers; they are NaN in all columns but ``time``
     origin: int  # stamp of simulation time zero [ns]
     run: int  # number of the simulation in the bag, from 1; a reset begins the next one
     runs: int  # number of simulations in the bag
@@ -50,10 +65,11 @@ def rebuild(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],
     rate: int,
+    file_format: str = "parquet",
+    topics: Collection[str] | None = None,
     start: float = 0.0,
     duration: float | None = None,
     run: int = 1,
-    topic: str | None = None,
     report: Callable[[int], object] = lambda samples: None,
 ) -> Rebuilt:
     """Write every channel of a bag's trajectory at any rate, without a simulation.
@@ -62,60 +78,77 @@ def rebuild(
 
     Args:
         rate: whole [Hz].
+        file_format: one of ``export.FORMATS``.
+        topics: among which the trajectory is, if the bag holds several; None for all.
         start: of the rebuilt part, from the beginning of the trajectory [s].
         duration: of the rebuilt part, at most [s]; None for all.
         run: number of the simulation, if resets began several.
-        topic: of the trajectory, if the bag holds several.
         report: called with the number of samples that were written since its last call.
 
     Raises:
         BagError: if the bag cannot be read.
-        RebuildError: if it holds no such trajectory, or the files cannot be written.
+        ExportError: if it holds no such trajectory, or the files cannot be written.
     """
     with rpud_sim.bag.open(path) as bag:
-        pieces = _Pieces(bag, _topic(bag, topic))
+        topic = _topic(bag, topics)
+        pieces = _Pieces(bag, topic)
         begin, end, origin, runs = _survey(pieces, rate, run)
         first = begin + round(start * rate)
         if first >= end:
             held = (end - begin) / rate
-            raise RebuildError(f"--start = {start:g} s is not in the {held:g} s that the bag holds")
+            raise ExportError(f"--start = {start:g} s is not in the {held:g} s that the bag holds")
         if duration is not None:
             end = min(end, first + max(1, round(duration * rate)))
-        with new_folder(out, RebuildError) as folder:
-            with _Files(folder, first, end - first) as files:
+        about: dict[str, Any] = {
+            "topic": topic,
+            "rate": rate,
+            "first": first,
+            "count": end - first,
+            "origin": origin,
+            "run": run,
+            "runs": runs,
+        }
+        metadata = {"rpud_sim": {"bag": str(bag.path), **about}}
+        with new_folder(out, ExportError) as folder:
+            file = make_table(file_format, folder / file_stem(topic), _COLUMNS, metadata)
+            table = _Table(file, first, end, rate, origin)
+            try:
                 for number, samples in _samples(pieces, rate, run, end):
-                    report(files.write(number, samples))
-                files.finish()
+                    report(table.write(number, samples))
+                table.finish()
+            finally:
+                file.close()
             rebuilt = Rebuilt(
                 path=os.fspath(out),
-                rate=rate,
-                first=first,
-                count=end - first,
-                missing=files.missing,
-                origin=origin,
-                run=run,
-                runs=runs,
+                format=file_format,
+                table=file.paths[0].relative_to(folder).parts[0],
+                missing=table.missing,
                 trajectory_size=pieces.size,
-                size=files.size,
+                size=sum(each.stat().st_size for each in file.paths),
+                **about,
             )
-            content = json.dumps(vars(rebuilt), indent=2) + "\n"
-            (folder / "rebuilt.json").write_text(content, encoding="utf-8")
+            columns = {column.name: describe_column(column) for column in _COLUMNS}
+            account = {"bag": str(bag.path), **asdict(rebuilt), "columns": columns}
+            text = json.dumps(account, indent=2, ensure_ascii=False)
+            (folder / ACCOUNT).write_text(text + "\n", "utf-8", "backslashreplace")
     return rebuilt
 
 
-def _topic(bag: BagReader, wanted: str | None) -> str:
+def _topic(bag: BagReader, wanted: Collection[str] | None) -> str:
     names = [
         summary.topic.name
         for summary in bag.topics
-        if summary.topic.type == _TYPE and summary.message_count
+        if summary.topic.type == _TYPE
+        and summary.message_count
+        and (wanted is None or summary.topic.name in wanted)
     ]
-    if wanted is not None:
-        names = [name for name in names if name == wanted]
     if not names:
-        what = "no trajectory" if wanted is None else f"no trajectory named {wanted}"
-        raise RebuildError(f"{bag.path} holds {what}; record the topic trajectory")
+        what = "no trajectory" if wanted is None else f"no trajectory named {' or '.join(wanted)}"
+        raise ExportError(f"{bag.path} holds {what}; record the topic trajectory")
     if len(names) > 1:
-        raise RebuildError(f"{bag.path} holds several trajectories: choose of {', '.join(names)}")
+        raise ExportError(
+            f"{bag.path} holds several trajectories: choose one by --topics of {', '.join(names)}"
+        )
     return names[0]
 
 
@@ -129,9 +162,9 @@ def _survey(pieces: _Pieces, rate: int, run: int) -> tuple[int, int, int, int]:
             end = end_sample(piece.segments[-1], rate)
         runs = piece.run
     if not runs:
-        raise RebuildError("the trajectory holds no segments")
+        raise ExportError("the trajectory holds no segments")
     if not 1 <= run <= runs:
-        raise RebuildError(f"--run = {run} is outside its range [1, {runs}]: resets begin new ones")
+        raise ExportError(f"--run = {run} is outside its range [1, {runs}]: resets begin new ones")
     return first, end, origin, runs
 
 
@@ -168,46 +201,27 @@ class _Pieces:
             yield message
 
 
-class _Files:
-    """Growing NumPy files, one for each channel; gaps between written samples are NaN."""
+class _Table:
+    """Growing table of samples; gaps between written samples are NaN."""
 
-    def __init__(self, folder: Path, first: int, count: int) -> None:
-        self._paths = {channel: folder / f"{channel}.npy" for channel in CHANNELS}
-        self._first = self._next = first
-        self._end = first + count
-        self._open = ExitStack()
-        self._streams = {
-            channel: self._open.enter_context(path.open("xb"))
-            for channel, path in self._paths.items()
-        }
-        header = {"descr": "<f8", "fortran_order": False, "shape": (count,)}
-        for stream in self._streams.values():
-            write_array_header_1_0(stream, header)
+    def __init__(self, file: Any, first: int, end: int, rate: int, origin: int) -> None:
+        self._file = file
+        self._next = first
+        self._end = end
+        self._rate = rate
+        self._origin = origin
         self.missing = 0  # number of samples in gaps
 
-    @property
-    def size(self) -> int:
-        """Size of all files [bytes]."""
-        return sum(path.stat().st_size for path in self._paths.values())
-
     def write(self, number: int, samples: Samples) -> int:
-        """Write samples that begin with a number; return how many of them lie in the files."""
+        """Write samples that begin with a number; return how many of them lie in the table."""
         self._skip_to(min(number, self._end))
         begin = max(self._next, number)
         end = min(self._end, number + len(samples.reacting_force))
         if end <= begin:
             return 0
-        for channel, stream in self._streams.items():
-            values = getattr(samples, channel)[begin - number : end - number]
-            stream.write(np.ascontiguousarray(values, "<f8").data)
-        self._next = end
+        part = slice(begin - number, end - number)
+        self._add({channel: getattr(samples, channel)[part] for channel in CHANNELS})
         return end - begin
-
-    def __enter__(self) -> _Files:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._open.close()
 
     def finish(self) -> None:
         """Fill the gap at the end."""
@@ -215,7 +229,13 @@ class _Files:
 
     def _skip_to(self, number: int) -> None:
         while (count := min(number - self._next, _MOST_SKIPPED)) > 0:
-            for stream in self._streams.values():
-                stream.write(np.full(count, np.nan, "<f8").data)
-            self._next += count
+            self._add(dict.fromkeys(CHANNELS, np.full(count, np.nan)))
             self.missing += count
+
+    def _add(self, values: Mapping[str, np.ndarray]) -> None:
+        count = len(values[CHANNELS[0]])
+        times = Times.from_grid(self._next, count, self._rate)
+        within = np.rint(times.fraction * SECOND).astype(np.int64)
+        stamps = self._origin + times.seconds * SECOND + within
+        self._file.write({"time": stamps, **values})
+        self._next += count

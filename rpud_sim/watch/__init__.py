@@ -1,1 +1,1 @@
-"""Watch a drill or a bag: live page in the browser, view in the terminal."""
+"""Watch a drill or a bag: pages in the browser."""

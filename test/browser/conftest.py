@@ -49,7 +49,7 @@ def a_browser_is_there() -> None:
 
 
 # Playwright leaves its event loop running in this thread between two calls. Other tests of a
-# session have loops of their own, Textual's among them, so a browser ends with its module.
+# session have loops of their own, so a browser ends with its module.
 @pytest.fixture(scope="module")
 def browser(a_browser_is_there: None) -> Iterator[Browser]:
     """Chromium, for the tests of one file; it ends with them, and whenever this process does."""

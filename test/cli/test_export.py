@@ -3,10 +3,18 @@
 import json
 
 import pytest
-from sample_bags import DAMAGED, STRING_DEFINITION, TALK, write_bag, write_damaged
+from sample_bags import (
+    DAMAGED,
+    STRING_DEFINITION,
+    TALK,
+    write_bag,
+    write_damaged,
+    write_offline_bag,
+)
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.cli.main import main
+from rpud_sim.simulation import preset
 
 
 @pytest.fixture
@@ -125,3 +133,35 @@ def test_a_torn_bag_is_one_line_that_names_the_cure(bag, tmp_path, rpud):
         f"rpud export: {torn} is cut off: it was not closed, or lost its end; "
         f"rpud recover makes a whole bag of it\n"
     )
+
+
+@pytest.fixture(scope="module")
+def drill_bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bags") / "bag"
+    write_offline_bag(path, preset("drilling"), 0.2, 0.4)
+    return path
+
+
+def test_a_rebuilt_waveform_and_its_size(drill_bag, tmp_path, rpud):
+    words = ("--rate", "1e6", "--duration", 0.1, "--format", "numpy")
+    code, out, err = rpud("export", drill_bag, "--out", tmp_path / "out", *words)
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0] == "rebuilt 100000 samples at 1000000 Hz in rpud.trajectory: 8.80 MB"
+    assert lines[1].startswith("the bag's trajectory is 0.0")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "reason"),
+    [
+        (["--rate", 0], 2, "--rate = 0 Hz is outside its range [1, 1e+09] Hz"),
+        (["--rate", "nan"], 2, "--rate = nan Hz is outside its range [1, 1e+09] Hz"),
+        (["--rate", 1.5], 2, "--rate = 1.5 Hz is not a whole number"),
+        (["--rate", 10, "--run", 2], 1, "--run = 2 is outside its range [1, 1]"),
+    ],
+)
+def test_a_rate_or_run_that_cannot_be_is_one_line(drill_bag, tmp_path, rpud, words, code, reason):
+    found, out, err = rpud("export", drill_bag, "--out", tmp_path / "out", *words)
+    assert (found, out) == (code, "")
+    assert err.startswith(f"rpud export: {reason}")
+    assert err.count("\n") == 1

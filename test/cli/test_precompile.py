@@ -1,4 +1,4 @@
-"""`rpud precompile`: after it nothing is left to compile, and its kernels compute the same bits."""
+"""After the step of the set-up nothing is left to compile, and kernels compute the same bits."""
 
 import subprocess
 import sys
@@ -6,6 +6,7 @@ import sys
 import pytest
 import yaml
 
+from rpud_sim.cli import precompile
 from rpud_sim.cli.main import execute
 from rpud_sim.kernels.store import user_folders
 from rpud_sim.model.compile import STORE
@@ -53,7 +54,9 @@ def specifications(tmp_path):
 
 @pytest.mark.extended
 def test_nothing_is_left_to_compile(specifications, capsys):
-    assert execute(["precompile"]) == 0
+    with pytest.raises(SystemExit) as end:
+        precompile.main([])
+    assert end.value.code == 0
     before = kernels()
     assert before
     faults = f"scenario={specifications / 'faults.yaml'}"
@@ -65,7 +68,7 @@ def test_nothing_is_left_to_compile(specifications, capsys):
         [*simulate, "--set", "rock_model=specific_energy", "--bag", f"{specifications}/bag"],
         ["verify", f"{specifications}/bag"],
         ["report", f"{specifications}/bag", "--out", f"{specifications}/page.html"],
-        ["rebuild", f"{specifications}/bag", "--rate", "1e5", "--out", f"{specifications}/exact"],
+        ["export", f"{specifications}/bag", "--rate", "1e5", "--out", f"{specifications}/exact"],
         ["sweep", f"{specifications}/sweep.yaml", "--out", f"{specifications}/s", "--workers", "1"],
         ["fit", f"{specifications}/fit.yaml", "--out", f"{specifications}/f", "--workers", "1"],
     ):
@@ -75,7 +78,7 @@ def test_nothing_is_left_to_compile(specifications, capsys):
 
 
 def test_it_says_that_nothing_is_left_and_gathers_all_kernels(tmp_path, capsys):
-    words = [sys.executable, "-m", "rpud_sim.cli.main", "precompile"]
+    words = [sys.executable, "-m", "rpud_sim.cli.precompile"]
     gathered = subprocess.run(
         [*words, "--into", str(tmp_path / "kernels")], capture_output=True, text=True, check=True
     )
@@ -88,14 +91,15 @@ def test_it_says_that_nothing_is_left_and_gathers_all_kernels(tmp_path, capsys):
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
     (tmp_path / "taken").write_text("")
-    words = ["precompile", "--into", str(tmp_path / "taken" / "kernels")]
+    words = ["--into", str(tmp_path / "taken" / "kernels")]
     done = subprocess.run(
-        [sys.executable, "-m", "rpud_sim.cli.main", *words],
+        [sys.executable, "-m", "rpud_sim.cli.precompile", *words],
         capture_output=True,
         text=True,
         check=False,
     )
-    expected = f"rpud precompile: nothing can be written to {tmp_path / 'taken/kernels'}\n"
+    reason = f"nothing can be written to {tmp_path / 'taken/kernels'}"
+    expected = f"python -m rpud_sim.cli.precompile: {reason}\n"
     assert (done.returncode, done.stderr) == (1, expected)
 
 

@@ -6,6 +6,8 @@ import json
 import os
 
 import numpy as np
+import pyarrow.csv
+import pyarrow.parquet
 import pytest
 from altered_bags import altered
 from sample_bags import write_offline_bag
@@ -13,7 +15,8 @@ from sample_bags import write_offline_bag
 import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.inspection.rebuild import RebuildError, rebuild
+from rpud_sim.inspection import rebuild as rebuilding
+from rpud_sim.inspection.export.export import ExportError
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.sampling import CHANNELS, Times
 from rpud_sim.simulation.simulation import Simulation
@@ -53,8 +56,13 @@ def waveform(path):
     }
 
 
+def rebuild(*words, **options):
+    return rebuilding.rebuild(*words, file_format="numpy", **options)
+
+
 def load(folder):
-    return {channel: np.load(folder / f"{channel}.npy") for channel in CHANNELS}
+    table = folder / "rpud.trajectory"
+    return {channel: np.load(table / f"{channel}.npy") for channel in CHANNELS}
 
 
 def only_trajectory(source, out, keep=lambda number: True):
@@ -87,8 +95,29 @@ def test_at_any_rate_it_is_what_the_simulation_samples(bag, regime, tmp_path):
 
 def test_what_it_is_stands_beside_it(bag, tmp_path):
     rebuilt = rebuild(bag, tmp_path / "out", 1000)
-    assert json.loads((tmp_path / "out" / "rebuilt.json").read_text()) == vars(rebuilt)
-    assert rebuilt.size == sum(f.stat().st_size for f in (tmp_path / "out").glob("*.npy"))
+    account = json.loads((tmp_path / "out" / "export.json").read_text())
+    assert account.items() >= vars(rebuilt).items()
+    assert account["columns"]["free_mass_velocity"]["unit"] == "m/s"
+    assert rebuilt.size == sum(f.stat().st_size for f in (tmp_path / "out").glob("*/*.npy"))
+
+
+def test_each_sample_has_its_stamp(bag, tmp_path):
+    rebuilt = rebuild(bag, tmp_path / "out", 30_000, start=0.1)
+    found = np.load(tmp_path / "out" / "rpud.trajectory" / "time.npy")
+    numbers = range(rebuilt.first, rebuilt.first + rebuilt.count)
+    assert found.tolist() == [rebuilt.origin + round(n * 1e9 / 30_000) for n in numbers]
+
+
+def test_every_format_has_the_same_samples(bag, tmp_path):
+    rebuild(bag, tmp_path / "numpy", 1000)
+    for file_format in ("parquet", "csv"):
+        rebuilding.rebuild(bag, tmp_path / file_format, 1000, file_format)
+    expected = load(tmp_path / "numpy")
+    parquet = pyarrow.parquet.read_table(tmp_path / "parquet" / "rpud.trajectory.parquet")
+    csv = pyarrow.csv.read_csv(tmp_path / "csv" / "rpud.trajectory.csv")
+    for channel, values in expected.items():
+        assert parquet[channel].to_numpy().tobytes() == values.tobytes()
+        assert np.array_equal(csv[channel].to_numpy(), values)
 
 
 def test_where_segments_are_missing_it_is_not_a_number(bag, tmp_path):
@@ -123,11 +152,11 @@ def test_a_recording_that_began_late_begins_late(bag, tmp_path):
         ({"run": 2}, r"--run = 2 is outside its range \[1, 1\]"),
         ({"run": 0}, r"--run = 0 is outside its range \[1, 1\]"),
         ({"start": 5.0}, r"--start = 5 s is not in the 0\.\d+ s that the bag holds"),
-        ({"topic": "/other"}, "holds no trajectory named /other"),
+        ({"topics": ["/other"]}, "holds no trajectory named /other"),
     ],
 )
 def test_what_is_not_there_is_refused_and_nothing_written(bag, tmp_path, options, reason):
-    with pytest.raises(RebuildError, match=reason):
+    with pytest.raises(ExportError, match=reason):
         rebuild(bag, tmp_path / "out", 1000, **options)
     assert not (tmp_path / "out").exists()
 
@@ -136,17 +165,17 @@ def test_a_rebuilding_that_fails_midway_leaves_nothing(bag, tmp_path):
     def fail(_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    with pytest.raises(RebuildError, match=r"cannot write .*out: No space left on device"):
+    with pytest.raises(ExportError, match=r"cannot write .*out: No space left on device"):
         rebuild(bag, tmp_path / "out", 1000, report=fail)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_bag_without_a_trajectory_is_refused(bag, tmp_path):
     altered(bag, tmp_path / "bag", lambda m: [m.data], {"/rpud/waveform"})
-    with pytest.raises(RebuildError, match="holds no trajectory"):
+    with pytest.raises(ExportError, match="holds no trajectory"):
         rebuild(tmp_path / "bag", tmp_path / "out", 1000)
 
 
 def test_nothing_is_overwritten(bag, tmp_path):
-    with pytest.raises(RebuildError, match="exists already"):
+    with pytest.raises(ExportError, match="exists already"):
         rebuild(bag, tmp_path, 1000)

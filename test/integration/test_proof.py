@@ -184,10 +184,10 @@ def test_each_run_is_rebuilt_as_it_was_published(bag, tmp_path):
     begin = [i for i, block in enumerate(waveforms) if block.sequence == 0]
     assert len(begin) == 2  # the reset of all began a second one
     for run, blocks in enumerate((waveforms[: begin[1]], waveforms[begin[1] :]), 1):
-        rebuilt = rebuild(bag, tmp_path / str(run), 50_000, run=run)
+        rebuilt = rebuild(bag, tmp_path / str(run), 50_000, "numpy", run=run)
         assert (rebuilt.first, rebuilt.runs, rebuilt.missing) == (0, 2, 0)
         published = np.concatenate([block.reacting_force for block in blocks])
-        found = np.load(tmp_path / str(run) / "reacting_force.npy")
+        found = np.load(tmp_path / str(run) / "rpud.trajectory" / "reacting_force.npy")
         assert len(found) > 0.9 * len(published)
         assert found.tobytes() == published[: len(found)].tobytes()
 

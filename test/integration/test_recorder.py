@@ -205,20 +205,6 @@ def test_services_pause_go_on_and_split(process, talker, ask, connect, tmp_path)
         assert all(summary.losses.total == 0 for summary in statuses)
 
 
-def test_a_snapshot_is_the_latest_without_a_gap(process, talker, ask, tmp_path):
-    words = ("--snapshot-mode", "--max-cache-size", "40000")
-    recorder = process("recorder", "--out", tmp_path / "run", *words)
-    talker("--count", 1000, "--rate", 2000).wait_for_line("published 1000")
-    ask("snapshot", "Snapshot")
-    recorder.interrupt()
-    assert recorder.wait() == 0
-    recorded = sequences(tmp_path / "run")
-    assert recorded == list(range(recorded[0], 1000))
-    assert 100 < len(recorded) < 500
-    with rpud_sim.bag.open(tmp_path / "run") as bag:
-        assert next(bag.messages()).topic == STATUS
-
-
 def test_a_split_recording_has_every_message_and_its_losses(process, talker, tmp_path):
     words = ("--max-bag-duration", "0.2", "--max-bag-size", "200000", "--compression", "lz4")
     recorder = process("recorder", "--out", tmp_path / "run", *words)
@@ -252,11 +238,9 @@ def test_a_recorder_stops_before_its_bag_is_too_large(process, talker, tmp_path)
 
 
 def test_what_a_recorder_cannot_use_is_one_line(process, tmp_path):
-    (tmp_path / "qos.yaml").write_text("/rpud/status: {depth: -1}\n")
     for words, complaint in (
         (("--regex", "("), "argument --regex: '\\(' is no regular expression"),
         (("--max-disk", "0"), r"--max-disk = 0 bytes is outside its range \[1, 1e\+18\] bytes"),
-        (("--qos-profile-overrides-path", tmp_path / "qos.yaml"), "/rpud/status: depth is -1"),
     ):
         recorder = process("recorder", "--out", tmp_path / "run", *words)
         assert recorder.wait() == 2

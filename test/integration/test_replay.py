@@ -1,18 +1,12 @@
-"""A replay is controlled by services and by keys, in a process of its own, and heard over DDS."""
+"""A replay is controlled by services, in a process of its own, and heard over DDS."""
 
-import fcntl
 import itertools
-import os
-import pty
-import select
-import signal
-import struct
-import termios
 
 import pytest
 import rclpy
 from builtin_interfaces.msg import Time
 from drill_client import Client, nanoseconds
+from pseudo_terminal import PseudoTerminal
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
@@ -248,102 +242,11 @@ def test_a_damaged_bag_ends_the_replay_with_an_error(process, audience, tmp_path
     assert str(file) in process.output.splitlines()[-1]
 
 
-class Terminal:
-    """A replayer whose terminal this is."""
-
-    def __init__(self, *command):
-        self.pid, self.terminal = pty.fork()
-        if self.pid == 0:
-            fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("4H", 24, 100, 0, 0))
-            os.execvp(command[0], list(map(str, command)))
-        self.shown = ""
-        self.code = None
-        self.before = termios.tcgetattr(self.terminal)
-
-    def press(self, keys):
-        os.write(self.terminal, keys)
-
-    def look(self):
-        """Read what it shows; return whether it still runs."""
-        while select.select([self.terminal], [], [], 0.01)[0]:
-            try:
-                data = os.read(self.terminal, 4096)
-            except OSError:  # the other end of the terminal is closed
-                break
-            self.shown += data.decode(errors="replace")
-        if self.code is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            self.code = os.waitstatus_to_exitcode(status) if pid else None
-        return self.code is None
-
-    def mode(self):
-        return termios.tcgetattr(self.terminal)[3] & (termios.ICANON | termios.ECHO)
-
-    def close(self):
-        if self.look():
-            os.kill(self.pid, signal.SIGKILL)
-            os.waitpid(self.pid, 0)
-        os.close(self.terminal)
-
-
-@pytest.fixture
-def terminal(bag):
-    opened = []
-
-    def start(*words):
-        patient = ("--topics", REPLAYED, "--wait-for-subscribers")
-        opened.append(Terminal("replayer", bag, *patient, *words))
-        return opened[-1]
-
-    yield start
-    for terminal in opened:
-        terminal.close()
-
-
-def test_keys_pause_step_and_change_the_rate(terminal, audience):
-    replayer = terminal("--start-paused", "--loop")
-    seen = lambda text: lambda: replayer.look() and text in replayer.shown  # noqa: E731
-    usual = replayer.mode()
-    audience.until(seen("paused, 0 messages"))
-    assert replayer.mode() == 0
-    replayer.press(b"\x1b[Cn")
-    audience.until(lambda: audience.numbers == [0, 1])
-    replayer.press(b"\x1b[A\x1b[A\x1b[B")
-    audience.until(lambda: audience.ask("get_rate").rate == 1.1)
-    replayer.press(b" ")
-    audience.until(lambda: len(audience.numbers) > 5)
-    audience.until(seen("x1.1, "))
-    assert "/1.9 s, x1.1, " in replayer.shown
-    replayer.press(b"n")
-    audience.until(seen("the replay is not paused"))
-    replayer.press(b" ")
-    audience.until(lambda: audience.ask("is_paused").paused)
-    replayer.press(b"\x03")
-    audience.until(lambda: not replayer.look())
-    assert replayer.code == 0
-    assert replayer.mode() == usual
-
-
-def test_the_terminal_is_as_it_was_after_a_signal(terminal, audience):
-    replayer = terminal("--start-paused")
-    usual = replayer.mode()
-    audience.until(lambda: replayer.look() and "paused, 0 messages" in replayer.shown)
-    assert replayer.mode() == 0
-    # A shell sets its own mode while a program is stopped.
-    termios.tcsetattr(replayer.terminal, termios.TCSANOW, replayer.before)
-    os.kill(replayer.pid, signal.SIGCONT)
-    audience.until(lambda: replayer.look() and replayer.mode() == 0)
-    os.kill(replayer.pid, signal.SIGTERM)
-    audience.until(lambda: not replayer.look())
-    assert replayer.code == 0
-    assert replayer.mode() == usual
-
-
-def test_keys_can_be_left_alone(terminal, audience):
-    replayer = terminal("--start-paused", "--disable-keyboard-controls")
-    usual = replayer.mode()
-    audience.until(lambda: replayer.look() and "paused, 0 messages" in replayer.shown)
-    assert replayer.mode() == usual != 0
-    audience.ask("stop")
-    audience.until(lambda: not replayer.look())
-    assert replayer.code == 0
+def test_a_bar_shows_the_position(bag, audience):
+    words = ("--topics", REPLAYED, "--wait-for-subscribers", "--start-paused")
+    with PseudoTerminal("replayer", str(bag), *words, columns=100, TERM="xterm") as replayer:
+        replayer.until(lambda: "/1.9 s, paused, 0 messages" in replayer.text)
+        audience.ask("play_next")
+        replayer.until(lambda: "/1.9 s, paused, 1 messages" in replayer.text)
+        audience.ask("stop")
+        assert replayer.wait() == 0

@@ -59,16 +59,16 @@ def test_faults_are_injected_listed_and_cleared(rpud, fresh):
     assert rpud("inject", "free_mass_jammed", "--for", 5)[1] == "fault 1: free_mass_jammed\n"
     noise = rpud("inject", "noise", "--channel", "reacting_force", "--magnitude", 0.5)
     assert noise == (0, "fault 2: noise on reacting_force\n", "")
-    listed = json.loads(rpud("faults", "--json")[1])
+    listed = json.loads(rpud("inject", "--list", "--json")[1])
     assert [fault["kind"] for fault in listed["active"]] == ["free_mass_jammed", "noise"]
     assert listed["active"][1]["magnitude"] == 0.5
     assert "wrench" in listed["channels"]
-    text = rpud("faults")[1].splitlines()
+    text = rpud("inject", "--list")[1].splitlines()
     assert re.match(r"noise +reacting_force +2 +0.5 +0.000$", text[2])
     assert text[3].startswith("possible kinds: free_mass_jammed, ")
     assert rpud("clear", "noise") == (0, "cleared: 2\n", "")
     assert rpud("clear", "--all") == (0, "cleared: 1\n", "")
-    assert rpud("faults")[1].startswith("no fault is active\n")
+    assert rpud("inject", "--list")[1].startswith("no fault is active\n")
 
 
 @pytest.mark.parametrize(

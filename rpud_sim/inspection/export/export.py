@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -148,6 +148,19 @@ def file_stem(topic: str) -> str:
     return stem
 
 
+def make_table(
+    file_format: str, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]
+) -> Any:
+    """Return a new table of a format: a class of ``FORMATS``, for rows in its ``write``.
+
+    Args:
+        path: of the file or folder, without its ending.
+    """
+    module, name = FORMATS[file_format]
+    kind = getattr(import_module(f"rpud_sim.inspection.export.{module}"), name)
+    return kind(path, columns, metadata)
+
+
 class _Files:
     """Open files of all topics."""
 
@@ -159,8 +172,7 @@ class _Files:
         topics: Collection[TopicSummary],
         damages: Damages,
     ) -> None:
-        module, name = FORMATS[file_format]
-        self._make = getattr(import_module(f"rpud_sim.inspection.export.{module}"), name)
+        self._format = file_format
         self._folder = folder
         self._topics = {summary.topic.name: summary for summary in topics}
         self._columns = {name: bag.columns(name) for name in self._topics}
@@ -178,7 +190,8 @@ class _Files:
         with self._open:
             for name, columns in self._columns.items():
                 metadata = {"rpud_sim": {**self._about, **self._describe(name)}}
-                file = self._make(self._folder / file_stem(name), columns, metadata)
+                stem = self._folder / file_stem(name)
+                file = make_table(self._format, stem, columns, metadata)
                 self._files[name] = file
                 self._open.callback(file.close)
             self._open = self._open.pop_all()
@@ -221,11 +234,12 @@ class _Files:
             "type": summary.topic.type,
             "type_hash": summary.topic.type_hash,
             "losses": asdict(summary.losses) if summary.losses else None,
-            "columns": {column.name: _describe_column(column) for column in self._columns[topic]},
+            "columns": {column.name: describe_column(column) for column in self._columns[topic]},
         }
 
 
-def _describe_column(column: Column) -> dict[str, Any]:
+def describe_column(column: Column) -> dict[str, Any]:
+    """Return what ``export.json`` says of a column."""
     content = {"kind": column.kind.value, "unit": column.unit, "description": column.description}
     if column.dtype != object:
         content["dtype"] = str(column.dtype)

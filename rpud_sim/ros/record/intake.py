@@ -1,9 +1,9 @@
-"""Intake of received messages: written, kept for a snapshot, or discarded in a pause."""
+"""Intake of received messages: written, or discarded in a pause."""
 
 from __future__ import annotations
 
 import time
-from collections import Counter, deque
+from collections import Counter
 
 from rpud_sim.bag import Message
 from rpud_sim.bag.latched import LatchedMessages
@@ -13,26 +13,19 @@ from rpud_sim.ros.record.message_queue import Declaration, MessageQueue
 class Intake:
     """Filter before the queue of messages to write. For use by one thread.
 
-    A pause discards messages. With ``snapshot_size`` the latest messages are kept until
-    ``snapshot`` writes them. In both cases the last messages of latched topics are written too: as
-    received at the end of the pause, or at the beginning of the snapshot.
+    A pause discards messages. At its end the last messages of latched topics are written, as
+    received then.
 
     Args:
         paused: whether it begins with a pause.
-        snapshot_size: bytes that a snapshot has at most; None to write everything.
     """
 
-    def __init__(
-        self, messages: MessageQueue, *, paused: bool = False, snapshot_size: int | None = None
-    ) -> None:
+    def __init__(self, messages: MessageQueue, *, paused: bool = False) -> None:
         # messages of each topic that did not fit into the queue
         self.refused: Counter[str] = Counter()
         self.accepted = 0  # messages that the queue holds or held
         self._messages = messages
         self._paused = paused
-        self._limit = snapshot_size
-        self._kept: deque[Message] = deque()
-        self._kept_size = 0
         self._discarded = LatchedMessages()
 
     @property
@@ -40,29 +33,17 @@ class Intake:
         """Whether messages are discarded."""
         return self._paused
 
-    @property
-    def takes_snapshots(self) -> bool:
-        """Whether messages wait for a snapshot."""
-        return self._limit is not None
-
     def declare(self, declaration: Declaration) -> None:
         """Declare a topic, before its first message."""
         self._discarded.declare(declaration.topic)
         self._messages.declare(declaration)
 
     def put(self, message: Message) -> None:
-        """Write, keep or discard a message."""
+        """Write or discard a message."""
         if self._paused:
             self._discarded.note(message)
-        elif self._limit is None:
-            self._write(message)
         else:
-            self._kept.append(message)
-            self._kept_size += len(message.data)
-            while self._kept_size > self._limit:
-                oldest = self._kept.popleft()
-                self._kept_size -= len(oldest.data)
-                self._discarded.note(oldest)
+            self._write(message)
 
     def pause(self) -> None:
         """Discard messages from now on."""
@@ -73,22 +54,9 @@ class Intake:
         if not self._paused:
             return
         self._paused = False
-        if self._limit is None:
-            for message in self._discarded.at(time.time_ns()):
-                self._write(message)
-            self._discarded.clear()
-
-    def snapshot(self) -> int:
-        """Write the kept messages; return how many."""
-        if not self._kept:
-            return 0
-        messages = [*self._discarded.at(self._kept[0].log_time), *self._kept]
-        self._discarded.clear()
-        self._kept.clear()
-        self._kept_size = 0
-        for message in messages:
+        for message in self._discarded.at(time.time_ns()):
             self._write(message)
-        return len(messages)
+        self._discarded.clear()
 
     def split(self) -> None:
         """Write the next message to a new file."""

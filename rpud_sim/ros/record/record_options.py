@@ -24,8 +24,6 @@ class RecordOptions:
     # Expression to find in the names of topics that are not recorded
     exclude: re.Pattern[str] | None = None
     namespace: str = "/rpud"  # Namespace to record and to resolve names in
-    # YAML file of topics and the QoS to request for them; what publishers offer if None
-    qos_profile_overrides_path: str | None = None
 
     # How to write it.
     compression: str = "zstd"  # Compression of the bag's chunks, one of ``COMPRESSIONS``
@@ -36,11 +34,9 @@ class RecordOptions:
     max_bag_duration: float | None = None
     # Size of the whole bag at which the recording ends [bytes]; no limit if None
     max_disk: int | None = None
-    # Size of messages that wait for the disk, or that a snapshot has [bytes]
-    max_cache_size: int = 256 * 2**20
+    max_cache_size: int = 256 * 2**20  # Size of messages that may wait for the disk [bytes]
 
     # When to record, and when to end.
-    snapshot_mode: bool = False  # Whether to write the latest messages on request, and no others
     start_paused: bool = False  # Whether to record only when the service ``~/resume`` is called
     duration: float | None = None  # Time after which to stop [s]; at SIGINT or SIGTERM if None
     until_eof: bool = False  # Whether to stop also where standard input ends

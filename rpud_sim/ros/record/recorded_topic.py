@@ -48,7 +48,6 @@ class RecordedTopic:
     endpoints: list[TopicEndpointInfo] = field(default_factory=list)
     declared: bool = False  # whether the bag has its declaration
     numbered: bool = True  # whether the middleware numbers its messages
-    incompatible: bool = False  # whether an override keeps a publisher from connecting
     # other types of the topic, which are not recorded
     further_types: set[str] = field(default_factory=set)
     damaged: int = 0  # messages that were damaged

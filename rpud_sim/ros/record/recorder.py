@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.qos import QoSProfile
 
 from rpud_sim.bag import BagWriter
 from rpud_sim.bag.losses import RECORD_NAME, RECORDING_RECORD, losses_to_record
@@ -23,7 +22,6 @@ from rpud_sim.ros.record.disk_room import DiskRoom
 from rpud_sim.ros.record.drill_inquiry import DrillInquiry
 from rpud_sim.ros.record.intake import Intake
 from rpud_sim.ros.record.message_queue import MessageQueue, NamedRecord
-from rpud_sim.ros.record.qos_overrides import read_qos_overrides
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.record.record_report import RecordProgress, failure, late_text, summary
 from rpud_sim.ros.record.recorder_node import Recorder
@@ -62,7 +60,6 @@ def record(
 
     Raises:
         BagError: if the bag cannot be written.
-        QosOverrideError: if the file of the overrides cannot be used.
         StartError: if ROS cannot start, or a name cannot be one of ROS.
     """
     with StopRequest() as stop:
@@ -78,16 +75,10 @@ def record(
 
 
 def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], None]) -> RecordResult:
-    size = options.max_cache_size
-    # A snapshot is queued at once, with the latched messages, and another may follow it.
-    capacity = max(2 * size, RecordOptions.max_cache_size) if options.snapshot_mode else size
-    messages = MessageQueue(capacity)
-    intake = Intake(
-        messages,
-        paused=options.start_paused,
-        snapshot_size=size if options.snapshot_mode else None,
-    )
-    node = _node(options, intake)
+    messages = MessageQueue(options.max_cache_size)
+    intake = Intake(messages, paused=options.start_paused)
+    selection = TopicSelection(options.topics, options.regex, options.exclude, options.everything)
+    node = Recorder(intake, selection, options.namespace)
     with BagWriter(
         options.out,
         compression=options.compression,
@@ -120,14 +111,6 @@ def _record(options: RecordOptions, stop: StopRequest, show: Callable[[str], Non
     if writing.refusal:
         return RecordResult("\n".join(lines), f"stopped with a whole bag: {writing.refusal}")
     return RecordResult("\n".join(lines), failure(node, allow_empty=options.allow_empty))
-
-
-def _node(options: RecordOptions, intake: Intake) -> Recorder:
-    overrides: dict[str, QoSProfile] = {}
-    if options.qos_profile_overrides_path is not None:
-        overrides = read_qos_overrides(options.qos_profile_overrides_path)
-    selection = TopicSelection(options.topics, options.regex, options.exclude, options.everything)
-    return Recorder(intake, selection, options.namespace, overrides)
 
 
 def _wait_for_eof(stop: StopRequest) -> None:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import time
 from bisect import bisect_right
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_topic_name import validate_topic_name
 
@@ -37,19 +36,12 @@ class Recorder(Node):
 
     Args:
         selection: of topics; its names are resolved in the namespace.
-        overrides: QoS in place of the offered one, by absolute name of the topic.
 
     Raises:
         NameValidationException: if the namespace or a topic has no valid name.
     """
 
-    def __init__(
-        self,
-        intake: Intake,
-        selection: TopicSelection,
-        namespace: str,
-        overrides: Mapping[str, QoSProfile] | None = None,
-    ) -> None:
+    def __init__(self, intake: Intake, selection: TopicSelection, namespace: str) -> None:
         # rclpy itself would log a warning, and would not name an invalid topic.
         validate_namespace(f"/{namespace.lstrip('/')}")
         for topic in selection.topics:
@@ -58,7 +50,7 @@ class Recorder(Node):
         self._intake = intake
         names = frozenset(self.resolve_topic_name(topic) for topic in selection.topics)
         self._selection = replace(selection, topics=names)
-        self._subscriber = TopicSubscriber(self, overrides or {}, self._drain)
+        self._subscriber = TopicSubscriber(self, self._drain)
         self._prefix = self.get_namespace().rstrip("/") + "/"
         self._recordings: dict[str, RecordedTopic] = {}
         self._batch: list[Message] = []

@@ -15,10 +15,10 @@ from rpud_sim.ros.record.network_guard import NetworkGuard
 
 
 class RecorderServices:
-    """Services that pause, resume and split a recording, and write snapshots.
+    """Services that pause, resume and split a recording.
 
     Services: ``~/pause``, ``~/resume``, ``~/toggle_paused``, ``~/is_paused``, ``~/split_bagfile``,
-    ``~/snapshot``, of the types of rosbag2_interfaces, else std_srvs/Trigger and
+    of the types of rosbag2_interfaces, else std_srvs/Trigger and
     rpud_msgs/IsPaused. The node needs no executor: ``serve`` does waiting requests.
 
     Args:
@@ -40,7 +40,6 @@ class RecorderServices:
             "IsPaused": lambda: (True, ""),
             "TogglePaused": lambda: self._resume() if intake.paused else self._pause(),
             "SplitBagfile": self._split,
-            "Snapshot": self._snapshot,
         }
         self._services = []
         for kind, action in actions.items():
@@ -85,12 +84,6 @@ class RecorderServices:
     def _split(self) -> tuple[bool, str]:
         self._intake.split()
         return True, "goes on in a new file"
-
-    def _snapshot(self) -> tuple[bool, str]:
-        if not self._intake.takes_snapshots:
-            return False, "no snapshot: the recorder was started without --snapshot-mode"
-        count = self._intake.snapshot()
-        return count > 0, f"a snapshot of {count} messages is written"
 
 
 def service_type(kind: str) -> Any:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
@@ -24,18 +24,11 @@ class TopicSubscriber:
 
     Args:
         node: that owns the subscriptions.
-        overrides: QoS in place of the offered one, by absolute name of the topic.
         drain: receives what a subscription still holds before it is renewed.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        overrides: Mapping[str, QoSProfile],
-        drain: Callable[[RecordedTopic], None],
-    ) -> None:
+    def __init__(self, node: Node, drain: Callable[[RecordedTopic], None]) -> None:
         self._node = node
-        self._overrides = overrides
         self._drain = drain
 
     def subscribe(self, name: str, type_name: str) -> RecordedTopic:
@@ -49,9 +42,7 @@ class TopicSubscriber:
         endpoints = self._publishers(name, type_name)
         # Before the first publisher its subscribers show what it will have to offer.
         known = endpoints or self._node.get_subscriptions_info_by_topic(name)
-        request = self._overrides.get(name)
-        if request is None:
-            request = request_for([endpoint.qos_profile for endpoint in known])
+        request = request_for([endpoint.qos_profile for endpoint in known])
         subscription = self._subscribe(name, message, request)
         self._node.get_logger().info(f"subscribed {name} [{type_name}]")
         return RecordedTopic(
@@ -71,9 +62,7 @@ class TopicSubscriber:
             return
         topic.endpoints = endpoints
         offers = [endpoint.qos_profile for endpoint in endpoints]
-        if topic.name in self._overrides:
-            self._warn_of_override(topic, offers)
-        elif not is_satisfied(topic.request, offers):
+        if not is_satisfied(topic.request, offers):
             topic.request = request_for(offers)
             self.renew(topic, "a publisher offers less than before")
             return
@@ -115,16 +104,6 @@ class TopicSubscriber:
         # The recorder takes messages in batches, so nothing ever calls the callback: an executor
         # costs several times as much for each message as the message itself.
         return self._node.create_subscription(message, name, lambda _: None, request, raw=True)
-
-    def _warn_of_override(self, topic: RecordedTopic, offers: Sequence[QoSProfile]) -> None:
-        for offer in offers:
-            fits, reason = qos_check_compatible(offer, topic.request)
-            if fits == QoSCompatibility.ERROR and not topic.incompatible:
-                topic.incompatible = True
-                self._node.get_logger().warning(
-                    f"a publisher of {topic.name} is not heard with the QoS of the overrides: "
-                    f"{reason.rstrip(';')}"
-                )
 
     def _find(self, find: Callable[[str], str], type_name: str) -> str | None:
         try:

@@ -34,4 +34,3 @@ class ReplayOptions:
     start_paused: bool = False  # Whether to wait at the beginning to be resumed
     # Whether to wait without limit for a subscriber of every topic
     wait_for_subscribers: bool = False
-    disable_keyboard_controls: bool = False  # Whether to read no keys

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any, Protocol
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -19,7 +20,6 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.replay.playback import Plan, Playback
 from rpud_sim.ros.replay.playback_thread import PlaybackThread
 from rpud_sim.ros.replay.read_ahead import ReadAhead
-from rpud_sim.ros.replay.replay_console import MakeBar, ReplayConsole
 from rpud_sim.ros.replay.replay_options import DISCOVERY_TIME, ReplayOptions
 from rpud_sim.ros.replay.replay_services import ReplayServices
 from rpud_sim.ros.replay.replayer_node import Replayer
@@ -30,7 +30,15 @@ from rpud_sim.ros.stopping import StopRequest
 _PRIORITY = 10  # as of a drill: in real time or slower; faster, it could keep a core for itself
 _SETTLING_TIME = 0.2  # s from a publisher's match to the subscriber's own
 _POLL_PERIOD = 0.01  # s
+_BAR_PERIOD = 0.05  # s
 _ACKNOWLEDGEMENT_TIME = 5.0  # s that reliable subscribers have after the last message
+
+
+class MakeBar(Protocol):
+    """Maker of a progress bar."""
+
+    def __call__(self, *, title: str, total: float) -> Any:
+        """Return a ``tqdm`` bar of that many seconds."""
 
 
 class OptionError(ValueError):
@@ -134,18 +142,18 @@ def _replay(
     thread = PlaybackThread(playback, _PRIORITY if options.rate <= 1.0 else 0)
     ReplayServices(node, thread, node.count_failure)
     bar = make_bar(title=printable(bag.path.name), total=(plan.last - plan.first) / SECOND)
-    keys = not options.disable_keyboard_controls
     with (
         quick_switches(),
         settled_memory(),
         _spinning(node),
-        ReplayConsole(thread, plan, bar, node.get_logger(), keys=keys) as console,
+        bar,
     ):
         # Last of all: to make the rest takes Python's lock for longer than a message may wait.
         began = time.monotonic()
         thread.start()
         while thread.running and not stop.requested:
-            console.update(playback)
+            stop.wait(_BAR_PERIOD)
+            _show(playback, plan, bar)
         thread.stop()
         thread.join()
         if not stop.requested:
@@ -158,6 +166,15 @@ def _replay(
         f"replayed {playback.published} messages in {time.monotonic() - began:.1f} s, "
         f"{playback.lateness}{failures}"
     )
+
+
+def _show(playback: Playback, plan: Plan, bar: Any) -> None:
+    """Show the position of the playback."""
+    bar.n = min((playback.position - plan.first) / SECOND, bar.total)
+    state = "paused" if playback.paused else f"x{playback.rate:g}"
+    bar.set_postfix_str(f"{state}, {playback.published} messages", refresh=False)
+    bar.last_print_n = min(bar.last_print_n, bar.n)  # after a step backwards
+    bar.update(0)
 
 
 def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> None:

@@ -34,7 +34,7 @@ SAMPLES = 100_000
 """Samples of a rebuilt waveform, before those that no screen can show are left out."""
 
 HIGHEST_RATE = 1_000_000_000
-"""Greatest rate of a rebuilt waveform [Hz], that of ``rpud rebuild``."""
+"""Greatest rate of a rebuilt waveform [Hz], that of ``rpud export --rate``."""
 
 _MOST_PIECES = 80  # parts of the bag that one answer reads
 _PER_PIXEL = 2  # points of a line

@@ -1,4 +1,4 @@
-"""What is taken is written, kept for a snapshot, or left out in a pause; nothing goes unnoticed."""
+"""What is taken is written, or left out in a pause; nothing goes unnoticed."""
 
 import dataclasses
 
@@ -55,26 +55,6 @@ def test_what_latched_topics_said_in_a_pause_is_written_after_it():
     intake.pause()
     intake.resume()
     assert written(messages) == [2]
-
-
-def test_a_snapshot_has_the_latest_messages_and_what_is_latched():
-    messages = MessageQueue()
-    intake = started(messages, snapshot_size=35)
-    intake.put(message(1, LATCHED.name))
-    for number in range(2, 10):
-        intake.put(message(number))
-    assert intake.snapshot() == 4
-    assert intake.snapshot() == 0
-    intake.put(message(10))
-    assert intake.snapshot() == 1
-    assert written(messages) == [1, 7, 8, 9, 10]
-
-
-def test_a_message_larger_than_a_snapshot_leaves_it_empty():
-    messages = MessageQueue()
-    intake = started(messages, snapshot_size=35)
-    intake.put(message(1, size=36))
-    assert intake.snapshot() == 0
 
 
 def test_a_split_stands_between_the_messages():

@@ -42,10 +42,8 @@ def peer(nodes):
 
 @pytest.fixture
 def record(nodes):
-    def start(messages, topics=(), namespace="/rpud", overrides=None, **options):
-        nodes.append(
-            Recorder(Intake(messages), TopicSelection(topics, **options), namespace, overrides)
-        )
+    def start(messages, topics=(), namespace="/rpud", **options):
+        nodes.append(Recorder(Intake(messages), TopicSelection(topics, **options), namespace))
         return nodes[-1]
 
     return start
@@ -103,21 +101,6 @@ def test_topics_of_other_namespaces_are_found_by_expression_and_left_out_by_anot
     recorder = record(MessageQueue(), regex=re.compile("a$"), exclude=re.compile("no"))
     until(discovered(recorder, 2))
     assert recorder.losses.keys() == {"/rpud/a", "/elsewhere/a"}
-
-
-def test_an_override_is_requested_and_those_it_keeps_out_are_named(peer, record, capfd):
-    strong = peer.create_publisher(Int32, "a", RELIABLE)
-    weak = peer.create_publisher(Int32, "a", SENSOR)
-    recorder = record(MessageQueue(), overrides={"/rpud/a": RELIABLE})
-    until(discovered(recorder, 1))
-    until(lambda: strong.get_subscription_count() == 1)
-
-    def warned():
-        recorder.discover()
-        return "a publisher of /rpud/a is not heard" in capfd.readouterr().err
-
-    until(warned)
-    assert weak.get_subscription_count() == 0
 
 
 @pytest.mark.parametrize(("topics", "namespace"), [(["a b"], "/rpud"), ([], "/a b"), ([""], "/a")])

@@ -1,7 +1,6 @@
-"""Answers to a zoom: every message, and the exact waveform that `rpud rebuild` writes."""
+"""Answers to a zoom: every message, and the exact waveform that `rpud export --rate` writes."""
 
 import itertools
-import json
 
 import numpy as np
 import pytest
@@ -44,12 +43,11 @@ def windows(recording):
 
 @pytest.fixture(scope="module")
 def rebuilt(drill_bag, tmp_path_factory):
-    """Return all samples that `rpud rebuild` writes, and the number of the first."""
+    """Return all samples that `rpud export --rate` writes, and the number of the first."""
     folder = tmp_path_factory.mktemp("rebuilt") / "out"
-    rebuild(drill_bag, folder, RATE)
-    first = json.loads((folder / "rebuilt.json").read_text())["first"]
+    first = rebuild(drill_bag, folder, RATE, "numpy").first
     names = ("contact_force", "free_mass_position", "reacting_force", "actuator_velocity")
-    return first, {name: np.load(folder / f"{name}.npy") for name in names}
+    return first, {name: np.load(folder / "rpud.trajectory" / f"{name}.npy") for name in names}
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,8 @@ from rpud_sim.cli.main import main
         (["press"], "rpud press: the following arguments are required: FORCE"),
         (["step", "1 s"], "rpud step: argument SECONDS: '1 s' is not a number"),
         (["inject", "choking", "--for", "0"], "rpud inject: --for = 0 s is outside its range (0"),
+        (["inject"], "rpud inject: needs either KIND or --list"),
+        (["inject", "choking", "--list"], "rpud inject: needs either KIND or --list"),
         (["clear"], "rpud clear: needs either FAULT or --all"),
         (["clear", "noise", "--all"], "rpud clear: needs either FAULT or --all"),
         (["reset", "--scope", "tim"], "rpud reset: argument --scope: invalid choice: 'tim'"),

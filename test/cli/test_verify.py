@@ -1,4 +1,4 @@
-"""`rpud verify` and `rpud rebuild` from the shell: what they print, and their exit codes."""
+"""`rpud verify` from the shell: what it prints, and its exit codes."""
 
 import json
 
@@ -86,32 +86,3 @@ def test_a_bag_that_lacks_its_tail_gives_1_and_the_number(bag, tmp_path, rpud):
     content = json.loads(out)
     assert (code, content["proved"], content["undecided"]) == (1, False, "")
     assert content["topics"]["/rpud/wrench"]["tail"] == 15
-
-
-def test_a_rebuilt_waveform_and_its_size(bag, tmp_path, rpud):
-    code, out, err = rpud(
-        "rebuild", bag, "--rate", "1e6", "--out", tmp_path / "out", "--duration", 0.1
-    )
-    assert (code, err) == (0, "")
-    lines = out.splitlines()
-    assert lines[0] == (
-        f"rebuilt 100000 samples of 10 channels at 1000000 Hz to {tmp_path / 'out'}: 8.00 MB"
-    )
-    assert lines[1].startswith("the bag's trajectory is 0.0")
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "reason"),
-    [
-        (["--rate", 0], 2, "--rate = 0 Hz is outside its range [1, 1e+09] Hz"),
-        (["--rate", "nan"], 2, "--rate = nan Hz is outside its range [1, 1e+09] Hz"),
-        (["--rate", 1.5], 2, "--rate = 1.5 Hz is not a whole number"),
-        (["--rate", 10, "--duration", 0], 2, "--duration = 0 s is outside its range (0, 1e+06] s"),
-        (["--rate", 10, "--run", 2], 1, "--run = 2 is outside its range [1, 1]"),
-    ],
-)
-def test_a_wrong_call_is_one_line(bag, tmp_path, rpud, words, code, reason):
-    found, out, err = rpud("rebuild", bag, "--out", tmp_path / "out", *words)
-    assert (found, out) == (code, "")
-    assert err.startswith(f"rpud rebuild: {reason}")
-    assert err.count("\n") == 1

@@ -1,10 +1,10 @@
-"""Shared parts of the commands that act on a running drill."""
+"""Arguments of commands on a running drill, and the connection to it."""
 
 from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -54,17 +54,6 @@ def add_drill_arguments(parser: argparse.ArgumentParser) -> None:
         help="fail if there is no drill or no answer within that many seconds "
         "(default: %(default)g)",
     )
-
-
-def print_state_after(
-    arguments: argparse.Namespace, action: Callable[[DrillClient], object]
-) -> ExitCode:
-    """Act on the drill, and print the state in which it is then; return the exit code."""
-    with connected_drill(arguments) as drill:
-        action(drill)
-        status = drill.status
-    print(f"state: {status.state}")
-    return ExitCode.DONE
 
 
 @contextmanager
