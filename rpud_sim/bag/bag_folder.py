@@ -27,9 +27,7 @@ from rpud_sim.bag.open_chunk import COMPRESSIONS
 from rpud_sim.bag.output_file import OutputFile
 from rpud_sim.bag.reserve import Reserve
 
-CHUNK_SIZE = 1 << 20
-"""Uncompressed size after which a chunk is closed [bytes]."""
-
+CHUNK_SIZE = 1 << 20  # uncompressed size after which a chunk is closed [bytes]
 _END = 1 << 20  # bytes of a reserve for records at the end of a bag, its metadata and its folder
 _MOST_CHANNELS = 2**16 - 1
 
@@ -42,10 +40,6 @@ class BagFolder:
         chunk_size: uncompressed size after which a chunk is closed [bytes].
         reserved: whether ``hold`` keeps room on the disk.
         ahead: chunks that another thread compresses meanwhile.
-
-    Raises:
-        BagExistsError: if anything exists at ``path``.
-        BagError: if the folder cannot be created. Every method raises it if the disk fails.
     """
 
     def __init__(

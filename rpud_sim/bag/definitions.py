@@ -25,12 +25,8 @@ _FIELD_TYPE = re.compile(r"\s*([A-Za-z][\w/]*)")
 def find_definition(type_name: str, prefixes: Iterable[str | Path] | None = None) -> str:
     """Return the complete ``ros2msg`` definition of a message type, with all types that it needs.
 
-    Args:
-        type_name: such as ``std_msgs/msg/Header``.
-        prefixes: of installations; None for those of AMENT_PREFIX_PATH and then this package's own.
-
-    Raises:
-        DefinitionNotFoundError: if the definition of a type is missing.
+    ``prefixes`` are those of installations; None for those of AMENT_PREFIX_PATH and then this
+    package's own.
     """
     places = _places(prefixes)
     parts = [_read(type_name, places, ".msg")]
@@ -51,13 +47,6 @@ def find_type_hash(type_name: str, prefixes: Iterable[str | Path] | None = None)
     """Return the ``RIHS01_...`` hash of a message type.
 
     It comes from the installed description, or is calculated from the definition without one.
-
-    Args:
-        type_name: such as ``std_msgs/msg/Header``.
-        prefixes: as for ``find_definition``.
-
-    Raises:
-        DefinitionNotFoundError: if the definition of a type is missing.
     """
     package, name = _split(type_name)
     places = _places(prefixes)
@@ -108,7 +97,6 @@ def _read(type_name: str, places: list[Path], suffix: str) -> str:
 
 
 def _dependencies(text: str, type_name: str) -> Iterator[str]:
-    """Yield the type ``package/Name`` of each field that is a message, in order."""
     package, _ = _split(type_name)
     for line in text.splitlines():
         match = _FIELD_TYPE.match(line)

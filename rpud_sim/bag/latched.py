@@ -7,8 +7,8 @@ from collections import deque
 from rpud_sim.bag.messages import Message
 from rpud_sim.bag.metadata import Topic
 
+# Channel metadata of messages that a file repeats of the previous one.
 REPEATED_KEY = "rpud_repeated"
-"""Channel metadata of messages that a file repeats of the previous one."""
 
 
 class LatchedMessages:

@@ -47,13 +47,7 @@ class MessageBlock:
 
 
 def gathered(data: np.ndarray, starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Return the bytes of messages one behind the other.
-
-    Args:
-        data: that holds them, uint8.
-        starts: of each message in it.
-        sizes: of each message [bytes].
-    """
+    """Return the bytes of messages one behind the other; ``data`` is uint8, sizes are in bytes."""
     count = len(starts)
     if not count or not sizes.any():
         return np.empty(0, np.uint8)

@@ -30,9 +30,6 @@ class OutputFile:
         chunk_size: uncompressed size after which a chunk is closed [bytes].
         reserve: room for the file's end; None without one.
         ahead: chunks that another thread compresses meanwhile; the size then is that of before.
-
-    Raises:
-        OSError: if the disk fails, as from every method that writes.
     """
 
     def __init__(

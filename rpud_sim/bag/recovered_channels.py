@@ -28,11 +28,7 @@ class RecoveredChannels:
         self._counters: dict[int, tuple[str, SequenceCounter]] = {}
 
     def number(self, channel: Channel, schema: Schema | None) -> int:
-        """Return the number of a file's channel in the new bag, declared if it is new.
-
-        Raises:
-            BagFormatError: if there are more topics than the new bag's metadata can list.
-        """
+        """Return the number of a file's channel in the new bag, declared if it is new."""
         kind = (schema.name, schema.encoding, schema.data) if schema else ()
         metadata = tuple(sorted(channel.metadata.items()))
         key = (channel.topic, channel.message_encoding, kind, metadata)

@@ -31,16 +31,6 @@ class SqliteFile:
     """Open SQLite file of rosbag2, with the members of ``McapFile`` that a reader needs.
 
     It has no metadata records. The log time of a message is also its publish time.
-
-    Args:
-        shown: name of the file in errors.
-
-    Attributes:
-        topic_channels: connections of each topic.
-
-    Raises:
-        BagNotFoundError: if the file does not exist.
-        BagFormatError: if it is damaged.
     """
 
     compressions = frozenset[str]()
