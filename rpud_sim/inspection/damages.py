@@ -6,11 +6,7 @@ from rpud_sim.bag import BagFormatError, BagReader
 
 
 class Damages:
-    """Account of the damaged parts that an analysis of a bag skips.
-
-    Args:
-        bag: whose damaged topics and records the account begins with.
-    """
+    """Damaged parts that an analysis of a bag skips; the account begins with the bag's own."""
 
     def __init__(self, bag: BagReader) -> None:
         self._parts = bag.damages

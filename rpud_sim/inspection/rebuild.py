@@ -66,11 +66,6 @@ def rebuild(
         duration: of the rebuilt part, at most [s]; None for all.
         run: number of the simulation, if resets began several.
         topic: of the trajectory, if the bag holds several.
-        report: called with the number of samples that were written since its last call.
-
-    Raises:
-        BagError: if the bag cannot be read.
-        RebuildError: if it holds no such trajectory, or the files cannot be written.
     """
     with rpud_sim.bag.open(path) as bag:
         pieces = _Pieces(bag, _topic(bag, topic))
@@ -210,7 +205,6 @@ class _Files:
         self._open.close()
 
     def finish(self) -> None:
-        """Fill the gap at the end."""
         self._skip_to(self._end)
 
     def _skip_to(self, number: int) -> None:

@@ -32,12 +32,7 @@ def trajectory_pieces(
 ) -> Iterator[TrajectoryPiece]:
     """Yield the pieces of a trajectory, one for each message that holds segments.
 
-    Args:
-        messages: of one trajectory in their order, from any one on.
-        codec: of ``rpud_msgs/Trajectory``.
-
-    Raises:
-        BagFormatError: if a message is damaged.
+    The messages may begin with any one.
     """
     run, following, end = 0, -1, 0.0
     for recorded in messages:

@@ -124,7 +124,6 @@ def faults(values: Sequence[RecordedValues]) -> tuple[Event, ...]:
 
 
 def _aligned(runs: Sequence[list[tuple[str, float, float | None]]]) -> tuple[Event, ...]:
-    """Return events that are in the same order in all runs, those of one text beside each other."""
     rows: list[tuple[str, list[tuple[float, float | None] | None]]] = []
     for number, events in enumerate(runs):
         texts = [text for text, _, _ in events]

@@ -21,10 +21,8 @@ class ParquetFile:
     """Table as a Parquet file: each batch is a row group.
 
     Times are timestamps, durations are durations, arrays and sequences of numbers are lists; other
-    sequences are JSON text. Units and descriptions are metadata of the columns.
-
-    Args:
-        path: of the new file, without its ending.
+    sequences are JSON text. Units and descriptions are metadata of the columns. ``path`` is without
+    its ending.
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
@@ -56,11 +54,8 @@ class CsvFile:
     """Table as a CSV file with a line of names.
 
     Times and durations are integer nanoseconds; arrays and sequences are JSON text. A text that a
-    spreadsheet would run as a formula gets a leading apostrophe.
-
-    Args:
-        path: of the new file, without its ending.
-        metadata: not written, since CSV has no place for it.
+    spreadsheet would run as a formula gets a leading apostrophe. ``path`` is without its ending.
+    ``metadata`` is not written, since CSV has no place for it.
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:

@@ -54,8 +54,7 @@ def distributions(impacts: Impacts, topic: TopicSurvey) -> list[Plot]:
 def spectra(densities: tuple[np.ndarray, np.ndarray]) -> list[Plot]:
     """Return power spectral densities of the waveform's channels.
 
-    Args:
-        densities: frequencies, shape (n,) [Hz], and densities, shape (channels, n).
+    These are frequencies, shape (n,) [Hz], and densities, shape (channels, n).
     """
     frequencies, found = densities
     plots = []

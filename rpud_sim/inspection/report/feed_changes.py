@@ -65,11 +65,7 @@ class FeedChanges:
         self._next = None
 
     def take(self, time: float, feed: FeedCommand) -> Step:
-        """Return what a command does.
-
-        Args:
-            time: since the bag began [s].
-        """
+        """Return what a command does, at a time since the bag began [s]."""
         if self._next is not None and not 0.0 <= time - self._since < _LASTS:
             self._begun, self._next = self._next, None
         if self._begun is not None and feed.is_like(self._begun):

@@ -14,13 +14,12 @@ from rpud_sim.inspection.report.topic_survey import TopicSurvey
 
 Rows = list[tuple[str, ...]]
 
-MOST_ROWS = 300
-"""Number of rows in a table of topics."""
+MOST_ROWS = 300  # number of rows in a table of topics
 
 STATUS = "rpud_msgs/msg/Status"
 BOREHOLE = "rpud_msgs/msg/Borehole"
+# Column of a borehole: how far the bit has walked. Bags of earlier versions do not have it.
 WALK = "side_offset"
-"""Column of a borehole: how far the bit has walked. Bags of earlier versions do not have it."""
 _UNSET = "–"
 
 # Counters of a status, and their names in the report.

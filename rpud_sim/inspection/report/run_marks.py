@@ -14,9 +14,7 @@ from rpud_sim.inspection.report.survey import Survey, namespace
 from rpud_sim.inspection.report.topic_survey import Series
 from rpud_sim.pages.plot import COMMAND, FAULT, GAP, Mark
 
-MOST_MARKS = 300
-"""Number of marks of one kind."""
-
+MOST_MARKS = 300  # number of marks of one kind
 _FEWEST = 10  # messages of a topic whose pauses are gaps
 _MOST_NAMES = 4  # topics that the text of a gap names
 
@@ -47,8 +45,7 @@ def exact_steps(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return the steps of a value, without those that fall into a gap of its envelope.
 
-    Args:
-        factor: of the unit in which it is shown.
+    ``factor`` is of the unit in which it is shown.
     """
     steps = changing.steps()
     if steps is None:

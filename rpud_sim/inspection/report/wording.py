@@ -31,10 +31,8 @@ def over_time(
 ) -> str:  # fmt: skip
     """Return what a plot over time shows: the range, the mean and the greatest change.
 
-    Args:
-        scale: factor and name of the unit in which it is shown.
-        span: of the time [s].
-        marks: moments at which it may change.
+    ``scale`` is factor and name of the unit in which it is shown, ``span`` is in s, and at
+    ``marks`` it may change.
     """
     factor, unit = scale
     if not values.count:
@@ -52,8 +50,7 @@ def over_time(
 def of_distribution(name: str, values: Distribution, scale: tuple[float, str]) -> str:
     """Return what a histogram shows: the middle, where most values lie, and the ends.
 
-    Args:
-        scale: factor and name of the unit in which it is shown.
+    ``scale`` is factor and name of the unit.
     """
     factor, unit = scale
     if not values.count:
@@ -68,9 +65,7 @@ def of_distribution(name: str, values: Distribution, scale: tuple[float, str]) -
 def of_spectrum(name: str, frequencies: np.ndarray, density: np.ndarray) -> str:
     """Return at which frequency a spectrum has most power for its width: frequency times density.
 
-    Args:
-        frequencies: shape (n,) [Hz].
-        density: shape (n,).
+    Both have the shape (n,), frequencies in Hz.
     """
     if not len(frequencies):
         return f"{name}: no power."

@@ -41,11 +41,9 @@ class ComputedBlock:
 def computed_blocks(
     together: Together, codecs: Mapping[str, Codec], stretch: int, origin: int
 ) -> Iterator[tuple[str, ComputedBlock]]:
-    """Yield the messages of each topic that has a codec.
+    """Yield the messages of each topic that has a codec, by its name in the run.
 
-    Args:
-        codecs: of the wanted topics, by their names in the run.
-        origin: stamp of simulation time zero [ns].
+    ``origin`` is the stamp of simulation time zero [ns].
     """
     ends = together.ends + origin
     for columns in together.columns:
