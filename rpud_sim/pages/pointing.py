@@ -23,8 +23,7 @@ def pointing_tool(
 ) -> HoverTool:
     """Return the tool that shows the values of the point under the pointer.
 
-    Args:
-        source: of the points; it gets their words where an axis has words.
+    ``source`` gets the words of the points where an axis has words.
     """
     lines: list[tuple[str, str]] = []
     formats: dict[str, str] = {}
