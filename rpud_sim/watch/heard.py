@@ -23,8 +23,7 @@ from rpud_sim.watch.picture import (
     Series,
 )
 
-BIN = 50_000_000
-"""Length of a bin of the fast series [ns]."""
+BIN = 50_000_000  # length of a bin of the fast series [ns]
 
 BINS = 1200
 STATUSES = 600
@@ -48,8 +47,8 @@ _FIELDS = {
         *("bit_wear", "bit_temperature", "rock_temperature", "side_offset"),
     ),
 }
+# Topics of which ``samples`` hears.
 SAMPLED = ("nodal_plane", "drill_tool", "reacting_force", "rotation", "mount", "borehole")
-"""Topics of which ``samples`` hears."""
 
 _POWER = _FIELDS["actuator_state"].index("electrical_power")
 _COLUMN = {name: number for number, name in enumerate(COLUMNS)}
@@ -261,7 +260,6 @@ class Heard:
             self.marks.append(Mark(self._seconds(stamp), entry.kind, _text(entry.kind, content)))
 
     def _locate(self, origin: int) -> None:
-        """Take a stamp as that of time zero, also for what was heard before it was known."""
         self.origin, self._located = origin, True
         for topic, message in self._kept.items():
             if _stamp(message.header.stamp) >= origin:
@@ -318,7 +316,6 @@ def _stamp(time: Any) -> int:
 
 
 def _text(kind: str, content: dict[str, Any]) -> str:
-    """Return what an entry of the journal says, in one short line."""
     parts = []
     for name, value in content.items():
         if name == "time" or isinstance(value, dict):

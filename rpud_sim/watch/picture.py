@@ -17,6 +17,7 @@ DONE = "done"
 REFUSED = "refused"
 FAILED = "failed"
 
+# Columns of the fast series, one value for each bin of simulation time.
 COLUMNS = (
     "nodal_plane_min",  # position [m]
     "nodal_plane_max",
@@ -47,8 +48,8 @@ COLUMNS = (
     "depth_min",  # [m]
     "depth_max",
 )
-"""Columns of the fast series, one value for each bin of simulation time."""
 
+# Columns of the series of statuses, one row for each status.
 STATUS_COLUMNS = (
     "time",  # [s]
     "weight_on_bit",  # [N]
@@ -68,7 +69,6 @@ STATUS_COLUMNS = (
     "lag",  # [s]
     "real_time_factor",
 )
-"""Columns of the series of statuses, one row for each status."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,9 +8,7 @@ from rpud_sim.watch.recorded.signals import Rows
 
 _MOST_PARTS = 200
 _MOST_VALUES = 4_000_000  # numbers in the rows of all kept parts
-
-PieceRows = dict[str, Rows]
-"""Rows of one part of a bag, by topic."""
+PieceRows = dict[str, Rows]  # rows of one part of a bag, by topic
 
 
 class KeptRows:

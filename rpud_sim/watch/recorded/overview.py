@@ -13,11 +13,8 @@ from rpud_sim.watch.recorded.recording import Recording
 from rpud_sim.watch.recorded.signals import Signal
 from rpud_sim.watch.recorded.trace import EMPTY, GAP, Trace, envelope, usual
 
-BINS = 2**18
-"""Greatest number of bins of a signal."""
-
-MEMORY = 256 * 2**20
-"""Greatest size of the bins of all signals [bytes]."""
+BINS = 2**18  # greatest number of bins of a signal
+MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 
 _LEAST_BINS = 2**10
 _LEAST_GAP = 0.1  # s
@@ -50,12 +47,6 @@ class Overview:
 
     ``sample`` fills them from parts that are spread over the bag, ``read_next`` one part after the
     other. They hold at most ``MEMORY``. A time that exceeds the bins doubles their width.
-
-    Args:
-        recording: that is read.
-
-    Attributes:
-        width: of a bin [s].
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -173,7 +164,7 @@ class Overview:
         duration = max(self._recording.duration, 1e-3)
         if self._recording.pieces:
             duration = max(duration, self._recording.end_of(len(self._recording.pieces) - 1))
-        self.width = duration * _SPARE / self._bins
+        self.width = duration * _SPARE / self._bins  # of a bin [s]
         shape = len(self._signals), self._bins
         self._least = np.full(shape, np.inf)
         self._greatest = np.full(shape, -np.inf)
