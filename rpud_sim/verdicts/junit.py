@@ -10,11 +10,9 @@ from rpud_sim.verdicts.verdict import FAILED, UNDECIDED, Verdict
 
 
 def junit_xml(verdicts: Sequence[Verdict], suite: str) -> str:
-    """Return the XML of one test suite: failed is a failure, undecided an error.
+    """Return the XML of one test suite, a verdict for each test case.
 
-    Args:
-        verdicts: one for each test case.
-        suite: name of the suite.
+    Failed is a failure, undecided an error.
     """
     counts = {
         name: str(sum(each.outcome == outcome for each in verdicts))

@@ -108,13 +108,9 @@ class Samples:
 class TopicMessages:
     """Messages of one topic in a span of time, without repetitions, in order of their stamps.
 
-    The order does not depend on that of arrival: messages of one stamp are ordered by their
-    numbers or counters, where they have some. Reports of one stamp with the same counters are in
-    the order in which the drill published them.
-
-    Args:
-        topic: its name.
-        keep: for each piece, which messages count.
+    The order does not depend on that of arrival: messages of one stamp are ordered by their numbers
+    or counters, where they have some. Reports of one stamp with the same counters are in the order
+    in which the drill published them. ``keep`` says, for each piece, which messages count.
     """
 
     def __init__(self, topic: str, pieces: list[Piece], keep: list[np.ndarray]) -> None:
@@ -151,9 +147,8 @@ class TopicMessages:
     def samples(self, field: Field | str) -> Samples:
         """Return the values of a field.
 
-        Args:
-            field: of the topic's type, or a name: of one of the diagnostics, or of any field where
-                the type is not known.
+        ``field`` may be a name: of one of the diagnostics, or of any field where the type is not
+        known.
         """
         if not isinstance(field, str):
             values = self._values(field)
@@ -176,11 +171,9 @@ class TopicMessages:
 
     @property
     def _numbered(self) -> bool:
-        """Whether each message has the number after that of the message before it."""
         return self._topic == "contact_force" and len(self._sources) > 0
 
     def _keys(self) -> np.ndarray:
-        """Return what puts messages of one stamp in order."""
         if self._topic in ("contact_force", "journal"):
             names: tuple[str, ...] = ("sequence",)
         elif self._topic == "status":
@@ -220,7 +213,6 @@ class TopicMessages:
         return np.array(kept, np.int64)
 
     def _spread(self, values_of: Any) -> np.ndarray:
-        """Return one value for each message, from all sources."""
         parts = [values_of(source) for source in self._sources]
         plain = all(isinstance(part, np.ndarray) and part.dtype != object for part in parts)
         if plain and parts:

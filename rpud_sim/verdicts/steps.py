@@ -137,7 +137,6 @@ def over_window(
 
 
 def _least_in_ranges(table: np.ndarray, first: np.ndarray, final: np.ndarray) -> np.ndarray:
-    """Return the least of each row in ranges of columns, by blocks of doubling length."""
     result = np.empty((len(table), len(first)))
     levels = np.floor(np.log2(final - first + 1)).astype(np.int64)
     level, length = 0, 1
@@ -156,11 +155,8 @@ def _least_in_ranges(table: np.ndarray, first: np.ndarray, final: np.ndarray) ->
 def until(left: Steps, right: Steps, start: int, end: int | None) -> Steps:
     """Return ``left`` until ``right``: left holds from each instant to just before right.
 
-    Args:
-        left: that holds.
-        right: that comes.
-        start: of the window in which it comes, from each instant on [ns].
-        end: of that window [ns]; None for the end of the recording.
+    Right comes in a window from ``start`` to ``end`` after each instant [ns]; None is the end of
+    the recording.
     """
     # Without a bound on its end the goal must come in the recording; otherwise it may come later.
     plain = _until_at_once(left, right, FALSE if end is None else UNKNOWN)
