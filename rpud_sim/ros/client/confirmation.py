@@ -16,8 +16,8 @@ class Confirmation:
     """Evidence about one command, from the status and the journal of the drill.
 
     The status counts commands but does not say whose they are. So a command counts as accepted when
-    the counter has risen and its values are in force; if another publisher's command overrides
-    it at once, the journal shows it.
+    the counter has risen and its values are in force; if another publisher's command overrides it
+    at once, the journal shows it.
 
     Args:
         kind: of the command, ``weight_on_bit``, ``drive`` or ``feed``.

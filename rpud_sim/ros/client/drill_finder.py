@@ -31,15 +31,7 @@ class FoundDrill:
 
 
 class DrillFinder:
-    """Node that knows the drills of a domain; it never waits. Use it from one thread.
-
-    Args:
-        domain_id: ROS domain; None for that of the environment.
-        node_name: name of its node.
-
-    Raises:
-        StartError: if ROS cannot start.
-    """
+    """Node that knows the drills of a domain; it never waits. Use it from one thread."""
 
     def __init__(self, domain_id: int | None = None, node_name: str = "rpud_watch_list") -> None:
         self._listening = ListeningNode(node_name, "/", domain_id)

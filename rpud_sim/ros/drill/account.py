@@ -32,9 +32,7 @@ _COMMAND_TOPICS = (
 class Account:
     """Statistics and reports, every second and on demand.
 
-    Args:
-        node: for its name, its clock and the graph.
-        telemetry_rate: of the node [Hz].
+    ``telemetry_rate`` is in Hz.
     """
 
     def __init__(
@@ -124,11 +122,9 @@ class Account:
         self._due = 0
 
     def report(self, state: str, run: Run, pacer: Pacer | None = None) -> None:
-        """Publish the status; diagnostics of it wait for ``publish_diagnostics``.
+        """Publish the status, with one of its STATE constants; ``pacer`` is None before the start.
 
-        Args:
-            state: one of the STATE constants of ``rpud_msgs/Status``.
-            pacer: None before the start.
+        Diagnostics of it wait for ``publish_diagnostics``.
         """
         now = time.monotonic_ns()
         if self._last is None or now >= self._due or pacer is None:

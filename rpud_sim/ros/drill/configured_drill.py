@@ -29,9 +29,6 @@ class ConfiguredDrill:
         end: simulation time after which it has finished [ns].
         sent: counts of the messages, None for no count.
         start: state in which it begins; None for time zero.
-
-    Raises:
-        ParameterError: if the scenario cannot be used.
     """
 
     def __init__(
@@ -63,11 +60,7 @@ class ConfiguredDrill:
         return self.drilling.run.origin + self.drilling.run.time
 
     def activate(self, settings: Settings) -> None:
-        """Let commands act; simulation time begins, with these settings, if it has not.
-
-        Raises:
-            ParameterError: if the scenario cannot be used.
-        """
+        """Let commands act; simulation time begins, with these settings, if it has not."""
         if self.pacing.started:
             self._activate_control(True)
         else:

@@ -74,10 +74,6 @@ class DrillNode(ManagedNode):
         duration: simulation time after which it has finished [s]; None for never.
         start: state in which it begins, with the settings of the parameters; None for time zero.
             The duration counts from there.
-        options: keyword arguments of ``rclpy.node.Node``.
-
-    Raises:
-        ParameterError: if a parameter has a value that cannot be used.
     """
 
     def __init__(
@@ -156,11 +152,7 @@ class DrillNode(ManagedNode):
             self._drill.publishers.sent = self._sent
 
     def request(self, action: Callable[[Drilling], Any]) -> Any:
-        """Have something done between two blocks; return what it returns, raise what it raises.
-
-        Raises:
-            StoppedError: if the node has not been activated, or the drilling has ended.
-        """
+        """Have something done between two blocks; return what it returns, raise what it raises."""
         if self._drill is None:
             raise StoppedError("the node has not been activated")
         return self._drill.pacing.request(action)
@@ -170,20 +162,12 @@ class DrillNode(ManagedNode):
         self._quit = True
 
     def prepare(self) -> None:
-        """Configure, with ``autostart`` and unless it has: its topics are there then.
-
-        Raises:
-            RuntimeError: if it cannot.
-        """
+        """Configure, with ``autostart`` and unless it has: its topics are there then."""
         if self.settings.autostart and self._drill is None:
             self.complete(self.trigger_configure)
 
     def start(self) -> None:
-        """Configure and activate, with ``autostart``.
-
-        Raises:
-            RuntimeError: if it cannot.
-        """
+        """Configure and activate, with ``autostart``."""
         self.prepare()
         if self.settings.autostart:
             self.complete(self.trigger_activate)
@@ -287,16 +271,7 @@ class DrillNode(ManagedNode):
 
 
 def drill(ros_arguments: Sequence[str]) -> None:
-    """Run a drill until SIGINT, SIGTERM or the end of its node.
-
-    Args:
-        ros_arguments: command line of ROS, with name, namespace and parameters of the node.
-
-    Raises:
-        ParameterError: if a parameter has a value that cannot be used.
-        StartError: if ROS or the node cannot start with the arguments.
-        RuntimeError: if the drill cannot start, or fails.
-    """
+    """Run a drill with a command line of ROS until SIGINT, SIGTERM or the end of its node."""
     with StopRequest() as stop:
         try:
             start_ros(ros_arguments)
@@ -316,14 +291,7 @@ def spin(
     stop: StopRequest,
     show: Callable[[Report | None], None] = lambda report: None,
 ) -> None:
-    """Drill until the stop is requested or the node has finished.
-
-    Args:
-        show: called several times a second with the latest report.
-
-    Raises:
-        RuntimeError: if the drill cannot start, or fails.
-    """
+    """Drill until the stop is requested or the node has finished; ``show`` gets reports."""
     executor = MultiThreadedExecutor(_THREADS)
     executor.add_node(node)
     try:

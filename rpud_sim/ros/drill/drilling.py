@@ -24,8 +24,7 @@ from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.resumption import Start
 from rpud_sim.simulation.run import Beginning, Run
 
-FORK = "fork"
-"""Checkpoint of a fork at its instant, to which a reset goes back."""
+FORK = "fork"  # checkpoint of a fork at its instant, to which a reset goes back
 
 
 class Drilling:
@@ -38,9 +37,6 @@ class Drilling:
         restored: called with the settings to which a reset went back.
         end: simulation time after which it has finished [ns].
         start: state in which it begins; None for time zero.
-
-    Raises:
-        ParameterError: if the scenario cannot be used.
     """
 
     def __init__(
@@ -111,11 +107,7 @@ class Drilling:
         self._account.publish_diagnostics()
 
     def begin(self, settings: Settings) -> None:
-        """Begin, active and with a journal, with settings that may have changed.
-
-        Raises:
-            ParameterError: if the scenario cannot be used.
-        """
+        """Begin, active and with a journal, with settings that may have changed."""
         if self._start is not None:
             self._begin_in_state(self._start, settings)
             return
@@ -191,11 +183,7 @@ class Drilling:
             self._paced.report()
 
     def save(self, name: str) -> tuple[int, tuple[str, ...]]:
-        """Keep the present state as a checkpoint; return its stamp [ns] and all names.
-
-        Raises:
-            CheckpointError: if the name cannot be one, or there are too many.
-        """
+        """Keep the present state as a checkpoint; return its stamp [ns] and all names."""
         self._checkpoints.save(name, self.run)
         self._saved[name] = self._settings, self._seed
         self.run.note("save", name=name)
@@ -205,11 +193,7 @@ class Drilling:
     def restore(self, name: str, *, continues: bool = False) -> int:
         """Go back to a checkpoint; return the stamp at which it goes on [ns].
 
-        Args:
-            continues: whether stamps continue even where the node is the source of ``/clock``.
-
-        Raises:
-            CheckpointError: if there is none of this name.
+        With ``continues`` stamps continue even where the node is the source of ``/clock``.
         """
         old, new = self.run, self._checkpoints.find(name)
         settings, self._seed = self._saved[name]
@@ -229,16 +213,10 @@ class Drilling:
         return origin + new.time
 
     def reset(self, time: bool, state: bool, seed: int | None = None) -> None:
-        """Begin again; a fork goes back to its instant.
+        """Begin again; a fork goes back to its instant, and cannot have another seed.
 
-        Args:
-            time: whether stamps begin again.
-            state: whether the drill begins again: its motion, commands, faults, and parameters as
-                they were when it started, but for its pace.
-
-        Raises:
-            ParameterError: if the scenario cannot be used, or a fork shall have another seed;
-                nothing changes then.
+        ``time`` says whether stamps begin again. ``state`` is the motion, commands, faults, and
+        parameters as they were when it started, but for its pace. A ParameterError changes nothing.
         """
         if state and self._start is not None:
             if seed not in (None, self._seed):
@@ -265,7 +243,6 @@ class Drilling:
         self._pace()
 
     def _begin_in_state(self, start: Start, settings: Settings) -> None:
-        """Begin with the journal of a fork, and keep its state for resets."""
         self._journal = start.next_journal()
         run = self._copy(start, self._journal)
         self._seed = run.beginning.seed

@@ -22,16 +22,12 @@ class NameHold:
     """Hold of a node's name on this machine, which ends with the process at the latest.
 
     Discovery takes seconds on a busy machine; this knows at once. It is an abstract Unix socket,
-    which receives nothing and leaves no file. Only Linux has them: elsewhere no name is ever
-    taken.
-
-    Args:
-        name: full name of the node.
+    which receives nothing and leaves no file. Only Linux has them: elsewhere no name is ever taken.
     """
 
     def __init__(self, name: str, domain: int) -> None:
+        # Whether a living process of this machine holds the name, in the same domain.
         self.taken = False
-        """Whether a living process of this machine holds the name, in the same domain."""
         self._socket: socket.socket | None = None
         if sys.platform != "linux":
             return
@@ -53,8 +49,7 @@ class NameHold:
 class Namesakes:
     """Count of the other nodes of a node's name, with a warning if there are some.
 
-    Args:
-        node: that has the name; it holds the name from now on.
+    It holds the name from now on.
     """
 
     def __init__(self, node: Node) -> None:
@@ -84,9 +79,6 @@ class NamesakeSearch:
     """Search for a living drill of a name, before one of that name is made.
 
     It holds the name from now on, so of two that search at the same time one finds the other.
-
-    Args:
-        namespace: of that node.
     """
 
     def __init__(self, name: str, namespace: str) -> None:

@@ -31,10 +31,8 @@ _PART = 0.0002  # that a part of other work between two deadlines takes [s]
 class PacedRun:
     """Moves a run under its time control, publishes its messages, and reports on it.
 
-    Commands act at the end of the block in which they come. For use by one thread.
-
-    Args:
-        planned: changes that come by themselves; delays count from simulation time zero.
+    Commands act at the end of the block in which they come. For use by one thread. ``planned``
+    changes come by themselves; their delays count from simulation time zero.
     """
 
     def __init__(
@@ -135,7 +133,6 @@ class PacedRun:
             self._account.publish_diagnostics()
 
     def _advance_to(self, until: int) -> None:
-        """Compute a block, publish it at its deadline, and let commands act at its end."""
         entries = list(self._run.advance_to(until, self._streams.append))
         messages = self._publishers.encode(entries)
         # Without deadlines its subscribers set the pace.
@@ -175,7 +172,6 @@ class PacedRun:
             self._publish_part()
 
     def _publish_rest(self) -> None:
-        """Publish everything that has waited for time between deadlines."""
         while self._streams:
             self._publish_part()
         self._account.publish_diagnostics()

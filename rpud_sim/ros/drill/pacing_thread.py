@@ -43,11 +43,7 @@ class PacingThread:
         return self._failure
 
     def start(self, settings: Settings) -> None:
-        """Begin, active, with settings that may have changed: simulation time zero is now.
-
-        Raises:
-            ParameterError: if the scenario cannot be used.
-        """
+        """Begin, active, with settings that may have changed: simulation time zero is now."""
         self._drilling.begin(settings)
         self._thread.start()
 
@@ -59,11 +55,7 @@ class PacingThread:
             self._thread.join()
 
     def request(self, action: Callable[[Drilling], Any]) -> Any:
-        """Have something done between two blocks; see ``Requests.do``.
-
-        Raises:
-            StoppedError: if the drilling has not begun, or has ended.
-        """
+        """Have something done between two blocks; see ``Requests.do``."""
         if not self.started:
             raise StoppedError("the node has not been activated")
         return self._requests.do(lambda: action(self._drilling))

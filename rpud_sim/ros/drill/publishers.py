@@ -35,10 +35,7 @@ Encoded = tuple[str, bytes]  # topic and serialized message
 class DrillPublishers:
     """All publishers of the drill node.
 
-    Args:
-        node: that owns them.
-        publish_clock: whether the node is the source of ``/clock``.
-        offered: topics of the node's namespace by name.
+    With ``publish_clock`` the node is the source of ``/clock``; ``offered`` are topics by name.
     """
 
     def __init__(
@@ -175,7 +172,6 @@ class DrillPublishers:
         self._awaits_status = self._publishers["status"].wait_for_all_acked(wait)
 
     def _await(self, name: str) -> None:
-        """Let reliable subscribers catch up before the oldest messages would be overwritten."""
         if self._unacknowledged[name] >= self._offered[name].depth:
             # For all at once: waiting for the subscribers of one topic takes as long as for all.
             self.wait_for_subscribers()

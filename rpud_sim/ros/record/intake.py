@@ -15,11 +15,8 @@ class Intake:
 
     A pause discards messages. With ``snapshot_size`` the latest messages are kept until
     ``snapshot`` writes them. In both cases the last messages of latched topics are written too: as
-    received at the end of the pause, or at the beginning of the snapshot.
-
-    Args:
-        paused: whether it begins with a pause.
-        snapshot_size: bytes that a snapshot has at most; None to write everything.
+    received at the end of the pause, or at the beginning of the snapshot. ``snapshot_size`` is in
+    bytes; None to write everything.
     """
 
     def __init__(

@@ -82,8 +82,7 @@ class RecordedTopic:
     def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
         """Return the message that came with this information; None for a damaged or repeated one.
 
-        Args:
-            counts: whether a gap before it is a loss.
+        With ``counts`` a gap before it is a loss.
         """
         log_time = info["received_timestamp"] or time.time_ns()
         publish_time = info["source_timestamp"]
@@ -99,7 +98,6 @@ class RecordedTopic:
         return Message(self.name, log_time, publish_time, data)
 
     def _is_repeated(self, publish_time: int, number: int | None) -> bool:
-        """Return whether a latched message came before, to an earlier subscription."""
         if self.request.durability != DurabilityPolicy.TRANSIENT_LOCAL:
             return False
         if (publish_time, number) in self._latest:

@@ -33,8 +33,8 @@ from rpud_sim.ros.record.writing_thread import WritingThread
 from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest
 
+# Metadata record of topics that could not be recorded, with the reasons.
 SKIPPED_RECORD = "rpud_skipped"
-"""Metadata record of topics that could not be recorded, with the reasons."""
 
 _POLL_PERIOD = 0.005  # s; messages carry the time at which the middleware received them
 _GRAPH_PERIOD = 0.25  # s
@@ -57,13 +57,7 @@ def record(
 ) -> RecordResult:
     """Record until the duration is over or a signal stops it, and return the result.
 
-    Args:
-        show: called with a line about the progress, once a second.
-
-    Raises:
-        BagError: if the bag cannot be written.
-        QosOverrideError: if the file of the overrides cannot be used.
-        StartError: if ROS cannot start, or a name cannot be one of ROS.
+    ``show`` is called with a line about the progress, once a second.
     """
     with StopRequest() as stop:
         try:
@@ -137,8 +131,6 @@ def _wait_for_eof(stop: StopRequest) -> None:
 
 
 class _Collection:
-    """Loop that collects messages, follows the graph and serves requests, until the end."""
-
     def __init__(
         self,
         node: Recorder,
@@ -159,12 +151,7 @@ class _Collection:
         self._losses = node.losses
 
     def run(self, duration: float | None, show: Callable[[str], None]) -> None:
-        """Record for a duration [s] or until the stop is requested.
-
-        Args:
-            duration: from when it is ready [s]; None for no limit.
-            show: called with a line about the progress, once a second.
-        """
+        """Record for a duration [s] from when it is ready, or until the stop is requested."""
         self._collect(duration, show)
         _drain(self._node)
         self._node.finish()
@@ -203,7 +190,6 @@ class _Collection:
                 self._stop.wait(_POLL_PERIOD)
 
     def _signal_ready(self) -> None:
-        """Write one line to the process that waits for this one, if there is any."""
         if self._ready_fd is not None:
             with suppress(OSError):  # that process may have ended
                 os.write(self._ready_fd, b"recording\n")
@@ -221,7 +207,6 @@ class _Collection:
 
 
 def _drain(node: Recorder) -> None:
-    """Collect what the middleware had received at the stop, or receives right after it."""
     time.sleep(_DRAIN_TIME)
     _take_all(node)
 

@@ -34,13 +34,7 @@ class Recorder(Node):
     """Receives serialized messages of topics for an intake. It spins in no executor.
 
     Subscriptions: the selected topics, as they appear, with the QoS that their publishers offer.
-
-    Args:
-        selection: of topics; its names are resolved in the namespace.
-        overrides: QoS in place of the offered one, by absolute name of the topic.
-
-    Raises:
-        NameValidationException: if the namespace or a topic has no valid name.
+    ``overrides`` has QoS in place of the offered one, by absolute name of the topic.
     """
 
     def __init__(

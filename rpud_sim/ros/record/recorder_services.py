@@ -19,12 +19,8 @@ class RecorderServices:
 
     Services: ``~/pause``, ``~/resume``, ``~/toggle_paused``, ``~/is_paused``, ``~/split_bagfile``,
     ``~/snapshot``, of the types of rosbag2_interfaces, else std_srvs/Trigger and
-    rpud_msgs/IsPaused. The node needs no executor: ``serve`` does waiting requests.
-
-    Args:
-        node: that owns them.
-        intake: that they act on.
-        catch_up: hands the intake all that was received before a request.
+    rpud_msgs/IsPaused. The node needs no executor: ``serve`` does waiting requests. ``catch_up``
+    hands the intake all that was received before a request.
     """
 
     def __init__(

@@ -23,11 +23,9 @@ class TopicSelection:
         return bool(self.topics) and self.regex is None and not self.everything
 
     def wants(self, name: str, prefix: str) -> bool:
-        """Return whether to record a topic.
+        """Return whether to record a topic; names are absolute, those of ``topics`` too.
 
-        Args:
-            name: absolute; those of ``topics`` must be absolute too.
-            prefix: of the names of the namespace.
+        ``prefix`` is of the names of the namespace.
         """
         if self.exclude is not None and self.exclude.search(name):
             return False

@@ -22,10 +22,8 @@ from rpud_sim.ros.types import message_class
 class TopicSubscriber:
     """Subscribes to topics, and follows the publishers of each.
 
-    Args:
-        node: that owns the subscriptions.
-        overrides: QoS in place of the offered one, by absolute name of the topic.
-        drain: receives what a subscription still holds before it is renewed.
+    ``overrides`` has QoS in place of the offered one, by absolute name. ``drain`` receives what a
+    subscription still holds before it is renewed.
     """
 
     def __init__(
@@ -39,12 +37,7 @@ class TopicSubscriber:
         self._drain = drain
 
     def subscribe(self, name: str, type_name: str) -> RecordedTopic:
-        """Subscribe to a topic.
-
-        Raises:
-            UnknownTypeError: if the type is not installed.
-            RuntimeError: if the middleware does not permit it.
-        """
+        """Subscribe to a topic."""
         message = message_class(type_name)
         endpoints = self._publishers(name, type_name)
         # Before the first publisher its subscribers show what it will have to offer.

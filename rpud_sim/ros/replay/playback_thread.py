@@ -19,8 +19,7 @@ _SHORTEST_SLEEP = 2e-4  # s; messages of less than this come together, and wake 
 class PlaybackThread:
     """Thread that plays; other threads reach the playback by ``do``.
 
-    Args:
-        priority: of real-time scheduling, where permitted; 0 for none.
+    Its real-time priority is used where permitted; 0 for none.
     """
 
     def __init__(self, playback: Playback, priority: int = 0) -> None:
@@ -41,11 +40,7 @@ class PlaybackThread:
         return self._thread.is_alive()
 
     def do(self, action: Callable[[Playback], Result]) -> Result:
-        """Have something done between two messages; return its result, raise what it raises.
-
-        Raises:
-            StoppedError: if the playback has ended.
-        """
+        """Have something done between two messages; return its result, raise what it raises."""
         return self._requests.do(lambda: action(self._playback))
 
     def stop(self) -> None:

@@ -29,10 +29,7 @@ class MakeBar(Protocol):
 class ReplayConsole:
     """Reader of keys, where standard input is a terminal, and display of the position.
 
-    Args:
-        bar: ``tqdm`` bar in seconds of the bag.
-        logger: for requests that are refused.
-        keys: whether keys are read.
+    ``bar`` is a ``tqdm`` bar in seconds of the bag.
     """
 
     def __init__(

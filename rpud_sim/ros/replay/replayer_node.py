@@ -31,11 +31,8 @@ class Replayer(Node):
     topic is skipped with a warning if its name is invalid in ROS, if its type is not installed or
     not the only one, or if it would share its name with a topic of another type.
 
-    Services: those of ``ReplayServices``.
-
-    Args:
-        with_clock: whether to publish ``/clock``.
-        remappings: other names of topics, as ``OLD:=NEW``.
+    Services: those of ``ReplayServices``. ``remappings`` are other names of topics, as
+    ``OLD:=NEW``.
     """
 
     def __init__(
