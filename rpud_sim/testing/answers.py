@@ -26,11 +26,9 @@ class _Answer:
 class Answers:
     """Declared answers of the nodes under test.
 
-    An answer to a step has the stamp that the step has reached, or a later one. A message without
-    a stamp answers if it comes after the step has begun.
-
-    Args:
-        own: full name of the test's own node, which publishes commands and answers nothing.
+    An answer to a step has the stamp that the step has reached, or a later one. A message without a
+    stamp answers if it comes after the step has begun. ``own`` is the full name of the test's own
+    node, which publishes commands and answers nothing.
     """
 
     def __init__(self, collector: Collector, own: str) -> None:
@@ -40,10 +38,8 @@ class Answers:
         self._introduced = False
         self._introductions: dict[str, Introduction] = {}
         self._dead: set[bytes] = set()  # publishers of ended processes that are still remembered
-        self.period = 0
-        """Simulation time between two answers [ns]; 0 without answers."""
-        self.timeout = 0.0
-        """Longest real time for the answers to one step [s]."""
+        self.period = 0  # simulation time between two answers [ns]; 0 without answers
+        self.timeout = 0.0  # longest real time for the answers to one step [s]
 
     @property
     def declared(self) -> bool:

@@ -28,10 +28,7 @@ class DomainClaim:
     """ROS domain that is this process's own until it is released, or the process ends.
 
     A locked file keeps other test runs out. Domains in which a program without a lock runs are
-    passed over: its sockets are open.
-
-    Raises:
-        DomainError: if all domains are in use.
+    passed over: its sockets are open. If all domains are in use, it raises a DomainError.
     """
 
     def __init__(self) -> None:
@@ -105,7 +102,6 @@ def _environment_domain() -> tuple[int, ...]:
 
 
 def _is_quiet(domain: int) -> bool:
-    """Return whether no process has the sockets that participants of a domain open."""
     first = 7400 + 250 * domain
     unicast = range(first + 10, first + 10 + 2 * _PARTICIPANTS)
     return all(_is_free(port) for port in (first, *unicast))

@@ -17,12 +17,10 @@ class LostMessagesError(AssertionError):
 
 
 class SystemUnderTestError(AssertionError):
-    """A process under test that died, hangs, or answers late.
+    """A process under test that died, hangs, or answers late: ``kind`` is died, silent or late.
 
-    Args:
-        name: of the process, or of the topic on which an answer is missing.
-        kind: ``died``, ``silent`` or ``late``.
-        text: the whole verdict, with the last lines of output.
+    ``name`` is of the process, or of the topic on which an answer is missing. ``text`` is the whole
+    verdict, with the last lines of output.
     """
 
     def __init__(self, name: str, kind: str, text: str) -> None:
@@ -32,11 +30,9 @@ class SystemUnderTestError(AssertionError):
 
 
 class ExpectationFailedError(AssertionError):
-    """Expectations that failed, or that what was published does not decide.
+    """Expectations that failed, or that what was published does not decide: a line for each.
 
-    Args:
-        text: a line for each.
-        verdicts: on all that were evaluated.
+    ``verdicts`` are on all that were evaluated.
     """
 
     def __init__(self, text: str, verdicts: tuple[Verdict, ...]) -> None:

@@ -21,10 +21,8 @@ _TIMING = 24  # bytes at the end of a status: how fast the drill was, and how la
 class HeardTopic:
     """Messages of a topic in order, decoded when they are asked for.
 
-    Args:
-        node: that subscribes.
-        numbered: whether one publisher alone numbers the messages, so that a gap is a loss.
-        changes: whether a message that repeats the one before, but for its timing, is left out.
+    ``numbered`` says whether one publisher alone numbers the messages, so that a gap is a loss.
+    With ``changes`` a message that repeats the one before, but for its timing, is left out.
     """
 
     def __init__(
@@ -68,8 +66,7 @@ class HeardTopic:
     def take(self, time: int) -> bool:
         """Take what has arrived, and return whether it was anything.
 
-        Args:
-            time: of the drill, for messages without a stamp [ns].
+        ``time`` of the drill is for messages without a stamp [ns].
         """
         handle = self.subscription.handle
         before = self.arrived

@@ -17,10 +17,8 @@ class Introduction:
 
     Discovery announces the readers of a process in the order in which they were made. So a node
     whose response has come knows all readers from before: it will not publish past them. A node
-    without the services of parameters gets some time instead.
-
-    Args:
-        name: full name of the node under test; empty if it has none.
+    without the services of parameters gets some time instead. The node under test may have no name,
+    which is empty then.
     """
 
     def __init__(self, node: Node, name: str) -> None:

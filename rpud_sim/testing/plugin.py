@@ -25,8 +25,6 @@ _MARK = (
 
 
 class _Stash:
-    """Keys of what the plugin keeps at pytest's objects."""
-
     drills = pytest.StashKey[list[Any]]()
     error = pytest.StashKey[str]()
     reports = pytest.StashKey[Any]()
@@ -161,7 +159,6 @@ def recording(drill: Drill, tmp_path: Path) -> Iterator[Recording]:
 
 
 def _setup_of(item: pytest.Item, further: dict[str, Any] | None = None) -> Any:
-    """Return the drill that the marks of a test and further options describe."""
     from rpud_sim.foundation.quantities import ParameterError
     from rpud_sim.testing.setup import drill_setup
 

@@ -22,12 +22,7 @@ _LIBC = ctypes.CDLL(None)
 class ChildProcess:
     """Process in a session of its own, which ends with this process at the latest.
 
-    Args:
-        output: file for its output and its errors.
-        options: of ``subprocess.Popen``.
-
-    Raises:
-        OSError: if it cannot be started.
+    ``output`` is a file for its output and its errors; options are those of ``subprocess.Popen``.
     """
 
     def __init__(

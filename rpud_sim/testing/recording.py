@@ -22,11 +22,7 @@ _POLL_PERIOD = 0.05  # s
 
 
 class Recording:
-    """Recording of everything in the drill's domain, from now until it is stopped.
-
-    Raises:
-        DrillError: if the recorder does not start.
-    """
+    """Recording of everything in the drill's domain, from now until it is stopped."""
 
     def __init__(self, drill: Drill, path: Path) -> None:
         self._path = path
@@ -64,9 +60,7 @@ class Recording:
     def stop(self) -> Path:
         """Complete the bag, and return its folder.
 
-        Raises:
-            DrillError: if the recorder fails.
-            LostMessagesError: if the bag lacks messages of the drill.
+        A bag that lacks messages of the drill is a LostMessagesError.
         """
         if not self._stopped:
             self._stopped = True
@@ -81,7 +75,6 @@ class Recording:
         return self._path
 
     def _check(self) -> None:
-        """Check that the bag has everything that the drill has published since the beginning."""
         with rpud_sim.bag.open(self._path) as bag:
             recorded = {item.topic.name: item.message_count for item in bag.topics}
         for name, count in self._drill.published.items():
