@@ -97,8 +97,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 class _Append(Number):
-    """Argument that is a list of numbers in a range."""
-
     def __call__(self, parser, namespace, values, option_string=None):
         before = getattr(namespace, self.dest)
         super().__call__(parser, namespace, values, option_string)

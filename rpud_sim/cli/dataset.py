@@ -141,7 +141,6 @@ def _overview(evaluation: Evaluation) -> list[str]:
 
 
 def _by_fault(evaluation: Evaluation) -> list[str]:
-    """Return the detected share and the median delay of each kind and severity."""
     head = ["fault", "severity", "runs"]
     for result in evaluation.results:
         head += [f"{result.detector}: detected", "median delay [s]"]

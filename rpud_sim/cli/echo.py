@@ -122,7 +122,6 @@ def _json(plain: Any) -> str:
 
 
 def _yaml_text() -> Callable[[Any], str]:
-    """Return a function that writes a plain value as one YAML document."""
     import yaml
 
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

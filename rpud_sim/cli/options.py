@@ -11,8 +11,7 @@ from typing import Any, NoReturn, TypeVar
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
-LONGEST = 1e9
-"""Greatest number of seconds that an option accepts: thirty years."""
+LONGEST = 1e9  # greatest number of seconds that an option accepts: thirty years
 
 POSITIVE_SECONDS = Quantity("s", "a duration", 0.0, LONGEST, exclusive=True)
 SECONDS = Quantity("s", "a duration or an offset", 0.0, LONGEST)
@@ -32,13 +31,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class Number(argparse.Action):
-    """Argument that is a number in a range.
-
-    Args:
-        quantity: unit and range; a number outside raises ParameterError, which names the option.
-        arguments: as of ``argparse.Action``.
-        options: as of ``argparse.Action``.
-    """
+    """Argument that is a number in a range; outside, a ParameterError names the option."""
 
     def __init__(self, *arguments: Any, quantity: Quantity, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -130,12 +123,7 @@ def worker_count(arguments: argparse.Namespace) -> int:
 
 
 def add_range_arguments(parser: argparse.ArgumentParser, verb: str, longest: float) -> None:
-    """Declare --start and --duration of a part of a bag.
-
-    Args:
-        verb: what the command does with the part.
-        longest: greatest number of seconds.
-    """
+    """Declare --start and --duration of a part of a bag, both of at most ``longest`` seconds."""
     parser.add_argument(
         "--start",
         action=Number,
@@ -174,11 +162,7 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the parameters that were given, by name: the file's, then --regime, then each --set.
-
-    Raises:
-        ParameterError: if the file or an assignment cannot be read.
-    """
+    """Return the given parameters by name: the file's, then --regime, then each --set."""
     from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 
     values = read_parameter_file(arguments.config) if arguments.config else {}

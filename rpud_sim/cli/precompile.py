@@ -72,7 +72,6 @@ def _use_every_kernel() -> None:
 
 
 def _gather(store: KernelStore, folder: Path) -> None:
-    """Copy what was found elsewhere."""
     folder.mkdir(parents=True, exist_ok=True)
     for number, file in enumerate(store.found):
         if file.parent != folder:

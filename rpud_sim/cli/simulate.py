@@ -117,7 +117,6 @@ def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
 
 
 def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Write the bag, if one is requested, and return the figures."""
     from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members, initial_phases
 
@@ -225,5 +224,4 @@ def _text(figures: dict[str, Any]) -> str:
 
 
 def _show(line: str) -> None:
-    """Show what takes long."""
     complain("rpud simulate", line)
