@@ -29,10 +29,7 @@ _CUSTOM_DATA_LIMIT = 2**20  # characters
 
 
 class FileRecovery:
-    """Recovery of one file into a new bag.
-
-    With ``repeats`` it keeps messages that the file repeats of the previous one.
-    """
+    """Recovery of one file into a new bag; ``repeats`` keeps messages that it repeats."""
 
     def __init__(
         self,

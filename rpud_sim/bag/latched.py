@@ -12,10 +12,7 @@ REPEATED_KEY = "rpud_repeated"
 
 
 class LatchedMessages:
-    """Last messages of each latched topic, as many as it has publishers.
-
-    A topic is latched if one of its publishers is transient local.
-    """
+    """Last messages of each topic with a transient local publisher, one for each publisher."""
 
     def __init__(self) -> None:
         self._messages: dict[str, deque[Message]] = {}

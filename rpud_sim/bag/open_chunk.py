@@ -155,10 +155,7 @@ class ClosedChunk:
 
 
 class Compressor:
-    """Compressor of chunks; threads must not use it at once.
-
-    The name is ``zstd``, ``lz4``, or empty for none.
-    """
+    """Compressor of chunks with zstd, lz4 or, if empty, none; threads must not use it at once."""
 
     def __init__(self, name: str) -> None:
         self.name = name

@@ -83,10 +83,7 @@ class BagWriter:
         return self._folder.file_count
 
     def add_topic(self, topic: Topic, definition: str | None = None) -> None:
-        """Declare a topic before its first message.
-
-        ``definition`` is the complete ``ros2msg`` text of the type; None if it is unknown.
-        """
+        """Declare a topic, with its type's ``ros2msg`` text if known, before its first message."""
         if topic.name in self._channels:
             raise BagError(f"topic {topic.name} was declared twice")
         schema = Schema(

@@ -89,10 +89,7 @@ class RecorderProcess:
         return False
 
     def missing(self, sent: Mapping[str, int]) -> list[str]:
-        """Return a line for each topic of which the closed bag has fewer messages than were sent.
-
-        ``sent`` is by absolute name.
-        """
+        """Return a line for each topic with more messages sent than in the closed bag."""
         import rpud_sim.bag
         from rpud_sim.bag import BagError
 

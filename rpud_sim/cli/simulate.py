@@ -93,10 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _load_numba() -> None:
-    """Load Numba without SciPy.
-
-    Numba would load SciPy's linear algebra, which no kernel uses: a fifth of the start.
-    """
+    """Load Numba without SciPy's linear algebra, which no kernel uses: a fifth of the start."""
     if "scipy" not in sys.modules:
         sys.modules["scipy"] = None  # type: ignore[assignment]
         try:

@@ -114,10 +114,7 @@ class RecordedRun:
 
 
 def find_run(bag: BagReader, number: int = 1, topic: str | None = None) -> RecordedRun:
-    """Return a run of a bag by its number, from 1.
-
-    ``topic`` is that of the journal, if the bag holds several.
-    """
+    """Return a run of a bag by its number, from 1; ``topic`` chooses one of several journals."""
     summary = _journal(bag, topic)
     name = summary.topic.name
     try:

@@ -30,10 +30,7 @@ class TrajectoryPiece:
 def trajectory_pieces(
     messages: Iterable[Message], codec: Codec, path: object
 ) -> Iterator[TrajectoryPiece]:
-    """Yield the pieces of a trajectory, one for each message that holds segments.
-
-    The messages may begin with any one.
-    """
+    """Yield the pieces of a trajectory, one for each message with segments, from any one on."""
     run, following, end = 0, -1, 0.0
     for recorded in messages:
         message = codec.decode(recorded.data)

@@ -63,10 +63,7 @@ def standalone(figure: Figure) -> dict[str, Any]:
 
 
 def draw_plot(plot: Plot, name: str, *, live: bool = False) -> Drawn:
-    """Return the figure of a plot that stands alone.
-
-    ``name`` is of its host element. With ``live`` the axes follow data that change.
-    """
+    """Return the figure of a plot that stands alone; ``live`` lets its axes follow the data."""
     return _draw(plot, name, _range(plot, "x", live), live, {})
 
 

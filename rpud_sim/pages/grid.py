@@ -45,10 +45,7 @@ def grid_groups(name: str, plots: Sequence[Plot]) -> Iterator[GridGroup]:
 
 
 def grid_html(hosts: Sequence[Markup], controls: Markup, least: float) -> Markup:
-    """Return the element of one group, with as many plots side by side as there is place for.
-
-    ``least`` is the width of a plot in the width of a letter.
-    """
+    """Return one group's element; ``least`` is a plot's width in the width of a letter."""
     plots = _GRID.format(least=least, hosts=Markup("").join(hosts))
     return _GROUP.format(controls=controls, plots=plots)
 

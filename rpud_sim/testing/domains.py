@@ -57,10 +57,7 @@ class DomainClaim:
 
 
 def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """Return an environment in which ROS stays on loopback, in a domain.
-
-    It is that of ``env.bash``.
-    """
+    """Return the environment of ``env.bash``: ROS stays on loopback, in a domain."""
     environment = {name: value for name, value in environ.items() if name not in _ELSEWHERE}
     environment["ROS_DOMAIN_ID"] = str(domain)
     return environment | loopback_variables(environ, find_profile(environ))

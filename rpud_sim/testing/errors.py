@@ -30,10 +30,7 @@ class SystemUnderTestError(AssertionError):
 
 
 class ExpectationFailedError(AssertionError):
-    """Expectations that failed, or that what was published does not decide: a line for each.
-
-    ``verdicts`` are on all that were evaluated.
-    """
+    """Expectations that failed or are undecided, a line for each; and all ``verdicts``."""
 
     def __init__(self, text: str, verdicts: tuple[Verdict, ...]) -> None:
         super().__init__(text)

@@ -64,10 +64,7 @@ class HeardTopic:
         return self._payloads
 
     def take(self, time: int) -> bool:
-        """Take what has arrived, and return whether it was anything.
-
-        ``time`` of the drill is for messages without a stamp [ns].
-        """
+        """Take what has arrived, unstamped at the time [ns]; return whether it was anything."""
         handle = self.subscription.handle
         before = self.arrived
         with handle:

@@ -58,10 +58,7 @@ class Recording:
         return str(self._path)
 
     def stop(self) -> Path:
-        """Complete the bag, and return its folder.
-
-        A bag that lacks messages of the drill is a LostMessagesError.
-        """
+        """Complete the bag and return its folder; it must have all messages of the drill."""
         if not self._stopped:
             self._stopped = True
             self._drill.await_delivery()

@@ -87,10 +87,7 @@ def compared(
 
 
 class Atoms:
-    """Step functions and instants of formulas without parts, in one recording.
-
-    ``zero`` is the stamp of simulation time zero [ns].
-    """
+    """Step functions and instants of formulas without parts; ``zero`` is time zero's stamp [ns]."""
 
     def __init__(self, record: Record, begin: int, end: int, zero: int) -> None:
         self.record = record

@@ -145,11 +145,7 @@ class TopicMessages:
         return Missing.from_numbers(self.stamps, self._key)
 
     def samples(self, field: Field | str) -> Samples:
-        """Return the values of a field.
-
-        ``field`` may be a name: of one of the diagnostics, or of any field where the type is not
-        known.
-        """
+        """Return the values of a field, or by name of a diagnostic or a field of unknown type."""
         if not isinstance(field, str):
             values = self._values(field)
         elif self._topic == DIAGNOSTICS:

@@ -111,11 +111,7 @@ def block_columns(topic: str) -> tuple[Column, ...]:
 
 
 def find_field(name: str, columns: tuple[Column, ...], topic: str) -> Field:
-    """Return a field by its name.
-
-    The name has dots, and a number in brackets for an element. ``topic`` is its name, for the
-    error.
-    """
+    """Return a field of a topic by its name, with dots, and a number in brackets for an element."""
     match = _INDEX.fullmatch(name)
     base = match[1] if match else name
     index = int(match[2]) if match else None

@@ -264,10 +264,7 @@ class Record:
 
 
 def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:
-    """Return the namespace of the drill in a bag.
-
-    Without ``namespace`` it is that of the only status.
-    """
+    """Return the namespace of the drill in a bag; by default that of the only status."""
     if namespace is not None:
         return namespace
     found = sorted(

@@ -66,11 +66,7 @@ class Evaluation:
         return self._atoms.end
 
     def steps(self, formula: Formula, once: bool = False) -> Steps:
-        """Return a formula as a step function.
-
-        With ``once`` only its value at the beginning counts: that of a quantile elsewhere takes
-        long.
-        """
+        """Return a formula as a step function, ``once`` only at the beginning, which is faster."""
         key = (formula, once)
         if key not in self._found:
             self._found[key] = self._steps(formula, once)

@@ -66,10 +66,7 @@ _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*")
 
 
 class ExpectationError(ParameterError):
-    """Unusable expectation; the text says why, in one line.
-
-    ``path`` has the keys and numbers that lead to the place in the file's content.
-    """
+    """Unusable expectation: why, in one line, and ``path``, the keys to its place in the file."""
 
     def __init__(self, reason: object, path: tuple[str | int, ...] = ()) -> None:
         super().__init__(str(reason))

@@ -170,10 +170,7 @@ class Outcome:
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """Everything that is known of a drill at one moment.
-
-    Times are simulation time since the start of the run [s], unless they say otherwise.
-    """
+    """Everything that is known of a drill at one moment; times count from the run's start [s]."""
 
     namespace: str  # of the drill
     connection: Connection  # to the drill

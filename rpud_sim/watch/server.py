@@ -158,10 +158,7 @@ def serve(
     announce: Callable[[PageServer], object],
     handlers: Sequence[tuple[str, type[RequestHandler], dict[str, Any]]] = (),
 ) -> None:
-    """Serve pages until SIGINT or SIGTERM.
-
-    ``announce`` is called once the server listens, and prints the addresses of its pages.
-    """
+    """Serve pages until SIGINT or SIGTERM; ``announce`` is called when the server listens."""
     with PageServer(applications, place, handlers) as server:
         announce(server)
         server.run()

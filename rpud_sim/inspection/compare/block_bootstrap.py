@@ -31,10 +31,7 @@ class MeanError:
 
 
 def mean_error(values: np.ndarray) -> MeanError:
-    """Return the error of the mean of a stationary series, in its order, shape (n,).
-
-    A long series is grouped first, which keeps its mean.
-    """
+    """Return the error of the mean of a stationary series (n,); a long one is grouped first."""
     values = grouped(values, _MOST_VALUES)
     covariances = autocovariances(values)
     longest = max(1.0, len(values) / _FEWEST_BLOCKS)
@@ -55,10 +52,7 @@ def grouped(values: np.ndarray, most: int) -> np.ndarray:
 
 
 def autocovariances(values: np.ndarray) -> np.ndarray:
-    """Return the autocovariance of a stationary series at each lag; the first is the variance.
-
-    Both have the shape (n,).
-    """
+    """Return the autocovariance of a stationary series (n,) at each lag; first the variance."""
     count = len(values)
     deviations = values - values.mean()
     # Zeros after the end keep the series from being taken for a circle.
@@ -105,10 +99,7 @@ def _last_significant_lag(correlations: np.ndarray) -> int:
 
 
 def mean_variance(covariances: np.ndarray, length: float) -> float:
-    """Return the variance of the mean by the stationary bootstrap.
-
-    ``covariances`` are the autocovariances at each lag, shape (n,).
-    """
+    """Return the variance of the mean by the stationary bootstrap of autocovariances (n,)."""
     count = len(covariances)
     lags = np.arange(1, count)
     stays = 1.0 - 1.0 / length  # chance that the next value is of the same block

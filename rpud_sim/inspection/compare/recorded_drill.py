@@ -66,10 +66,7 @@ class RecordedDrill:
 def find_drill(
     bag: BagReader, damages: Damages, namespace: str | None = None, run: int | None = None
 ) -> RecordedDrill:
-    """Return a run of a drill in a bag.
-
-    Without ``namespace`` the bag must hold a single drill; without ``run`` it is the first.
-    """
+    """Return a run of a drill in a bag: by default of the only drill, and the first."""
     chosen = _choose(bag, namespace)
     manifest = _manifest(bag, damages, chosen)
     journal = f"{chosen}/journal"

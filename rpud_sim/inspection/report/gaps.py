@@ -52,10 +52,7 @@ def pauses(times: np.ndarray, values: np.ndarray) -> list[Gap]:
 
 
 def merged(gaps: Iterable[tuple[str, Gap]]) -> Sequence[tuple[float, float, tuple[str, ...]]]:
-    """Return gaps without overlap: begin, end [s], and what is missing meanwhile.
-
-    Each gap of ``gaps`` comes with its text.
-    """
+    """Return gaps without overlap: begin, end [s], and the texts of what is missing meanwhile."""
     found: list[tuple[float, float, dict[str, None]]] = []
     for text, gap in sorted(gaps, key=lambda item: item[1].begin):
         if found and gap.begin <= found[-1][1]:

@@ -33,20 +33,14 @@ def fault_name(fault: Fault) -> str:
 
 
 def series_steps(series: Series, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return times [s] and values of a series with few changes; NaN in its gaps.
-
-    None if the value changes too often: its envelope shows it.
-    """
+    """Return times [s] and values of a series, NaN in gaps; None if there are too many changes."""
     return exact_steps(series.changing, series.envelope, factor)
 
 
 def exact_steps(
     changing: ChangingValue, envelope: Envelope, factor: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the steps of a value, without those that fall into a gap of its envelope.
-
-    ``factor`` is of the unit in which it is shown.
-    """
+    """Return the steps of a value in the shown unit, without those in a gap of its envelope."""
     steps = changing.steps()
     if steps is None:
         return None

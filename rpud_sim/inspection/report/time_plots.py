@@ -125,10 +125,7 @@ class TimePlots:
 
 
 def closer(waveform: Waveform, name: str) -> TimeColumn:
-    """Return consecutive samples of the three bodies and of the forces.
-
-    The name of the column is unique in the page.
-    """
+    """Return consecutive samples of the three bodies and of the forces as a named column."""
     found = waveform.closer
     begin = float(found["times"][0])
     times = 1e3 * (found["times"] - begin)

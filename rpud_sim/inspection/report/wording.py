@@ -48,10 +48,7 @@ def over_time(
 
 
 def of_distribution(name: str, values: Distribution, scale: tuple[float, str]) -> str:
-    """Return what a histogram shows: the middle, where most values lie, and the ends.
-
-    ``scale`` is factor and name of the unit.
-    """
+    """Return what a histogram shows in a unit: the middle, where most values lie, the ends."""
     factor, unit = scale
     if not values.count:
         return f"{name}: no values."

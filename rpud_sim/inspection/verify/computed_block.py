@@ -41,10 +41,7 @@ class ComputedBlock:
 def computed_blocks(
     together: Together, codecs: Mapping[str, Codec], stretch: int, origin: int
 ) -> Iterator[tuple[str, ComputedBlock]]:
-    """Yield the messages of each topic that has a codec, by its name in the run.
-
-    ``origin`` is the stamp of simulation time zero [ns].
-    """
+    """Yield each topic's messages, by its name in the run; ``origin`` is time zero's stamp [ns]."""
     ends = together.ends + origin
     for columns in together.columns:
         if columns.topic in codecs:

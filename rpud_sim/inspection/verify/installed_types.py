@@ -29,10 +29,7 @@ def is_provable(summary: TopicSummary) -> bool:
 
 
 def proof_codec(summary: TopicSummary) -> Codec:
-    """Return the codec of a topic's messages.
-
-    The type must be the installed one or an earlier version of it, otherwise it is unverifiable.
-    """
+    """Return the codec of a topic whose type is the installed one or an earlier version of it."""
     topic = summary.topic
     expected = _expected_type(topic.name, topic.type)
     if topic.type != expected:

@@ -29,10 +29,7 @@ class Commands(ClientPart):
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
     ) -> None:
-        """Command the amplitude [V] and frequency [Hz] on the stack, or switch it off.
-
-        None keeps the present value.
-        """
+        """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
         status = self.status
         present = (status.drive_voltage, status.drive_frequency) if enabled else (0.0, 0.0)
         message = Drive(

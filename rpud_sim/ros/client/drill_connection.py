@@ -52,10 +52,7 @@ Value = TypeVar("Value")
 
 
 class DrillConnection:
-    """Publishers, clients and subscriptions of one drill.
-
-    ``patience`` is the time limit for each answer [s].
-    """
+    """Publishers, clients and subscriptions of one drill; it waits ``patience`` for answers [s]."""
 
     def __init__(
         self, namespace: str, domain_id: int | None, node_name: str, patience: float
@@ -87,10 +84,7 @@ class DrillConnection:
         return self.watch.status
 
     def find(self, patience: float | None = None) -> None:
-        """Wait until the drill is found and has published its status.
-
-        ``patience`` is in s; None for that of the connection.
-        """
+        """Wait until the drill is found and has published its status, within a patience [s]."""
         if self._found:
             return
         patience = self._patience if patience is None else float(patience)

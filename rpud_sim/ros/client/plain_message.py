@@ -17,10 +17,7 @@ _MESSAGE = re.compile(r"(\w+)/(\w+)")
 
 
 def to_plain(value: Any, cut: int | None = None) -> Any:
-    """Convert a message or a field to dictionaries, lists, numbers and texts.
-
-    Arrays and texts longer than ``cut`` end with ``...``.
-    """
+    """Convert a message or a field to plain values; arrays and texts end at ``cut`` in ``...``."""
     if hasattr(value, "get_fields_and_field_types"):
         return {
             name: to_plain(getattr(value, name), cut) for name in value.get_fields_and_field_types()

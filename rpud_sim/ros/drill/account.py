@@ -30,10 +30,7 @@ _COMMAND_TOPICS = (
 
 
 class Account:
-    """Statistics and reports, every second and on demand.
-
-    ``telemetry_rate`` is in Hz.
-    """
+    """Statistics and reports, every second and on demand; ``telemetry_rate`` is in Hz."""
 
     def __init__(
         self,

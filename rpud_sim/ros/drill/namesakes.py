@@ -47,10 +47,7 @@ class NameHold:
 
 
 class Namesakes:
-    """Count of the other nodes of a node's name, with a warning if there are some.
-
-    It holds the name from now on.
-    """
+    """Count of the other nodes of a node's name, which it holds; it warns if there are some."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

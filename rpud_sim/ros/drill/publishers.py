@@ -33,10 +33,7 @@ Encoded = tuple[str, bytes]  # topic and serialized message
 
 
 class DrillPublishers:
-    """All publishers of the drill node.
-
-    With ``publish_clock`` the node is the source of ``/clock``; ``offered`` are topics by name.
-    """
+    """All publishers of the drill node; with ``publish_clock`` also of ``/clock``."""
 
     def __init__(
         self,

@@ -10,10 +10,7 @@ class InterruptedStepError(RuntimeError):
 
 
 class TimeControl:
-    """State of simulation time: paused at first.
-
-    One thread changes it; any thread may read it.
-    """
+    """State of simulation time: paused at first. One thread changes it; any may read it."""
 
     def __init__(self) -> None:
         self._playing = False

@@ -52,10 +52,7 @@ class TimeSource:
         self._notify = notify
 
     def wait(self, stop: threading.Event, serve: Callable[[], None]) -> int:
-        """Wait until there is a time, and return the stamp of simulation time zero, now [ns].
-
-        ``serve`` is called repeatedly meanwhile.
-        """
+        """Wait, serving, until there is a time; return the stamp of simulation time zero [ns]."""
         if self._follows and self._now() == 0:
             self._logger.info("waiting for /clock, as use_sim_time is set")
             while self._now() == 0 and not stop.wait(0.01):

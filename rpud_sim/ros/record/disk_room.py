@@ -23,10 +23,7 @@ class DiskRoom:
         self._size = 0  # the bag's at that time
 
     def refusal(self, closed_size: int, size: int) -> str:
-        """Return why there is no room for a message, empty if there is.
-
-        ``closed_size`` is that of the bag if it were closed now [bytes].
-        """
+        """Return why there is no room for a message in a bag of this closed size [bytes], or ""."""
         if self._limit is not None and closed_size + size > self._limit:
             return f"it has reached --max-disk {self._limit} bytes"
         now = time.monotonic()

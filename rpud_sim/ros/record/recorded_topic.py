@@ -80,10 +80,7 @@ class RecordedTopic:
         return False
 
     def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
-        """Return the message that came with this information; None for a damaged or repeated one.
-
-        With ``counts`` a gap before it is a loss.
-        """
+        """Return the message, None if damaged or repeated; ``counts`` makes a gap a loss."""
         log_time = info["received_timestamp"] or time.time_ns()
         publish_time = info["source_timestamp"]
         if is_damaged(data, log_time, publish_time):

@@ -193,10 +193,7 @@ class Playback:
         self._timeline = self._timeline.with_rate(self._clock(), rate)
 
     def seek(self, position: int) -> None:
-        """Go to a time of the bag [ns], or to the first that is played if that is later.
-
-        A time after the last that is played is refused.
-        """
+        """Go to a time of the bag [ns], not before the first and not after the last message."""
         first, last = self._plan.first, self._plan.last
         if position > last:
             raise RefusedError(

@@ -17,10 +17,7 @@ _SHORTEST_SLEEP = 2e-4  # s; messages of less than this come together, and wake 
 
 
 class PlaybackThread:
-    """Thread that plays; other threads reach the playback by ``do``.
-
-    Its real-time priority is used where permitted; 0 for none.
-    """
+    """Thread that plays, by real-time priority unless 0; others reach the playback by ``do``."""
 
     def __init__(self, playback: Playback, priority: int = 0) -> None:
         self._playback = playback

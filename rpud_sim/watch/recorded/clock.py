@@ -65,10 +65,7 @@ def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
 
 
 class JumpSearch:
-    """Search for jumps between parts of a bag that were read, by reading a few parts more.
-
-    It reads at most ``most`` parts, for all clocks together.
-    """
+    """Search for jumps between parts of a bag that were read, by reading ``most`` parts more."""
 
     def __init__(self, most: int) -> None:
         self._left = most

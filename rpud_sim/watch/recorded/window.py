@@ -218,10 +218,7 @@ class Windows:
     def _stretches(
         self, drill: str, topic: str, numbers: Sequence[int]
     ) -> Iterator[tuple[float, np.ndarray]]:
-        """Yield stretches of a trajectory without a gap, each with the time of its simulation zero.
-
-        That time is since the bag began [s].
-        """
+        """Yield gapless stretches of a trajectory, and when in the bag their time zero was [s]."""
         clock = self._recording.clocks[drill]
         held: list[TrajectoryPiece] = []
         zero = 0.0
