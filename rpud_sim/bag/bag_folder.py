@@ -79,7 +79,6 @@ class BagFolder:
 
     @property
     def file_count(self) -> int:
-        """Files so far."""
         return len(self._closed_files) + (self._file is not None)
 
     @property
@@ -159,16 +158,13 @@ class BagFolder:
                 self._repeated += 1
 
     def add_attachment(self, attachment: Attachment) -> None:
-        """Add an attached file."""
         with self._writing():
             self._opened.add_attachment(attachment)
 
     def add_custom_data(self, content: Mapping[str, str]) -> None:
-        """Add to the custom data of the bag's metadata."""
         self._custom_data.update(content)
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
-        """Add a metadata record."""
         with self._writing():
             self._opened.add_record(name, content)
 

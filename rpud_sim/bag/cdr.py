@@ -100,7 +100,6 @@ class Codec:
 
     @cached_property
     def encoder(self) -> Encoder:
-        """Encoder of the type."""
         return Encoder(_members(self._store, self._type))
 
     @contextmanager

@@ -93,7 +93,6 @@ class Sequences:
 
     @classmethod
     def of(cls, rows: Iterable[np.ndarray], dtype: np.dtype) -> Sequences:
-        """Return the sequences of arrays."""
         parts = [part.astype(dtype, copy=False) for part in rows]
         counts = np.array([len(part) for part in parts], np.int64)
         return cls(np.concatenate([np.empty(0, dtype), *parts]), counts)

@@ -45,6 +45,5 @@ class LatchedMessages:
         return [message._replace(log_time=log_time) for message in kept]
 
     def clear(self) -> None:
-        """Discard the messages."""
         for messages in self._messages.values():
             messages.clear()

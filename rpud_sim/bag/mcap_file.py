@@ -79,7 +79,6 @@ class McapFile:
 
     @cached_property
     def channels(self) -> dict[int, Channel]:
-        """Channels by their numbers."""
         return {
             number: channel
             for number, channel in self._index.channels.items()
@@ -88,7 +87,6 @@ class McapFile:
 
     @property
     def schemas(self) -> dict[int, Schema]:
-        """Schemas by their numbers."""
         return self._index.schemas
 
     @property

@@ -22,11 +22,9 @@ class MessageBlock:
     sizes: np.ndarray  # of each message [bytes], int64, shape (n,)
 
     def __len__(self) -> int:
-        """Return the number of messages."""
         return len(self.starts)
 
     def message(self, number: int) -> bytes:
-        """Return the bytes of one message."""
         start = int(self.starts[number])
         return self.data[start : start + int(self.sizes[number])].tobytes()
 

@@ -95,7 +95,6 @@ class OpenChunk:
         self.size += len(record)
 
     def add(self, channel: int, log_time: int, data: bytes, publish_time: int, number: int) -> None:
-        """Add one message."""
         self._widen(log_time, log_time)
         entries = self._entries.get(channel)
         if entries is None:

@@ -81,7 +81,6 @@ class OutputFile:
     def add_channel(
         self, topic: str, encoding: str, schema: Schema | None, metadata: Mapping
     ) -> int:
-        """Declare a channel and return its number."""
         copies = RecordBuilder()
         schema_id = 0
         if schema is not None:
@@ -137,12 +136,10 @@ class OutputFile:
             self._pending = self._writer.pending
 
     def add_attachment(self, attachment: Attachment) -> None:
-        """Add an attached file."""
         self._writer.add_attachment(attachment)
         self._touch()
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
-        """Add a metadata record."""
         self._writer.add_metadata(name, dict(content))
         self._touch()
 

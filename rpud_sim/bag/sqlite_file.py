@@ -59,7 +59,6 @@ class SqliteFile:
 
     @property
     def message_count(self) -> int:
-        """Messages of all topics."""
         return sum(count for count, _, _ in self._spans.values())
 
     @property

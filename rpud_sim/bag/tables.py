@@ -73,7 +73,6 @@ class Table:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Columns in their order."""
         columns = (*_RECEIVED, *self._fields)
         return row_columns(columns) if self._blocks else columns
 

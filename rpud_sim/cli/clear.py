@@ -21,7 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """End the faults; return the exit code when they have ended."""
     if (arguments.fault is None) != arguments.all:
         raise CommandError("needs either FAULT or --all", ExitCode.USAGE)
     which = "all" if arguments.all else arguments.fault

@@ -104,7 +104,6 @@ class _Append(Number):
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare, print and return the exit code."""
     from rpud_sim.bag import BagError
     from rpud_sim.inspection.compare import CompareError, compare
     from rpud_sim.inspection.compare.content import content

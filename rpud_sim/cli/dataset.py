@@ -50,7 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Make a data set, or evaluate the baselines on one; return the exit code."""
     if arguments.evaluate:
         for name in ("spec", "workers", "scheduler"):
             if getattr(arguments, name):

@@ -23,7 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Command the drive; return the exit code when the drill has accepted it."""
     with connected_drill(arguments) as drill:
         drill.drive(not arguments.off, arguments.voltage, arguments.frequency)
         status = drill.status

@@ -17,7 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Engage or disengage; return the exit code when the drill has done it."""
     with connected_drill(arguments) as drill:
         drill.engage(not arguments.off)
         regime = drill.status.regime

@@ -49,7 +49,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Export and print the account; return the exit code."""
     from rpud_sim.bag import BagError
     from rpud_sim.inspection.export.export import ExportError, export
 

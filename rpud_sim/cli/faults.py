@@ -21,7 +21,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the list; return the exit code."""
     with connected_drill(arguments) as drill:
         answer = drill.list_faults()
     content: dict[str, Any] = {

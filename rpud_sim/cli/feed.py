@@ -23,7 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Command the feed; return the exit code when the drill has accepted it."""
     with connected_drill(arguments) as drill:
         drill.feed(arguments.rate, arguments.position)
     if arguments.rate is not None:

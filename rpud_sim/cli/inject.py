@@ -42,7 +42,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Inject the fault; return the exit code when it has begun."""
     with connected_drill(arguments) as drill:
         fault = drill.inject(
             arguments.kind, arguments.channel, arguments.magnitude, arguments.duration

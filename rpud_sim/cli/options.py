@@ -88,12 +88,10 @@ def split_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:
 
 
 def add_bag_argument(parser: argparse.ArgumentParser) -> None:
-    """Declare BAG."""
     parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
 
 
 def add_json_argument(parser: argparse.ArgumentParser) -> None:
-    """Declare --json."""
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 

@@ -15,5 +15,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Let simulation time pass; return the exit code."""
     return print_state_after(arguments, lambda drill: drill.play())

@@ -32,7 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compile what is missing; return the exit code."""
     from rpud_sim.kernels.processor import BASELINE, this_target
     from rpud_sim.model.compile import STORE
 

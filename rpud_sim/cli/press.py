@@ -17,7 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Command the weight on bit; return the exit code when the drill has accepted it."""
     with connected_drill(arguments) as drill:
         drill.press(arguments.force)
     print(f"weight on bit: {arguments.force:g} N")

@@ -58,7 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Rebuild and print the account; return the exit code."""
     from rpud_sim.bag import BagError
     from rpud_sim.inspection.rebuild import RebuildError, rebuild
 

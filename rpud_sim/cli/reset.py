@@ -31,7 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reset the drill; return the exit code when it has begun again."""
     with connected_drill(arguments) as drill:
         drill.reset(arguments.scope, arguments.seed)
         status, time = drill.status, drill.time

@@ -23,7 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Set all parameters, or none if the drill refuses one; return the exit code."""
     from rpud_sim.simulation.parameter_files import parse_assignment
 
     values = dict(map(parse_assignment, arguments.assignments))

@@ -74,7 +74,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate and print the figures; return the exit code."""
     _load_numba()
     from rpud_sim.model.engine import EngineError
 

@@ -17,7 +17,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Advance the drill; return the exit code when all that happened is published."""
     with connected_drill(arguments) as drill:
         reached = drill.step(arguments.seconds)
     print(f"time: {reached:.9f} s")

@@ -23,5 +23,4 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]], left: int) -> list
 
 
 def print_json(content: Any) -> None:
-    """Print one JSON object."""
     print(json.dumps(content, indent=2))

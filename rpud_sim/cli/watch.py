@@ -78,7 +78,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Serve until a signal; return the exit code."""
     if arguments.terminal:
         return watch_terminal(arguments)
     return watch_drills(arguments) if arguments.bag is None else watch_bag(arguments)

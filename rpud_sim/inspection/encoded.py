@@ -26,7 +26,6 @@ def encoded(
 
 
 def encoded_columns(columns: Columns, encoder: Encoder, prefix: str) -> MessageBlock:
-    """Return the messages of columns."""
     data, sizes = encoder.encode_columns(columns.fields, len(columns))
     times = columns.times
     starts = np.cumsum(sizes) - sizes

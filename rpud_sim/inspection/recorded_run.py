@@ -81,7 +81,6 @@ class RecordedRun:
         return digest.hexdigest()
 
     def fields(self, message: Message) -> Fields:
-        """Return the fields of an entry's message."""
         decoded = self.codec.decode(message.data)
         stamp = decoded.header.stamp
         return {

@@ -41,7 +41,6 @@ class StopRequest:
 
     @property
     def requested(self) -> bool:
-        """Whether the stop has been requested."""
         return self._requested
 
     def request(self) -> None:

@@ -43,7 +43,6 @@ class Answers:
 
     @property
     def declared(self) -> bool:
-        """Whether any answer is declared."""
         return bool(self._answers)
 
     @property

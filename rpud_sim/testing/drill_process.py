@@ -54,7 +54,6 @@ class DrillProcess:
 
     @property
     def domain(self) -> int:
-        """The ROS domain."""
         return self._claim.domain
 
     def stop(self) -> None:

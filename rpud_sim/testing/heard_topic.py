@@ -77,7 +77,6 @@ class HeardTopic:
         return self.arrived > before
 
     def messages(self) -> list[Any]:
-        """Return all messages."""
         for payload in self._payloads[len(self._messages) :]:
             self._messages.append(deserialize_message(payload, self.kind))
         return list(self._messages)

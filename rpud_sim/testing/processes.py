@@ -51,7 +51,6 @@ class ChildProcess:
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
         return self._process.pid
 
     @property
@@ -61,12 +60,10 @@ class ChildProcess:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
         return self.code is None
 
     @property
     def output(self) -> str:
-        """All that it has printed."""
         return self.output_file.read_text(errors="replace")
 
     @property

@@ -171,7 +171,6 @@ class Systems:
                 raise self._failure(system, "died", system.ending)
 
     def stop(self) -> None:
-        """Stop all processes."""
         self._answers.part()
         stop_all(self._processes)
         self._processes.clear()

@@ -27,11 +27,9 @@ class Table:
     columns: Mapping[str, np.ndarray]
 
     def __len__(self) -> int:
-        """Return the number of messages."""
         return len(self.columns["log_time"])
 
     def values(self, name: str, attribute: str) -> np.ndarray | list[Any]:
-        """Return the values of a field."""
         return self.columns[name]
 
     def content(self, number: int) -> str:
@@ -52,11 +50,9 @@ class Live:
         self.messages: list[Any] = []
 
     def __len__(self) -> int:
-        """Return the number of messages."""
         return len(self.messages)
 
     def values(self, name: str, attribute: str) -> np.ndarray | list[Any]:
-        """Return the values of a field."""
         path = name.split(".")
         return [_inner(message, path) for message in self.messages]
 
@@ -134,7 +130,6 @@ class TopicMessages:
         self._piece, self._row, self._key = self._piece[order], self._row[order], key[order]
 
     def __len__(self) -> int:
-        """Return the number of messages."""
         return len(self.stamps)
 
     @property

@@ -37,7 +37,6 @@ class Missing:
 
     @property
     def total(self) -> int:
-        """Number of messages that are missing."""
         return int(self.counts.sum()) + self.anywhere
 
     def among(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:

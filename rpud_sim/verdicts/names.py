@@ -98,7 +98,6 @@ def table_columns(type_name: str, definition: str) -> tuple[Column, ...]:
 
 @cache
 def drill_columns(topic: str) -> tuple[Column, ...]:
-    """Return the columns of one of the drill's topics."""
     return table_columns(TYPES[topic], find_definition(TYPES[topic]))
 
 

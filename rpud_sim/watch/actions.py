@@ -63,7 +63,6 @@ class Actions:
         return number
 
     def waits_for(self, names: Collection[str]) -> bool:
-        """Return whether one of these actions waits."""
         with self._lock:
             return any(name in names for _, name, _ in self._queue)
 

@@ -26,7 +26,6 @@ class ListPage(AuthRequestHandler):
     """Page with the list."""
 
     def initialize(self, finder: DrillFinder) -> None:
-        """Keep the finder."""
         self._finder = finder
 
     def get(self) -> None:
@@ -40,7 +39,6 @@ class ListData(AuthRequestHandler):
     """Drills as JSON."""
 
     def initialize(self, finder: DrillFinder) -> None:
-        """Keep the finder."""
         self._finder = finder
 
     def get(self) -> None:

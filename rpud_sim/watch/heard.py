@@ -132,7 +132,6 @@ class Heard:
                     _widen(row, band, values[place], values[place])
 
     def actuator_state(self, stamp: int, values: tuple[Any, ...]) -> None:
-        """Hear a message of ``actuator_state``."""
         row = self._row(stamp)
         if self._located:
             self._values["actuator_state"] = values
@@ -140,7 +139,6 @@ class Heard:
             row[_COLUMN["electrical_power"]] = values[_POWER]
 
     def contact_force(self, stamp: int, values: tuple[Any, ...]) -> None:
-        """Hear an impact."""
         row = self._row(stamp)
         if self._located:
             self._impacts.append((stamp, values))
@@ -156,7 +154,6 @@ class Heard:
                 row[column] = value if before != before else before + value
 
     def waveform(self, stamp: int, values: tuple[Any, ...]) -> None:
-        """Hear a block of the waveform."""
         _, period, arrays = values
         length = len(arrays[0])
         if not length or not 0.0 < period < 1e3 or any(len(each) != length for each in arrays):
@@ -187,7 +184,6 @@ class Heard:
 
     @property
     def impact(self) -> Impact | None:
-        """Latest impact."""
         if not self._impacts:
             return None
         stamp, values = self._impacts[-1]
@@ -213,7 +209,6 @@ class Heard:
 
     @property
     def statuses(self) -> Series:
-        """Copy of the series of statuses."""
         return Series(self._statuses.first, 0.0, STATUS_COLUMNS, self._statuses.snapshot())
 
     # Inside

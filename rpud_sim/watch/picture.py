@@ -145,7 +145,6 @@ class Series:
     rows: np.ndarray  # one line for each row, NaN where nothing was heard; read-only
 
     def column(self, name: str) -> np.ndarray:
-        """Return the values of a column."""
         return self.rows[:, self.columns.index(name)]
 
     @property

@@ -190,7 +190,6 @@ class Guard(AuthProvider):
 
     @property
     def get_login_url(self) -> Callable[[Any], str]:
-        """Nowhere to log in."""
         return lambda handler: "/"
 
     async def _check(self, handler: RequestHandler) -> str:

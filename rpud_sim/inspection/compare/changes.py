@@ -37,7 +37,6 @@ class Event:
 
     @property
     def common(self) -> bool:
-        """Whether all runs have it."""
         return all(time is not None for time in self.times)
 
 

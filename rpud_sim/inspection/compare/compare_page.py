@@ -34,7 +34,6 @@ def check_target(out: str | os.PathLike[str]) -> None:
 
 
 def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
-    """Write the page of a comparison."""
     check_target(out)
     page = render(found)
     try:
@@ -45,7 +44,6 @@ def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
 
 
 def render(found: Comparison) -> str:
-    """Return the page of a comparison."""
     letters = [chr(ord("A") + number) for number in range(len(found.names))]
     drawn = found.windows[:_MOST_DRAWN]
     decisions = [each.decision for each in found.differences]

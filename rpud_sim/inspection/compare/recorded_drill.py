@@ -59,7 +59,6 @@ class RecordedDrill:
     warnings: tuple[str, ...] = ()
 
     def topic(self, name: str) -> str:
-        """Return the full name of a topic of the drill."""
         return f"{self.namespace}/{name}"
 
 

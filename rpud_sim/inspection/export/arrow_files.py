@@ -43,7 +43,6 @@ class ParquetFile:
         )
 
     def close(self) -> None:
-        """Complete the file."""
         try:
             self._writer.close()
         finally:
@@ -75,7 +74,6 @@ class CsvFile:
         self._writer.write_batch(_batch(self._columns, self._schema, {**values, **plain}))
 
     def close(self) -> None:
-        """Complete the file."""
         try:
             self._writer.close()
         finally:

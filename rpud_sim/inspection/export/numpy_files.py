@@ -55,7 +55,6 @@ class NumpyFolder:
             file.write(found)
 
     def close(self) -> None:
-        """Complete the files."""
         for file in self._files.values():
             file.close()
 

@@ -80,7 +80,6 @@ def write_report(
 
 
 def render(seen: Survey) -> str:
-    """Return the page of a survey."""
     return render_page(BODY, Path(seen.path).resolve().name, headings=HEADINGS, **_context(seen))
 
 

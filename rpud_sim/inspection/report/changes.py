@@ -72,7 +72,6 @@ class CommandsInForce:
 
     @property
     def text(self) -> str:
-        """All commands that are in force."""
         return ", ".join(self._texts.values())[:_LENGTH]
 
     def _text(self, kind: str, content: Mapping[str, Any]) -> str:

@@ -29,7 +29,6 @@ class FeedCommand:
 
     @property
     def text(self) -> str:
-        """What it asks for."""
         if self.mode == "position":
             return f"feed to {1e3 * self.value:.4g} mm"
         return f"feed at {1e3 * self.value:.4g} mm/s" if self.value else "feed holds"

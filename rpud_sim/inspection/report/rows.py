@@ -39,7 +39,6 @@ def show(value: float | None, unit: str = "") -> str:
 
 
 def bag_rows(seen: Survey) -> Rows:
-    """Return the properties of the bag."""
     start = datetime.fromtimestamp(seen.start / 1e9, tz=timezone.utc)
     return [
         ("bag", seen.path),

@@ -192,7 +192,6 @@ def _choose_topics(seen: Survey, bag: BagReader, zeros: Mapping[str, int]) -> No
 
 
 def namespace(topic: str) -> str:
-    """Return the namespace of a topic."""
     return topic.rpartition("/")[0]
 
 

@@ -87,7 +87,6 @@ class TimePlots:
         return self._plot(name, timing.delay, timing.delays, scale, layer)
 
     def faults(self) -> Plot:
-        """Return the times in which faults are active."""
         shown = [mark for mark in self._marks if mark.kind == FAULT][:_MOST_FAULTS]
         begin = np.array([mark.time for mark in shown])
         end = np.array([self._span if mark.end is None else mark.end for mark in shown])

@@ -110,12 +110,10 @@ class TopicSurvey:
 
     @property
     def name(self) -> str:
-        """Name of the topic."""
         return self.summary.topic.name
 
     @property
     def type(self) -> str:
-        """Type of its messages."""
         return self.summary.topic.type
 
     def add(self, batch: Batch) -> np.ndarray:

@@ -26,11 +26,9 @@ class ComputedBlock:
     ends: np.ndarray  # stamp of the end of each message's block [ns]
 
     def fields(self, number: int) -> Fields:
-        """Return the fields of a message."""
         return self.source.row(number)
 
     def key(self, number: int) -> Key:
-        """Return the key of a message."""
         return computed_key(self.source.row(number, KEY_FIELDS))
 
     def position(self, number: int) -> Position:

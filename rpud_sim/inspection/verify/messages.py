@@ -25,7 +25,6 @@ UNREADABLE: Key = (-1, -1)  # key of a recorded message that cannot be decoded
 
 
 def computed_key(fields: Fields) -> Key:
-    """Return the key of a computed message."""
     return stamp_of(fields), int(fields.get("sequence", 0))
 
 

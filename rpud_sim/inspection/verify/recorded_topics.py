@@ -79,7 +79,6 @@ class RecordedMessages:
 
     @property
     def exhausted(self) -> bool:
-        """Whether no message is left."""
         return self._first() is None
 
     def pop(self) -> Message | None:

@@ -23,7 +23,6 @@ def to_number(name: str, value: Any) -> float:
 
 
 def to_text(name: str, value: Any) -> str:
-    """Return a text."""
     if not isinstance(value, str):
         raise ParameterError(f"{name} = {shown(value)} is not a text")
     return value

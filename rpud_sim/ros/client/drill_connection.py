@@ -68,17 +68,14 @@ class DrillConnection:
 
     @property
     def node(self) -> Node:
-        """Node of the client."""
         return self.listening.node
 
     @property
     def namespace(self) -> str:
-        """Namespace of the drill."""
         return str(self.node.get_namespace())
 
     @property
     def status(self) -> Status:
-        """Latest status of the drill."""
         self.find()
         assert self.watch.status is not None  # a drill that is found has one
         return self.watch.status

@@ -51,7 +51,6 @@ class DrillFinder:
 
     @property
     def domain_id(self) -> int:
-        """The ROS domain."""
         return self._listening.domain_id
 
     def close(self) -> None:

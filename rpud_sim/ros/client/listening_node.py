@@ -67,7 +67,6 @@ class ListeningNode:
 
     @property
     def domain_id(self) -> int:
-        """The ROS domain."""
         return int(self._context.get_domain_id())
 
     def close(self) -> None:
@@ -91,7 +90,6 @@ class ListeningNode:
         return subscription
 
     def unsubscribe(self, subscription: Subscription) -> None:
-        """End a subscription."""
         self._subscriptions.remove(subscription)
         self.node.destroy_subscription(subscription)
 

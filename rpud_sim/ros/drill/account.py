@@ -82,7 +82,6 @@ class Account:
         self._due = 0
 
     def add(self, block: Block) -> None:
-        """Add a block."""
         self._blocks.append(block)
         if len(self._blocks) >= _BATCH_SIZE:
             self._count()

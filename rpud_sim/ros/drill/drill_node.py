@@ -158,7 +158,6 @@ class DrillNode(ManagedNode):
         return self._drill.pacing.request(action)
 
     def quit(self) -> None:
-        """End the node."""
         self._quit = True
 
     def prepare(self) -> None:
@@ -232,7 +231,6 @@ class DrillNode(ManagedNode):
 
     @log_exceptions
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End the drilling and the node."""
         self._gate.open(False)
         self._quit = True
         return TransitionCallbackReturn.SUCCESS

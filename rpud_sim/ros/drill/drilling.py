@@ -72,12 +72,10 @@ class Drilling:
 
     @property
     def run(self) -> Run:
-        """The present run."""
         return self._paced.run
 
     @property
     def settings(self) -> Settings:
-        """Settings in force."""
         return self._settings
 
     @property

@@ -93,7 +93,6 @@ class NamesakeSearch:
 
     @property
     def name(self) -> str:
-        """The name with its namespace."""
         name, namespace = self._name
         return f"{namespace.rstrip('/')}/{name}"
 

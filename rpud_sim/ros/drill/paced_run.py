@@ -59,7 +59,6 @@ class PacedRun:
 
     @property
     def run(self) -> Run:
-        """The present run."""
         return self._run
 
     def replace(self, run: Run, origin: int) -> None:

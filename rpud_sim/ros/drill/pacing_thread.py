@@ -29,7 +29,6 @@ class PacingThread:
 
     @property
     def started(self) -> bool:
-        """Whether the drilling has begun."""
         return self._thread.ident is not None
 
     @property

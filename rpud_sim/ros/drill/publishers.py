@@ -115,7 +115,6 @@ class DrillPublishers:
         self.send(self.encode(entries))
 
     def send(self, messages: Iterable[Encoded]) -> None:
-        """Publish serialized messages."""
         for name, message in messages:
             self._send(name, message)
 
@@ -125,7 +124,6 @@ class DrillPublishers:
             self.publish([(stamp, "/clock", {"clock": time_fields(stamp)})])
 
     def publish_diagnostics(self, diagnostics: DiagnosticArray) -> None:
-        """Publish diagnostics."""
         self._send("/diagnostics", serialize_message(diagnostics))
 
     def wait_for_subscribers(self, seconds: float = _LONGEST_WAIT) -> None:
@@ -137,7 +135,6 @@ class DrillPublishers:
                 publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
 
     def destroy(self) -> None:
-        """Destroy the publishers."""
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         self._publishers.clear()

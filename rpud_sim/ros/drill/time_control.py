@@ -35,7 +35,6 @@ class TimeControl:
 
     @property
     def stepping(self) -> bool:
-        """Whether a step is under way."""
         return self._goal is not None
 
     @property

@@ -37,7 +37,6 @@ class TopicSubscriber:
         self._drain = drain
 
     def subscribe(self, name: str, type_name: str) -> RecordedTopic:
-        """Subscribe to a topic."""
         message = message_class(type_name)
         endpoints = self._publishers(name, type_name)
         # Before the first publisher its subscribers show what it will have to offer.

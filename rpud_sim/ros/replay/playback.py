@@ -171,16 +171,13 @@ class Playback:
             self._messages.close()
 
     def pause(self) -> None:
-        """Pause, unless it is paused."""
         self._hold()
         self._timeline = self._timeline.pause(self._clock())
 
     def resume(self) -> None:
-        """Resume, if it is paused."""
         self._timeline = self._timeline.resume(self._clock())
 
     def toggle_paused(self) -> None:
-        """Pause or resume."""
         self.resume() if self.paused else self.pause()
 
     def set_rate(self, rate: float) -> None:

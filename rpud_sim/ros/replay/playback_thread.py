@@ -28,12 +28,10 @@ class PlaybackThread:
         self._thread = threading.Thread(target=self._run, name="playback", daemon=True)
 
     def start(self) -> None:
-        """Start to play."""
         self._thread.start()
 
     @property
     def running(self) -> bool:
-        """Whether it is still playing."""
         return self._thread.is_alive()
 
     def do(self, action: Callable[[Playback], Result]) -> Result:
@@ -41,7 +39,6 @@ class PlaybackThread:
         return self._requests.do(lambda: action(self._playback))
 
     def stop(self) -> None:
-        """End the playback."""
         self._playback.stop()
         self._wake.set()
 

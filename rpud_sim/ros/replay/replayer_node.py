@@ -125,7 +125,6 @@ class Replayer(Node):
 
     @property
     def topic_names(self) -> list[str]:
-        """Names of the replayed topics."""
         return list(self._replayed)
 
     @property

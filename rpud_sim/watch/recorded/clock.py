@@ -51,7 +51,6 @@ class Clock:
         return (stamps - self.zero - steps[np.searchsorted(times, log_times, "right")]) / SECOND
 
     def knows(self, jumps: Sequence[Jump]) -> bool:
-        """Return whether it has all of these jumps."""
         return {jump.log_time for jump in jumps} <= {jump.log_time for jump in self.jumps}
 
 

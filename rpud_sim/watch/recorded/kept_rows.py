@@ -19,7 +19,6 @@ class KeptRows:
         self._values = 0
 
     def find(self, number: int) -> PieceRows | None:
-        """Return the rows of a part; None if they are not kept."""
         if number not in self._rows:
             return None
         self._rows.move_to_end(number)

@@ -90,7 +90,6 @@ class Recording:
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """All signals, by topic."""
         return tuple(signal for reader in self.readers.values() for signal in reader.signals)
 
     def trajectory(self, drill: str) -> str | None:

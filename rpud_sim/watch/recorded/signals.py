@@ -57,7 +57,6 @@ class Signal:
 
 
 def namespace(topic: str) -> str:
-    """Return the namespace of a topic."""
     return topic.rpartition("/")[0]
 
 
