@@ -35,11 +35,8 @@ _MOST_CHANNELS = 2**16 - 1
 class BagFolder:
     """New bag that is written by channels; one of its files is open, all have the same channels.
 
-    Args:
-        compression: of the chunks, one of ``COMPRESSIONS``.
-        chunk_size: uncompressed size after which a chunk is closed [bytes].
-        reserved: whether ``hold`` keeps room on the disk.
-        ahead: chunks that another thread compresses meanwhile.
+    Its options are those of ``OutputFile``; with ``reserved`` it keeps room on the disk for
+    ``hold``.
     """
 
     def __init__(
@@ -124,12 +121,7 @@ class BagFolder:
         self._counts[self._channels[channel][0]] += 1
 
     def write_blocks(self, parts: Sequence[tuple[int, MessageBlock, np.ndarray]]) -> None:
-        """Add many messages at once.
-
-        Args:
-            parts: number of a channel, its messages with times from 0 to ``LATEST``, and the place
-                of each among the messages of all parts.
-        """
+        """Add many messages at once: channel, messages, and the place of each among all of them."""
         with self._writing():
             self._opened.write_blocks(
                 [(self._numbers[channel], block, places) for channel, block, places in parts]

@@ -61,10 +61,8 @@ class Column:
     def values(self, messages: Sequence[Any]) -> np.ndarray | Sequences:
         """Return the values of decoded messages, one for each, in the form of ``kind``.
 
-        Those of a sequence of numbers are ``Sequences``.
-
-        Raises:
-            ValueError, OverflowError: if they do not fit.
+        Those of a sequence of numbers are ``Sequences``. Values that do not fit raise a ValueError
+        or an OverflowError.
         """
         found = [*map(attrgetter(self.attribute), messages)]
         if self.kind is Kind.NUMBER:

@@ -80,14 +80,11 @@ class Encoder:
         self._records: dict[tuple[int, ...], np.dtype] = {}
 
     def encode(self, values: Mapping[str, Any]) -> bytes:
-        """Return the serialized message.
+        """Return the serialized message, from the values of all members.
 
-        ``values`` are of all members. Messages are mappings, sequences of numbers ``array.array``
-        or NumPy arrays, other sequences lists.
-
-        Raises:
-            KeyError: if a member is missing.
-            TypeError, ValueError, struct.error: if a value does not fit its type.
+        Messages are mappings, sequences of numbers ``array.array`` or NumPy arrays, other sequences
+        lists. Besides a KeyError of a missing member, what does not fit its type raises a
+        TypeError, ValueError or struct.error.
         """
         flat: list[Any] = []
         lengths: list[int] = []

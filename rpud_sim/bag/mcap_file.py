@@ -31,13 +31,10 @@ _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
 
 class McapFile:
-    """Open MCAP file with its summary section.
+    """Open MCAP file with its summary section; ``shown`` is its name in errors.
 
-    Args:
-        repeats: whether to include messages that the file repeats of the previous one.
-        shown: name of the file in errors; None for ``path``.
-        unclosed: whether to read a file that was not closed, or lost its end, up to its last whole
-            record.
+    With ``repeats`` it includes messages that the file repeats of the previous one. With
+    ``unclosed`` a file that was not closed, or lost its end, is read up to its last whole record.
     """
 
     def __init__(

@@ -37,13 +37,9 @@ from rpud_sim.bag.records import MAGIC
 
 
 class McapWriter:
-    """Writer of a new MCAP file.
+    """Writer of a new MCAP file; options as of ``OutputFile``, but compressions by MCAP's names.
 
-    Args:
-        chunk_size: uncompressed size beyond which a chunk is closed [bytes].
-        compression: of the chunks: ``zstd``, ``lz4``, or empty for none.
-        ahead: chunks that another thread compresses meanwhile; with 0 a chunk is in the stream as
-            soon as it is full.
+    Without ``ahead`` a chunk is in the stream as soon as it is full.
     """
 
     def __init__(self, stream: BinaryIO, chunk_size: int, compression: str, ahead: int = 0) -> None:

@@ -118,12 +118,8 @@ def unchunked_messages(
 ) -> Iterator[Message]:
     """Yield the messages of a file without an index of chunks, in the order of the file.
 
-    Args:
-        size: its length [bytes].
-        topics: names of the wanted channels, by their numbers.
-        start_time: earliest log time [ns].
-        first: offset of the first record [bytes]; 0 for that of the file.
-        end: offset behind the last one [bytes]; None for that of a closed file.
+    ``topics`` are by channel, times in ns, ``size``, ``first`` and ``end`` in bytes; by default
+    those of a closed file.
     """
     offset = first or len(MAGIC)
     with path.open("rb") as stream:

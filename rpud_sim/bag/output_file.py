@@ -25,11 +25,8 @@ _END_SIZE = 16_384  # bytes at the end of a file without its lists, and of the i
 class OutputFile:
     """New MCAP file: channels, messages in chunks, records.
 
-    Args:
-        compression: of the chunks, one of ``COMPRESSIONS``.
-        chunk_size: uncompressed size after which a chunk is closed [bytes].
-        reserve: room for the file's end; None without one.
-        ahead: chunks that another thread compresses meanwhile; the size then is that of before.
+    A chunk is closed beyond ``chunk_size`` uncompressed bytes. ``reserve`` is room for the file's
+    end. Another thread compresses ``ahead`` chunks meanwhile; the size then is that of before.
     """
 
     def __init__(

@@ -99,12 +99,7 @@ def read_record(stream: Readable, offset: int, end: int) -> Record:
 
 
 def parse(record: Record) -> McapRecord | None:
-    """Return the fields of a record; None for an unused kind.
-
-    Raises:
-        BagFormatError: if a length in it is damaged.
-        ValueError: if a text or number in it is damaged.
-    """
+    """Return the fields of a record; None for an unused kind, a ValueError for damaged values."""
     kind = _KINDS.get(record.opcode)
     parsed: McapRecord | None = kind.read(_Content(record.content)) if kind else None
     return parsed
@@ -180,13 +175,7 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def uncompressed(chunk: Chunk) -> bytes:
-    """Return a chunk's uncompressed data.
-
-    Raises:
-        BagFormatError: if its size or checksum is wrong, or it is larger than ``CONTENT_LIMIT``.
-        zstandard.ZstdError: if zstd cannot uncompress it.
-        RuntimeError: if LZ4 cannot uncompress it.
-    """
+    """Return a chunk's uncompressed data; zstd has a ZstdError, LZ4 a RuntimeError of its own."""
     size = chunk.uncompressed_size
     if size > CONTENT_LIMIT:
         raise BagFormatError(f"a chunk has {size} bytes; at most {CONTENT_LIMIT} are read")

@@ -49,10 +49,8 @@ def open_fork(
 ) -> Fork:
     """Run a recorded run again up to an instant, in simulation time of the run [s].
 
-    Args:
-        run: number of the run, from 1.
-        topic: of the journal, if the bag holds several.
-        stop: whether the run stops exactly at the instant.
+    Runs count from 1; ``topic`` chooses one of several journals. ``stop`` is exactly at the
+    instant.
     """
     with rpud_sim.bag.open(path) as bag:
         recorded = find_run(bag, run, topic)

@@ -35,16 +35,11 @@ def write_offline_bag(
     topics: Collection[str] = tuple(TOPICS),
     manifest: Manifest | None = None,
 ) -> None:
-    """Simulate a run and write a bag of it; the bag's clock is simulation time.
+    """Simulate a run for a duration [s] and write a bag of it, whose clock is simulation time.
 
-    The bag holds what the drill node would publish.
-
-    Args:
-        duration: simulated time [s].
-        scenario_text: of the scenario's file, for the bag's manifest.
-        planned: commands and faults, in the order of their times.
-        topics: names of those that the bag gets, as far as the drill offers them.
-        manifest: of the bag; None for that of this program and this machine.
+    The bag holds what the drill node would publish, of ``topics`` as far as the drill offers them.
+    ``planned`` is in the order of times. Its manifest is by default that of this program and
+    machine.
     """
     offered = offered_topics(beginning.settings.values())
     chosen = {name: topic for name, topic in offered.items() if name in topics}

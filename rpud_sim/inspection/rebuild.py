@@ -56,16 +56,10 @@ def rebuild(
     topic: str | None = None,
     report: Callable[[int], object] = lambda samples: None,
 ) -> Rebuilt:
-    """Write every channel of a bag's trajectory at any rate, without a simulation.
+    """Write every channel of a bag's trajectory at any whole rate [Hz], without a simulation.
 
-    ``out`` appears when all of it is complete.
-
-    Args:
-        rate: whole [Hz].
-        start: of the rebuilt part, from the beginning of the trajectory [s].
-        duration: of the rebuilt part, at most [s]; None for all.
-        run: number of the simulation, if resets began several.
-        topic: of the trajectory, if the bag holds several.
+    ``start`` and ``duration`` [s] count from the beginning of the trajectory. ``run`` and ``topic``
+    choose one of several. ``out`` appears when all of it is complete.
     """
     with rpud_sim.bag.open(path) as bag:
         pieces = _Pieces(bag, _topic(bag, topic))

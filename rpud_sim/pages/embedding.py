@@ -144,10 +144,7 @@ def server_scripts(groups: Mapping[str, Mapping[str, Any]]) -> Markup:
 def host(plot: Plot, name: str, group: str = "", inner: Markup | None = None) -> Markup:
     """Return the element that holds a figure, its title, its legend and the values at the cursor.
 
-    Args:
-        name: that of the figure.
-        group: whose plots zoom together; empty for none.
-        inner: element into which a server embeds the figure; None in a file.
+    Plots of a ``group`` zoom together. A server embeds the figure into ``inner``.
     """
     keys = [
         _KEY.format(layer=number, color=layer_color(layer), text=printable(layer.name))

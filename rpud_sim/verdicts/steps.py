@@ -99,15 +99,11 @@ def _unknown_where_absent(steps: Steps) -> Steps:
 def over_window(
     steps: Steps, start: int, end: int | None, least: bool, once: bool = False
 ) -> Steps:
-    """Return always (the least value in a window) or eventually (the greatest).
+    """Return always (the ``least`` value in a window) or eventually (the greatest).
 
-    Absent instants do not count; without any other the result is absent.
-
-    Args:
-        start: of the window, from each instant on [ns].
-        end: of the window [ns]; None for the end of the recording.
-        least: whether for always.
-        once: whether only the value at the beginning counts.
+    The window is from ``start`` to ``end`` after each instant [ns]; None is the end of the
+    recording. Absent instants do not count; without any other the result is absent. With ``once``
+    only the value at the beginning counts.
     """
     last = len(steps.starts) - 1
     times = steps.starts[[0, -1]]

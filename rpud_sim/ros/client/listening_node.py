@@ -141,12 +141,9 @@ class ListeningNode:
     ) -> Any:
         """Call a service and return its response.
 
-        Args:
-            patience: time without a response and without a new sign of life [s].
-            signs: returns another value after each sign of life of the server: some requests take
-                long.
-            repeat: whether to send it again and again: the server drops a response for a client
-                that it has not discovered yet. Not for a request that must act only once.
+        It may take the patience [s] after each new value of ``signs`` of life: some requests take
+        long. With ``repeat`` it is sent again and again, since the server drops a response for a
+        client that it has not discovered yet; not for a request that must act only once.
         """
         service = self.node.resolve_service_name(client.srv_name)
         self.until(client.service_is_ready, patience, f"service {service} did not appear")

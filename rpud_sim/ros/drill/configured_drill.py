@@ -23,12 +23,7 @@ _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscri
 class ConfiguredDrill:
     """What a drill node has from its configuration to its clean-up; nothing moves at first.
 
-    Args:
-        node: that owns the publishers.
-        restored: called with the settings to which a reset went back.
-        end: simulation time after which it has finished [ns].
-        sent: counts of the messages, None for no count.
-        start: state in which it begins; None for time zero.
+    Its arguments are those of ``Drilling``; ``sent`` counts the messages.
     """
 
     def __init__(

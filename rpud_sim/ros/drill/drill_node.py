@@ -68,12 +68,8 @@ class DrillNode(ManagedNode):
     """A drill in soft real time: a managed node that activates itself by default.
 
     Drive and weight on bit are zero unless it is active. Simulation time begins when it is first
-    activated, and ends when it is cleaned up.
-
-    Args:
-        duration: simulation time after which it has finished [s]; None for never.
-        start: state in which it begins, with the settings of the parameters; None for time zero.
-            The duration counts from there.
+    activated, at ``start`` if it is given, with the settings of the parameters. It ends after
+    ``duration`` [s] from there, or when it is cleaned up.
     """
 
     def __init__(

@@ -31,12 +31,8 @@ class Drilling:
     """One drill, from its activation to its end: its run, and those after resets.
 
     Every method is for the pacing thread; others reach it by ``PacingThread.request``. Requests act
-    between two blocks.
-
-    Args:
-        restored: called with the settings to which a reset went back.
-        end: simulation time after which it has finished [ns].
-        start: state in which it begins; None for time zero.
+    between two blocks. It begins in the state ``start``, is over at ``end`` in simulation time
+    [ns], and calls ``restored`` with the settings to which a reset went back.
     """
 
     def __init__(

@@ -74,10 +74,9 @@ class PacedRun:
     def pace(self, factor: float, priority: int, due: int | None = None) -> None:
         """Begin a schedule if time goes on by itself, hold it otherwise; report.
 
-        Args:
-            factor: simulated time over elapsed time; 0 for as fast as possible.
-            priority: of the thread while it has deadlines in real time or slower.
-            due: when the present simulation time is due on the pacer's schedule [ns]; None for now.
+        ``factor`` is simulated over elapsed time, 0 for as fast as possible. The priority is for
+        deadlines in real time or slower. ``due`` is when the present time is on the pacer's
+        schedule [ns]; None is now.
         """
         self._publish_rest()
         playing = self.time_control.playing
