@@ -113,7 +113,6 @@ class BagFolder:
     def write(
         self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int = 0
     ) -> None:
-        """Add one message, with times from 0 to ``LATEST``, to the channel with this number."""
         try:  # faster than a context, and recorders write many messages
             self._opened.write(self._numbers[channel], data, log_time, publish_time, sequence)
         except OSError as error:

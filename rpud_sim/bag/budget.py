@@ -62,7 +62,6 @@ class Budget:
             _Walk(self, data).member(self._type, 4)
 
     def shape(self, node: Nodetype, described: Any) -> _Shape:
-        """Return the bounds of a field."""
         if node == Nodetype.NAME:
             return self._member(described)
         if node == Nodetype.BASE:
@@ -96,7 +95,6 @@ class Budget:
 
     @cached_property
     def members(self) -> dict[str, list[Any]]:
-        """Fields of each type."""
         return {
             name: [field for _, field in self._store.fielddefs[name][1]] for name in self._shapes
         }

@@ -34,7 +34,6 @@ class LatchedMessages:
         )
 
     def note(self, message: Message) -> None:
-        """Keep a message if its topic is latched."""
         if message.topic in self._messages:
             self._messages[message.topic].append(message)
 

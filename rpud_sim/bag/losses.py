@@ -35,7 +35,6 @@ def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:
 
 
 def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
-    """Return the losses of each topic from the content of the metadata record."""
     with parsing(f"the record {RECORD_NAME}"):
         return {topic: _losses(json.loads(text)) for topic, text in record.items()}
 

@@ -117,7 +117,6 @@ class McapFile:
         return found
 
     def records(self, name: str) -> Iterator[dict[str, str]]:
-        """Yield the metadata records of one name in their order."""
         offsets = {index.offset for index in self._index.metadata_indexes if index.name == name}
         total = 0
         with self._reading():

@@ -73,7 +73,6 @@ class McapWriter:
         )
 
     def start(self, profile: str, library: str) -> None:
-        """Write the beginning of the file."""
         self._stream.write(MAGIC + _bytes_of(Header(profile, library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:

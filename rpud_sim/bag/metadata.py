@@ -79,11 +79,9 @@ class BagMetadata:
     version: int = VERSION
 
     def to_document(self) -> str:
-        """Return the text of ``metadata.yaml``."""
         return _dump({_OUTER_KEY: self._to_mapping()})
 
     def to_record(self) -> str:
-        """Return the text of the MCAP metadata record."""
         return _dump(self._to_mapping())
 
     def _to_mapping(self) -> dict[str, Any]:
@@ -152,7 +150,6 @@ def metadata_from_document(text: str) -> BagMetadata:
 
 
 def metadata_from_record(text: str) -> BagMetadata:
-    """Return the metadata from the text of the MCAP metadata record ``rosbag2``."""
     return _from_mapping(_load(text))
 
 
@@ -162,7 +159,6 @@ def dump_offered_qos(profiles: tuple[QosProfile, ...]) -> str:
 
 
 def load_offered_qos(text: str) -> tuple[QosProfile, ...]:
-    """Return the profiles from the YAML text of the channel metadata ``offered_qos_profiles``."""
     return profiles_from_yaml(_load(text))
 
 
@@ -183,7 +179,6 @@ def local_name(name: str) -> str:
 
 
 def read_document(path: Path) -> BagMetadata:
-    """Return the metadata from the file ``metadata.yaml`` at ``path``."""
     if path.stat().st_size > SIZE_LIMIT:
         raise BagFormatError(f"it has more than {SIZE_LIMIT} bytes")
     return metadata_from_document(path.read_text(encoding="utf-8"))

@@ -90,7 +90,6 @@ class OpenChunk:
         self._entries: dict[int, array[int]] = {}  # log time and place of each, by channel
 
     def declare(self, record: bytes) -> None:
-        """Add the record of a schema or a channel."""
         self._parts.append(record)
         self.size += len(record)
 

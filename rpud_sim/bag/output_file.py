@@ -102,7 +102,6 @@ class OutputFile:
     def write(
         self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int
     ) -> None:
-        """Add one message."""
         self._writer.add_message(channel, log_time, data, publish_time, sequence)
         self._unsafe = True
         self._count += 1

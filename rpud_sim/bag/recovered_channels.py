@@ -41,7 +41,6 @@ class RecoveredChannels:
         self._counters[number][1].note(data)
 
     def count_gaps(self) -> None:
-        """Add the gaps of all channels to the account."""
         for name, counter in self._counters.values():
             if counter.gaps is not None:
                 topic = self._recovery.topic(name)

@@ -68,7 +68,6 @@ class Scan:
 
     @property
     def begins(self) -> bool:
-        """Whether the file begins as an MCAP file."""
         return self._finder.content(0, len(MAGIC)) == MAGIC
 
     def __iter__(self) -> Iterator[Item]:

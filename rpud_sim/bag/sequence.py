@@ -26,7 +26,6 @@ class SequenceGaps:
         self._last: list[int] = []  # number of each sequence, the most recent at the end
 
     def note(self, number: int) -> None:
-        """Note the number of a message that arrived."""
         last = self._last
         if number - 1 in last:
             last.remove(number - 1)
@@ -58,7 +57,6 @@ class SequenceCounter:
         return None if self._gaps is None else self._gaps.missing
 
     def note(self, data: bytes) -> None:
-        """Note a serialized message (CDR)."""
         if self._gaps is not None and (number := _sequence(data)) is not None:
             self._gaps.note(number)
 

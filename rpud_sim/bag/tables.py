@@ -107,7 +107,6 @@ class Table:
         return self.batch(block.part(np.array([row not in reasons for row in range(len(block))])))
 
     def empty(self) -> Batch:
-        """Return a batch without rows."""
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
         return self.batch(MessageBlock(self._name, none, none, data, none, none))
 

@@ -25,7 +25,6 @@ _MOST_LINES = 20  # of failures: the page has all
 
 
 def add_campaign_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments that only a campaign has."""
     group = parser.add_argument_group("campaigns")
     group.add_argument(
         "--out",

@@ -110,7 +110,6 @@ def live_text(report: Report, width: int | None = None) -> str:
 def summary_text(
     figures: Figures, report: Report | None, faults: Sequence[FaultRecord] = ()
 ) -> str:
-    """Return the summary of a run of the drill."""
     jammed = any(record.fault.kind == _JAMMED for record in faults)
     rate = _rate_text(figures, jammed, "impacts/s")
     lines = [

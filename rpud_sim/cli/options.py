@@ -44,7 +44,6 @@ class Number(argparse.Action):
         values: Any,
         option_string: str | None = None,
     ) -> None:
-        """Check the number and keep it."""
         name = self.option_strings[-1]
         setattr(namespace, self.dest, self._quantity.check(name, _parse_number(values)))
 
@@ -68,7 +67,6 @@ def pattern(text: str) -> re.Pattern[str]:
 
 
 def options_from(arguments: argparse.Namespace, kind: type[_Options]) -> _Options:
-    """Return the options of a dataclass, from arguments with the names of its fields."""
     fields = dataclasses.fields(kind)  # type: ignore[arg-type]
     return kind(**{field.name: getattr(arguments, field.name) for field in fields})
 
@@ -107,7 +105,6 @@ def add_workers_argument(parser: argparse._ActionsContainer) -> None:
 
 
 def add_scheduler_argument(parser: argparse._ActionsContainer) -> None:
-    """Declare --scheduler of a study."""
     parser.add_argument(
         "--scheduler",
         metavar="tcp://HOST:PORT",

@@ -43,7 +43,6 @@ class Continuation:
         yield self._run.status("running", Bookkeeping())
 
     def messages(self, report: Callable[[float], object]) -> Iterator[Entry]:
-        """Yield the messages after the instant."""
         run = self._run
         events = deque(sorted(self._events(), key=lambda event: event[0]))
         while True:

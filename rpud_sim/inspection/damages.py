@@ -13,7 +13,6 @@ class Damages:
         self._messages: dict[str, tuple[int, str]] = {}
 
     def add(self, topic: str, reason: str) -> None:
-        """Count a skipped message."""
         count, first = self._messages.get(topic, (0, reason))
         self._messages[topic] = count + 1, first
 
@@ -26,7 +25,6 @@ class Damages:
             return []
 
     def add_record(self, name: str, error: BagFormatError) -> None:
-        """Note a skipped metadata record."""
         self._parts[f"record {name}"] = str(error)
 
     @property

@@ -39,7 +39,6 @@ def request_for(offers: Sequence[QoSProfile]) -> QoSProfile:
 
 
 def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
-    """Return whether every offer connects to a request that ``request_for`` made."""
     weakest = request_for(offers)
     return (
         request.reliability == ReliabilityPolicy.BEST_EFFORT
@@ -51,7 +50,6 @@ def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
 
 
 def recorded_profile(profile: QoSProfile) -> RecordedProfile:
-    """Convert a profile to that of a bag."""
     return RecordedProfile(
         history=profile.history.name.lower(),
         depth=profile.depth,

@@ -44,7 +44,6 @@ class StopRequest:
         return self._requested
 
     def request(self) -> None:
-        """Request the stop, from any thread."""
         if not self._requested:
             self._requested = True
             os.write(self._writing, b"\0")

@@ -47,12 +47,10 @@ class Answers:
 
     @property
     def introduced(self) -> bool:
-        """Whether the nodes that answer are known to be connected."""
         return self._introduced
 
     @property
     def names(self) -> list[str]:
-        """Absolute names of the topics."""
         return [answer.name for answer in self._answers]
 
     @property

@@ -38,7 +38,6 @@ class Artefacts:
 def leave_artefacts(
     folder: Path, test: str, drills: Sequence[Drill], reports: ReportPages, failure: str = ""
 ) -> Artefacts:
-    """Write the artefacts of a test, and return where they are."""
     place = _empty_folder(folder, test)
     lines = [f"artefacts: {place}"]
     properties = [("rpud_artefacts", str(place))]

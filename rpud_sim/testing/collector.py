@@ -70,7 +70,6 @@ class Collector:
 
     @property
     def topics(self) -> Mapping[str, HeardTopic]:
-        """Topics by absolute name."""
         return self._topics
 
     def resolve(self, name: str) -> str:
@@ -78,7 +77,6 @@ class Collector:
         return str(self.node.resolve_topic_name(name))
 
     def own(self, name: str) -> HeardTopic:
-        """Return a topic of the drill by its relative name."""
         return self._topics[self.resolve(name)]
 
     def subscribe(self, name: str, kind: str = "") -> HeardTopic | None:
@@ -181,7 +179,6 @@ class Collector:
                 topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
 
     def close(self) -> None:
-        """Leave the graph."""
         self._wait_set = None
         self.node.destroy_node()
 

@@ -52,7 +52,6 @@ class DomainClaim:
         raise DomainError(f"all ROS domains are in use: see {folder}")
 
     def release(self) -> None:
-        """Leave the domain to others."""
         self._lock.close()
 
 

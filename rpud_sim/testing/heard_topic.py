@@ -60,7 +60,6 @@ class HeardTopic:
 
     @property
     def payloads(self) -> Sequence[bytes]:
-        """The messages, serialized."""
         return self._payloads
 
     def take(self, time: int) -> bool:
@@ -90,7 +89,6 @@ class HeardTopic:
         return deserialize_message(self._payloads[-1], self.kind)
 
     def forget(self, until: int) -> None:
-        """Forget the first messages, up to an index."""
         del self._payloads[:until], self._stamps[:until], self._messages[:until]
         self.arrived = len(self._payloads)
         self.lost = 0

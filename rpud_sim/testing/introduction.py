@@ -50,7 +50,6 @@ class Introduction:
         return False
 
     def close(self) -> None:
-        """Remove the client."""
         if self._client is not None:
             self._node.destroy_client(self._client)
             self._client = None

@@ -64,7 +64,6 @@ class Lockstep:
 
     @property
     def alive(self) -> bool:
-        """Whether the drill's process runs."""
         return self._process.process.running
 
     def begin(self, seed: int, scenario: str) -> None:
@@ -134,7 +133,6 @@ class Lockstep:
         self.collector.until(lambda: self.collector.acknowledged, _DELIVERY, self._check)
 
     def close(self) -> None:
-        """End everything."""
         with contextlib.suppress(Exception):
             self.systems.stop()
         self.collector.close()

@@ -31,7 +31,6 @@ class _Stash:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Declare the options."""
     group = parser.getgroup("rpud_sim", "tests with a drill in lockstep")
     group.addoption(
         "--rpud-artefacts",
@@ -103,7 +102,6 @@ def pytest_runtest_makereport(
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Wait for the report pages."""
     reports = session.config.stash.get(_Stash.reports, None)
     if reports is not None:
         reports.finish()

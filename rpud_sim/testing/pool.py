@@ -59,7 +59,6 @@ class DrillPool:
             self._idle.pop(0)[1].close()
 
     def close(self) -> None:
-        """End all drills that are not in use."""
         while self._idle:
             self._idle.pop()[1].close()
 

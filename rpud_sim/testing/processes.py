@@ -86,7 +86,6 @@ class ChildProcess:
         return f"ended with exit code {code}"
 
     def send(self, number: int) -> None:
-        """Send a signal to its group."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, number)
 
@@ -99,7 +98,6 @@ class ChildProcess:
         self.kill()
 
     def kill(self) -> None:
-        """End it and its group at once."""
         self.send(signal.SIGKILL)
         self._process.wait()
         if self._process.stdin:
@@ -113,7 +111,6 @@ class ChildProcess:
 
 
 def stop_all(processes: Sequence[ChildProcess]) -> None:
-    """Stop several processes at the same time."""
     for number in (signal.SIGINT, signal.SIGTERM):
         running = [process for process in processes if process.running]
         for process in running:

@@ -164,7 +164,6 @@ class Systems:
         return True
 
     def check(self) -> None:
-        """Check that all processes run which the test has not ended."""
         for system in self._processes:
             if not (system.running or system.expected):
                 system.expected = True  # once is enough

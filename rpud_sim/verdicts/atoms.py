@@ -181,7 +181,6 @@ class Atoms:
         return Steps(starts, values, np.zeros(len(starts), bool))
 
     def active(self, part: Active) -> Steps:
-        """Return a fault as a step function."""
         faults = self._faults(part.fault)
         if faults is None:
             return constant(self.begin, self.end, UNKNOWN, absent=True)

@@ -75,7 +75,6 @@ def _inner(message: Any, path: list[str]) -> Any:
 
 
 def time_of(value: Any) -> int:
-    """Return a time as integer nanoseconds."""
     if isinstance(value, (int, np.integer)):
         return int(value)
     return int(get(value, "sec")) * SECOND + int(get(value, "nanosec"))

@@ -78,7 +78,6 @@ class Field:
 
     @property
     def is_flag(self) -> bool:
-        """Whether it is a truth value."""
         return self.column.kind is Kind.NUMBER and self.column.dtype == np.dtype(bool)
 
     @property

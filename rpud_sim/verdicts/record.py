@@ -148,7 +148,6 @@ class Record:
         return max(0, counted - self.messages(topic).missing.total)
 
     def missing(self, topic: str) -> Missing:
-        """Return how many messages of a topic are missing, and where they may have been."""
         return dataclasses.replace(self.messages(topic).missing, anywhere=self.lost(topic))
 
     def span(self, topics: Collection[str]) -> tuple[int, int] | None:
@@ -189,7 +188,6 @@ class Record:
         return None
 
     def messages(self, topic: str) -> TopicMessages:
-        """Return the messages of a topic in the last run."""
         if topic not in self._kept:
             pieces = self._all(topic)
             keep = [self._last_run.holds(each.stamps, each.published) for each in pieces]

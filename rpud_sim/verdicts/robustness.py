@@ -57,12 +57,10 @@ class Evaluation:
 
     @property
     def begin(self) -> int:
-        """First nanosecond of the recording."""
         return self._atoms.begin
 
     @property
     def end(self) -> int:
-        """Last nanosecond of the recording."""
         return self._atoms.end
 
     def steps(self, formula: Formula, once: bool = False) -> Steps:

@@ -35,12 +35,10 @@ class Steps:
 
     @property
     def end(self) -> int:
-        """Last nanosecond of the recording."""
         return int(self.starts[-1]) - 1
 
     @property
     def begin(self) -> int:
-        """First nanosecond of the recording."""
         return int(self.starts[0])
 
     def at(self, times: np.ndarray) -> np.ndarray:

@@ -84,7 +84,6 @@ def parse_quantity(text: str) -> tuple[float, str]:
 
 
 def unit_factor(unit: str) -> tuple[float, str]:
-    """Return the factor of a unit to SI, and the SI unit."""
     if unit not in _UNITS:
         raise ExpectationError(f"unit {shown(unit)} is unknown; {_near(unit)}")
     return _UNITS[unit]

@@ -18,7 +18,6 @@ _SHARE = Path(__file__).parent / "share"
 
 
 def drill_path(namespace: str) -> str:
-    """Return the path of a drill's page."""
     return f"/drill?{urlencode({'namespace': namespace}, safe='/')}"
 
 
@@ -42,7 +41,6 @@ class ListData(AuthRequestHandler):
         self._finder = finder
 
     def get(self) -> None:
-        """Answer with the drills that are known now."""
         found = [
             {
                 **{

@@ -44,7 +44,6 @@ class DrillPool:
         return self._drills[name]
 
     def release(self, drill: LiveDrill) -> None:
-        """Take back a drill from a page."""
         self._pages[drill.namespace] -= 1
         self._left_at[drill.namespace] = self._clock()
 

@@ -112,7 +112,6 @@ class Heard:
     # What is heard
 
     def latched(self, topic: str, message: Any) -> None:
-        """Hear a message of ``status``, ``faults`` or ``journal``."""
         self.version += 1
         if topic == "journal":
             self._journal(message)
@@ -176,7 +175,6 @@ class Heard:
 
     @property
     def latest(self) -> dict[str, dict[str, Any]]:
-        """Latest values of the fast topics."""
         return {
             topic: dict(zip(_FIELDS[topic], values, strict=True))
             for topic, values in self._values.items()
@@ -196,7 +194,6 @@ class Heard:
 
     @property
     def section(self) -> Section | None:
-        """Latest block of the waveform."""
         if self._wave is None:
             return None
         stamp, (_, period, arrays) = self._wave
@@ -204,7 +201,6 @@ class Heard:
 
     @property
     def series(self) -> Series:
-        """Copy of the fast series."""
         return Series(self._bins.first, BIN / SECOND, COLUMNS, self._bins.snapshot())
 
     @property

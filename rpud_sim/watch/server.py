@@ -144,7 +144,6 @@ class PageServer:
             signal.signal(number, handler)
 
     def run(self) -> None:
-        """Serve until `stop`."""
         try:
             self._server.start()
             self._loop.start()

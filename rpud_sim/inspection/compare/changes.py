@@ -48,7 +48,6 @@ def parameter_settings(drills: Sequence[RecordedDrill]) -> tuple[Setting, ...]:
 
 
 def version_settings(drills: Sequence[RecordedDrill]) -> tuple[Setting, ...]:
-    """Return the versions of software and machine that differ."""
     found = _differing([drill.versions for drill in drills])
     return tuple(Setting(name, "", values) for name, values in found)
 
@@ -78,7 +77,6 @@ def to_text(value: Any) -> str:
 
 
 def commands(drills: Sequence[RecordedDrill]) -> tuple[Event, ...]:
-    """Return the commands of all runs, aligned in their order."""
     return _aligned(
         [
             [(text, entry.time / SECOND, None) for entry, text in _command_texts(drill)]
@@ -114,7 +112,6 @@ def _command_text(kind: str, content: Mapping[str, Any]) -> str:
 
 
 def faults(values: Sequence[RecordedValues]) -> tuple[Event, ...]:
-    """Return the faults of all runs, aligned in their order."""
     lists = []
     for run in values:
         found = sorted((run.faults or {}).values(), key=lambda fault: (fault.onset, fault.number))

@@ -202,7 +202,6 @@ def compare_values(
     quantities: Sequence[Quantity] = QUANTITIES,
     tolerance: float = 0.0,
 ) -> tuple[WindowComparison, ...]:
-    """Return the comparison of the distributions of runs with those of the first."""
     found = [_compare_window(runs, window, quantities, tolerance) for window in windows]
     return _decided(found, tolerance)
 

@@ -37,7 +37,6 @@ class ParquetFile:
         )
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
-        """Add rows."""
         self._writer.write_table(
             pa.Table.from_batches([_batch(self._columns, self._schema, values)])
         )
@@ -65,7 +64,6 @@ class CsvFile:
         self._writer = csv.CSVWriter(self._stream, self._schema)
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
-        """Add rows."""
         plain: dict[str, Any] = {
             column.name: [_escape_formula(text) for text in values[column.name]]
             for column in self._columns

@@ -44,7 +44,6 @@ class NumpyFolder:
         self.paths = [file.path for file in self._files.values()]
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
-        """Add rows."""
         for column in self._columns:
             file = self._files[column.name]
             found = values[column.name]

@@ -74,7 +74,6 @@ class Powers:
         self._last: int | None = None
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
-        """Add rows of the topic's table."""
         stamps = columns["header.stamp"].astype(np.int64)
         if not len(stamps):
             return
@@ -236,7 +235,6 @@ class Journal:
 
     @property
     def changes(self) -> Sequence[Change]:
-        """Changes by commands, in order."""
         return self._in_force.changes
 
     def add(self, columns: Columns, times: np.ndarray) -> None:

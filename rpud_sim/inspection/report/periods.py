@@ -99,7 +99,6 @@ class Periods:
 
 
 def to_periods(changes: Sequence[Change], faults: Sequence[Fault]) -> Periods:
-    """Return the segments between commands and faults."""
     moments = {0.0}
     moments.update(change.time for change in changes)
     moments.update(fault.onset for fault in faults)

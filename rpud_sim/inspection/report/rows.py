@@ -64,7 +64,6 @@ def _fork_rows(manifest: Manifest) -> Rows:
 
 
 def run_rows(seen: Survey) -> list[Rows]:
-    """Return the properties of each run, from its manifest."""
     return [
         [
             ("drill", manifest.node or _UNSET),
@@ -90,7 +89,6 @@ def parameter_rows(seen: Survey) -> Rows:
 
 
 def topic_rows(seen: Survey) -> Rows:
-    """Return the entries of the bag's index of topics."""
     return [
         (
             summary.topic.name,
@@ -104,7 +102,6 @@ def topic_rows(seen: Survey) -> Rows:
 
 
 def series_rows(topic: TopicSurvey) -> Rows:
-    """Return the statistics of each column of numbers."""
     return [
         (
             item.column.name,
@@ -238,7 +235,6 @@ def timing_rows(seen: Survey) -> Rows:
 
 
 def status_rows(topic: TopicSurvey) -> Rows:
-    """Return the timing and the counters from a drill's status."""
     speed = topic.find("real_time_factor")
     rows = [
         ("real_time_factor", f"mean {show(speed.mean)}, least {show(speed.least)}"),

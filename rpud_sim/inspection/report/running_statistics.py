@@ -144,7 +144,6 @@ class Distribution:
 
     @property
     def total(self) -> float:
-        """Sum of all usable values."""
         return self.mean * self.count if self.count else 0.0
 
     def quantile(self, part: float) -> float:

@@ -84,7 +84,6 @@ def of_faults(marks: Sequence[Mark]) -> str:
 
 
 def of_lines(lines: Sequence[Line], unit: str) -> str:
-    """Return the range of each line of a plot."""
     texts = []
     for line in lines:
         found = line.y[np.isfinite(line.y)]

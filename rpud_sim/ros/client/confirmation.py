@@ -36,7 +36,6 @@ class Confirmation:
 
     @property
     def accepted(self) -> bool:
-        """Whether the drill has accepted the command."""
         return self._counted and self._in_force
 
     def see_status(self, status: Status) -> None:

@@ -107,7 +107,6 @@ class DrillConnection:
     def until(
         self, condition: Callable[[], Value], what: str, patience: float | None = None
     ) -> Value:
-        """Take messages until a condition holds, and return its value."""
         limit = self._patience if patience is None else float(patience)
         return self.listening.until(condition, limit, what)
 
@@ -168,7 +167,6 @@ class DrillConnection:
     def listen(
         self, topic: str, kind: Any, qos: QoSProfile | None, patience: float | None
     ) -> list[Any]:
-        """Subscribe to a topic, and return the list that its messages are added to."""
         self.find()
         name = absolute_name(self.node, topic)
         if kind is None:

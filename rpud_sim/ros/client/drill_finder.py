@@ -54,11 +54,9 @@ class DrillFinder:
         return self._listening.domain_id
 
     def close(self) -> None:
-        """Leave the graph."""
         self._listening.close()
 
     def drills(self) -> list[FoundDrill]:
-        """Return the drills that are known now, by namespace."""
         namespaces = drill_namespaces(self._listening.node)
         for gone in set(self._subscriptions).difference(namespaces):
             self._listening.unsubscribe(self._subscriptions.pop(gone))

@@ -70,7 +70,6 @@ class ListeningNode:
         return int(self._context.get_domain_id())
 
     def close(self) -> None:
-        """Leave the graph."""
         if self._context.ok():
             self._executor.shutdown()
             self.node.destroy_node()
@@ -104,7 +103,6 @@ class ListeningNode:
         self.settle()
 
     def settle(self) -> None:
-        """Take all messages that have arrived."""
         # An executor returns also where others than messages woke it.
         for subscription in self._subscriptions:
             try:

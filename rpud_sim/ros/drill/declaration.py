@@ -32,7 +32,6 @@ class DrillParameters:
 
     @property
     def settings(self) -> Settings:
-        """Settings that the parameters hold now."""
         return self._settings
 
     def restore(self, settings: Settings) -> None:

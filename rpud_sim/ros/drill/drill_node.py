@@ -97,7 +97,6 @@ class DrillNode(ManagedNode):
 
     @property
     def settings(self) -> Settings:
-        """Settings that its parameters hold."""
         return self._drill_parameters.settings
 
     @property
@@ -122,7 +121,6 @@ class DrillNode(ManagedNode):
 
     @property
     def finished(self) -> bool:
-        """Whether there is nothing left to do."""
         return self._quit or (self._drill is not None and self._drill.pacing.finished)
 
     @property
@@ -162,7 +160,6 @@ class DrillNode(ManagedNode):
             self.complete(self.trigger_configure)
 
     def start(self) -> None:
-        """Configure and activate, with ``autostart``."""
         self.prepare()
         if self.settings.autostart:
             self.complete(self.trigger_activate)
@@ -212,7 +209,6 @@ class DrillNode(ManagedNode):
 
     @log_exceptions
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End the drilling, and remove its publishers."""
         self._gate.open(False)
         drill, self._drill = self._drill, None  # or its end would be the end of the process
         if drill is not None:
@@ -237,7 +233,6 @@ class DrillNode(ManagedNode):
         super().destroy_node()
 
     def refuse_request(self, reason: str) -> None:
-        """Count a request that is refused, and log why."""
         self._inbox.refuse_request(reason)
 
     def _report_before_start(self) -> None:

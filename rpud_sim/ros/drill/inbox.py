@@ -56,7 +56,6 @@ class Inbox:
         self.last_refusal = ""
 
     def begin_delays(self) -> None:
-        """Count delays from zero."""
         self.delays = Lateness()
 
     def accept(self, command: Command, arrived: int | None = None) -> None:

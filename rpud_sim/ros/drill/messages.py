@@ -45,5 +45,4 @@ def message_to_fault(message: FaultMessage) -> Fault:
 
 
 def record_to_fault(record: FaultRecord, origin: int) -> FaultMessage:
-    """Convert one record of the ledger."""
     return filled(FaultMessage(), fields.fault_fields(record, origin))

@@ -40,7 +40,6 @@ class NameHold:
             self.release()
 
     def release(self) -> None:
-        """Let others hold the name."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -56,7 +55,6 @@ class Namesakes:
         self._hold = NameHold(node.get_fully_qualified_name(), node.context.get_domain_id())
 
     def close(self) -> None:
-        """Hold the name no longer."""
         self._hold.release()
 
     def count(self) -> int:
@@ -110,7 +108,6 @@ class NamesakeSearch:
             self._node.destroy_node()
 
     def close(self) -> None:
-        """Hold the name no longer."""
         self._hold.release()
 
     def _answers(self) -> bool:

@@ -33,7 +33,6 @@ class PacingThread:
 
     @property
     def finished(self) -> bool:
-        """Whether it has ended, for whatever reason."""
         return self._finished.is_set()
 
     @property

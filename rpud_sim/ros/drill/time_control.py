@@ -20,7 +20,6 @@ class TimeControl:
 
     @property
     def playing(self) -> bool:
-        """Whether time goes on by itself."""
         return self._playing
 
     @property

@@ -83,11 +83,9 @@ class TimeSource:
         return self._origin + time if self._follows else None
 
     def went_back(self) -> bool:
-        """Whether the time has gone back since it began."""
         return self._went_back.is_set()
 
     def close(self) -> None:
-        """Stop listening."""
         if self._jumps is not None:
             self._jumps.unregister()
             self._jumps = None

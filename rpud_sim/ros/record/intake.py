@@ -34,12 +34,10 @@ class Intake:
 
     @property
     def paused(self) -> bool:
-        """Whether messages are discarded."""
         return self._paused
 
     @property
     def takes_snapshots(self) -> bool:
-        """Whether messages wait for a snapshot."""
         return self._limit is not None
 
     def declare(self, declaration: Declaration) -> None:
@@ -62,7 +60,6 @@ class Intake:
                 self._discarded.note(oldest)
 
     def pause(self) -> None:
-        """Discard messages from now on."""
         self._paused = True
 
     def resume(self) -> None:

@@ -65,11 +65,9 @@ class MessageQueue:
         self._items.put(record)
 
     def split(self) -> None:
-        """Append the end of a file."""
         self._items.put(Split())
 
     def close(self) -> None:
-        """Append the end."""
         self._items.put(None)
 
     def get(self, timeout: float) -> Item | None:

@@ -67,7 +67,6 @@ def summary(node: Recorder, bag: BagWriter, seconds: float) -> str:
 
 
 def lost_text(name: str, losses: Losses) -> str:
-    """Return the number of lost messages of a topic, by cause."""
     parts = {
         "on the way": losses.transport,
         "for which the queue (--max-cache-size) had no room": losses.queue,

@@ -86,7 +86,6 @@ class Playback:
 
     @property
     def paused(self) -> bool:
-        """Whether it stands still."""
         return self._timeline.paused
 
     @property
@@ -166,7 +165,6 @@ class Playback:
         self._stopped = True
 
     def close(self) -> None:
-        """End reading."""
         if self._messages is not None:
             self._messages.close()
 

@@ -44,7 +44,6 @@ class ReplayConsole:
         self._open = ExitStack()
 
     def __enter__(self) -> ReplayConsole:
-        """Open the keyboard and the bar."""
         if self._keys:
             self._open.enter_context(self._keyboard)
         self._open.enter_context(self._bar)
@@ -58,7 +57,6 @@ class ReplayConsole:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Restore the terminal."""
         self._open.close()
 
     def update(self, playback: Playback) -> None:

@@ -80,7 +80,6 @@ class ReplayServices:
 
 
 def service_types() -> dict[str, Any]:
-    """Return the types of the services by name, of the installed packages."""
     if rosbag2 := _installed("rosbag2_interfaces.srv"):
         return {name: getattr(rosbag2, _type_name(name)) for name in _ACTIONS}
     types = dict.fromkeys(("pause", "resume", "toggle_paused", "play_next", "stop"), Trigger)

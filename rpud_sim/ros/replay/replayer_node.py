@@ -115,7 +115,6 @@ class Replayer(Node):
 
     @property
     def failures(self) -> int:
-        """Number of requests that raised an error."""
         return self._failures
 
     def count_failure(self, reason: str) -> None:

@@ -40,7 +40,6 @@ _NONE = np.empty(0)
 
 
 def bag_application(view: BagView) -> Callable[[Document], None]:
-    """Return the function that fills a document with the page of a bag."""
     return lambda document: _Page(view, document).show()
 
 

@@ -37,7 +37,6 @@ class BagView:
         self._thread = threading.Thread(target=self._read_on, name="read the bag", daemon=True)
 
     def start(self) -> None:
-        """Begin to read the rest of the bag."""
         self._thread.start()
 
     def close(self) -> None:

@@ -33,7 +33,6 @@ class Progress:
 
     @property
     def complete(self) -> bool:
-        """Whether the whole bag was read."""
         return self.read >= self.total
 
     @property
@@ -64,7 +63,6 @@ class Overview:
 
     @property
     def progress(self) -> Progress:
-        """How much it has seen."""
         with self._lock:
             ahead = sum(1 for number in self._sampled if number >= self._read)
             return Progress(self._read, ahead, len(self._recording.pieces), self._until)
@@ -128,7 +126,6 @@ class Overview:
         return envelope(times, least[used], greatest[used], joined * width, known)
 
     def has(self, signal: Signal) -> bool:
-        """Return whether anything of a signal was read so far."""
         least, greatest = self.extremes(signal, 0.0, self.end)
         return least <= greatest
 

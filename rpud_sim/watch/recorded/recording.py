@@ -176,14 +176,12 @@ class Recording:
         return max(ends, default=0.0)
 
     def set_jumps(self, drill: str, jumps: Sequence[Jump]) -> None:
-        """Replace the jumps of a drill's clock."""
         clock = self.clocks[drill]
         with self._lock:
             self.clocks[drill] = Clock(clock.zero, clock.begin, tuple(jumps))
             self._spans[drill].clear()
 
     def close(self) -> None:
-        """Release the files."""
         with self._lock:
             self._bag.close()
 

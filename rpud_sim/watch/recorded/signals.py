@@ -52,7 +52,6 @@ class Signal:
 
     @property
     def drill(self) -> str:
-        """Namespace of the topic."""
         return namespace(self.topic)
 
 
