@@ -1,4 +1,4 @@
-"""Configured drill: its publishers, its account, its drilling, and the thread that moves it."""
+"""Configured drill: its publishers, its reporter, its drilling, and the thread that moves it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacing_thread import PacingThread
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.resumption import Start
 from rpud_sim.simulation.topics import offered_topics
@@ -31,7 +31,7 @@ class ConfiguredDrill:
         node: Node,
         settings: Settings,
         inbox: Inbox,
-        namesakes: Namesakes,
+        namesakes: DuplicateNodes,
         restored: Callable[[Settings], None],
         end: int,
         sent: Counter[str] | None,
@@ -39,10 +39,12 @@ class ConfiguredDrill:
     ) -> None:
         offered = offered_topics(settings.values())
         self.publishers = DrillPublishers(node, settings.publish_clock, sent, offered)
-        self.account = Account(node, settings.telemetry_rate, self.publishers, inbox, namesakes)
+        self.reporter = StatusReporter(
+            node, settings.telemetry_rate, self.publishers, inbox, namesakes
+        )
         try:
             self.drilling = Drilling(
-                node, settings, self.publishers, self.account, inbox, restored, end, start
+                node, settings, self.publishers, self.reporter, inbox, restored, end, start
             )
         except Exception:
             self.publishers.destroy()  # or the next configuration would have each topic twice

@@ -37,7 +37,6 @@ from rclpy.parameter import Parameter
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.account import REPORT_PERIOD
 from rpud_sim.ros.drill.configured_drill import ConfiguredDrill
 from rpud_sim.ros.drill.declaration import DrillParameters
 from rpud_sim.ros.drill.drilling import Drilling
@@ -45,10 +44,11 @@ from rpud_sim.ros.drill.fault_services import FaultServices
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.managed_node import ManagedNode, log_exceptions
-from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
+from rpud_sim.ros.drill.status_reporter import REPORT_PERIOD
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import quick_switches, serve
 from rpud_sim.ros.starting import StartError, start_ros
@@ -82,7 +82,7 @@ class DrillNode(ManagedNode):
         begin = start.run.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
-        self._namesakes = Namesakes(self)
+        self._namesakes = DuplicateNodes(self)
         self._drill: ConfiguredDrill | None = None
         self._quit = False
         self._sent: Counter[str] | None = None
@@ -107,12 +107,12 @@ class DrillNode(ManagedNode):
     @property
     def report(self) -> Report | None:
         """The latest report, None before the first."""
-        return self._drill.account.last if self._drill else None
+        return self._drill.reporter.last if self._drill else None
 
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
-        return self._drill.account.totals if self._drill else Statistics()
+        return self._drill.reporter.totals if self._drill else Statistics()
 
     @property
     def faults(self) -> tuple[FaultRecord, ...]:

@@ -11,11 +11,11 @@ from concurrent.futures import Future
 from rclpy.node import Node
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.paced_run import PacedRun
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.ros.drill.time_control import TimeControl
 from rpud_sim.ros.drill.time_source import TimeSource
 from rpud_sim.simulation.checkpoints import Checkpoints
@@ -40,7 +40,7 @@ class Drilling:
         node: Node,
         settings: Settings,
         publishers: DrillPublishers,
-        account: Account,
+        reporter: StatusReporter,
         inbox: Inbox,
         restored: Callable[[Settings], None],
         end: int = sys.maxsize,
@@ -50,7 +50,7 @@ class Drilling:
         self._seed = settings.seed
         self._journal: Journal | None = None
         self._publishers = publishers
-        self._account = account
+        self._reporter = reporter
         self._inbox = inbox
         self._restored = restored
         self._end = end
@@ -62,7 +62,7 @@ class Drilling:
         self._source = TimeSource(node, settings.publish_clock)
         pacer = Pacer(settings.telemetry_rate, schedule=self._source.schedule)
         planned = start.planned if start else ()
-        self._paced = PacedRun(run, publishers, account, inbox, pacer, self._logger, planned)
+        self._paced = PacedRun(run, publishers, reporter, inbox, pacer, self._logger, planned)
         if start is not None:
             self._paced.resume(self._copy(start, Journal()), 0, active=True)
 
@@ -97,8 +97,8 @@ class Drilling:
     def announce(self) -> None:
         """Publish status and diagnostics of a drilling that has not started."""
         self.run.place(self._source.return_to(self.run.time))
-        self._account.report("inactive", self.run)
-        self._account.publish_diagnostics()
+        self._reporter.report("inactive", self.run)
+        self._reporter.publish_diagnostics()
 
     def begin(self, settings: Settings) -> None:
         """Begin, active and with a journal, with settings that may have changed."""
@@ -119,7 +119,7 @@ class Drilling:
         self._logger.info(_first_line(self._settings.configuration))
         self._source.wait(stop, serve)
         self.run.place(self._source.return_to(self.run.time))
-        self._account.finish()
+        self._reporter.finish()
         if self._source.follows or not self._settings.start_paused:
             self.play()
         else:
@@ -135,7 +135,7 @@ class Drilling:
     def finish(self) -> None:
         """Publish what is left, and the last status."""
         self._paced.flush("end")
-        self._account.finish()
+        self._reporter.finish()
         self._paced.report("stopped")
 
     def close(self) -> None:
@@ -201,7 +201,7 @@ class Drilling:
         now = old.origin + old.time - new.time
         origin = self._source.return_to(new.time, now if continues else new.origin)
         self._paced.resume(new, origin, old.control.active)
-        self._account.begin()
+        self._reporter.begin()
         self._restored(self._settings)
         self._pace()
         return origin + new.time
@@ -230,7 +230,7 @@ class Drilling:
         self._paced.flush()
         if new is not None:
             self._paced.replace(new, self._source.begin(None if time else old.origin + old.time))
-            self._account.begin()
+            self._reporter.begin()
             self._restored(settings)
         elif time:
             old.place(self._source.begin() - old.time)
@@ -250,7 +250,7 @@ class Drilling:
         self._paced.resume(run, self.run.origin, active=True)
 
     def _copy(self, start: Start, journal: Journal) -> Run:
-        return start.run.copy(journal, self._publishers.wanted, self._account.add)
+        return start.run.copy(journal, self._publishers.wanted, self._reporter.add)
 
     def _pace(self) -> None:
         factor = 1.0 if self._source.follows else self._settings.real_time_factor
@@ -259,7 +259,7 @@ class Drilling:
 
     def _new_run(self, seed: int, settings: Settings, active: bool) -> Run:
         beginning = Beginning.drawn(settings, seed)
-        return Run(beginning, self._journal, self._publishers.wanted, active, self._account.add)
+        return Run(beginning, self._journal, self._publishers.wanted, active, self._reporter.add)
 
 
 def _first_line(configuration: Configuration) -> str:

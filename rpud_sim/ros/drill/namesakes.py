@@ -1,4 +1,4 @@
-"""Namesakes: other nodes of the drill's name, which would answer the same requests."""
+"""Duplicate nodes: other nodes of the drill's name, which would answer the same requests."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class NameHold:
             self._socket = None
 
 
-class Namesakes:
+class DuplicateNodes:
     """Count of the other nodes of a node's name, which it holds; it warns if there are some."""
 
     def __init__(self, node: Node) -> None:

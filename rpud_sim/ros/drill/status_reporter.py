@@ -1,4 +1,4 @@
-"""Account of a drilling: statistics, and the reports of them."""
+"""Status reporter: statistics of a drilling, and the reports of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rclpy.node import Node
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import NO_TIMING, Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import NO_DELAYS, Delays, Report, report_to_diagnostics
@@ -29,7 +29,7 @@ _COMMAND_TOPICS = (
 )
 
 
-class Account:
+class StatusReporter:
     """Statistics and reports, every second and on demand; ``telemetry_rate`` is in Hz."""
 
     def __init__(
@@ -38,7 +38,7 @@ class Account:
         telemetry_rate: int,
         publishers: DrillPublishers,
         inbox: Inbox,
-        namesakes: Namesakes,
+        namesakes: DuplicateNodes,
     ) -> None:
         self.scheduling = "time-sharing"  # how the system schedules the pacing thread
         self._node = node

@@ -12,7 +12,7 @@ _REPETITION = 0.05  # of a request, whose response the node may drop [s]
 _PATIENCE = 5.0  # with a node that does not answer, or has no such service [s]
 
 
-class Introduction:
+class DiscoveryProbe:
     """Request to a node that is made after the subscriptions.
 
     Discovery announces the readers of a process in the order in which they were made. So a node
