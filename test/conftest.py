@@ -63,11 +63,11 @@ def process() -> Iterator[Callable[..., Process]]:
 def optional_packages(monkeypatch: pytest.MonkeyPatch) -> str:
     """Let this process and those that it starts import what users may install in addition.
 
-    `make test-all` installs these packages into a folder of their own and names it in RPUD_OPTIONAL.
+    `make test-all` installs these packages into a folder, which RPUD_OPTIONAL names.
     """
     folder = os.environ.get("RPUD_OPTIONAL", "")
     if not folder:
-        pytest.skip("RPUD_OPTIONAL names no folder with optional.lock installed; `make test-all` does")
+        pytest.skip("RPUD_OPTIONAL names no folder of optional.lock, as `make test-all` does")
     assert os.path.isdir(folder), folder
     monkeypatch.syspath_prepend(folder)
     path = os.environ.get("PYTHONPATH", "")

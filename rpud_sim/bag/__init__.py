@@ -1,6 +1,10 @@
 """Bags as rosbag2 writes them: a reader, a writer and a recovery that need no ROS.
 
-All times are integer nanoseconds since the epoch, as in the files.
+All times are integer nanoseconds since the epoch, as in the files. What cannot be read or written
+raises a ``BagError``: ``BagNotFoundError`` without a bag, ``BagFormatError`` where a part is
+damaged, incomplete, beyond a limit or of an unknown form, ``BagExistsError`` where a new bag would
+overwrite something, and ``BagError`` itself where the disk fails or a topic is unknown. Modules
+below a reader or a writer may raise an ``OSError`` of the disk.
 """
 
 from __future__ import annotations
@@ -86,14 +90,8 @@ def __dir__() -> list[str]:
 def open(path: str | os.PathLike[str], *, unclosed: bool = False) -> BagReader:
     """Open a bag for reading.
 
-    Args:
-        path: a bag's directory or one file of it: MCAP or SQLite, also compressed.
-        unclosed: whether to read MCAP files that were not closed, or lost their end, as far as they
-            are whole.
-
-    Raises:
-        BagNotFoundError: if there is no bag at ``path``.
-        BagFormatError: if a file is damaged or incomplete.
+    ``path`` is its directory or one file of it: MCAP or SQLite, also compressed. With ``unclosed``
+    MCAP files that were not closed, or lost their end, are read as far as they are whole.
     """
     from rpud_sim.bag.reader import BagReader
 

@@ -27,9 +27,7 @@ from rpud_sim.bag.open_chunk import COMPRESSIONS
 from rpud_sim.bag.output_file import OutputFile
 from rpud_sim.bag.reserve import Reserve
 
-CHUNK_SIZE = 1 << 20
-"""Uncompressed size after which a chunk is closed [bytes]."""
-
+CHUNK_SIZE = 1 << 20  # uncompressed size after which a chunk is closed [bytes]
 _END = 1 << 20  # bytes of a reserve for records at the end of a bag, its metadata and its folder
 _MOST_CHANNELS = 2**16 - 1
 
@@ -37,15 +35,8 @@ _MOST_CHANNELS = 2**16 - 1
 class BagFolder:
     """New bag that is written by channels; one of its files is open, all have the same channels.
 
-    Args:
-        compression: of the chunks, one of ``COMPRESSIONS``.
-        chunk_size: uncompressed size after which a chunk is closed [bytes].
-        reserved: whether ``hold`` keeps room on the disk.
-        ahead: chunks that another thread compresses meanwhile.
-
-    Raises:
-        BagExistsError: if anything exists at ``path``.
-        BagError: if the folder cannot be created. Every method raises it if the disk fails.
+    Its options are those of ``OutputFile``; with ``reserved`` it keeps room on the disk for
+    ``hold``.
     """
 
     def __init__(
@@ -85,7 +76,6 @@ class BagFolder:
 
     @property
     def file_count(self) -> int:
-        """Files so far."""
         return len(self._closed_files) + (self._file is not None)
 
     @property
@@ -123,7 +113,6 @@ class BagFolder:
     def write(
         self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int = 0
     ) -> None:
-        """Add one message, with times from 0 to ``LATEST``, to the channel with this number."""
         try:  # faster than a context, and recorders write many messages
             self._opened.write(self._numbers[channel], data, log_time, publish_time, sequence)
         except OSError as error:
@@ -131,12 +120,7 @@ class BagFolder:
         self._counts[self._channels[channel][0]] += 1
 
     def write_blocks(self, parts: Sequence[tuple[int, MessageBlock, np.ndarray]]) -> None:
-        """Add many messages at once.
-
-        Args:
-            parts: number of a channel, its messages with times from 0 to ``LATEST``, and the place
-                of each among the messages of all parts.
-        """
+        """Add many messages at once: channel, messages, and the place of each among all of them."""
         with self._writing():
             self._opened.write_blocks(
                 [(self._numbers[channel], block, places) for channel, block, places in parts]
@@ -165,16 +149,13 @@ class BagFolder:
                 self._repeated += 1
 
     def add_attachment(self, attachment: Attachment) -> None:
-        """Add an attached file."""
         with self._writing():
             self._opened.add_attachment(attachment)
 
     def add_custom_data(self, content: Mapping[str, str]) -> None:
-        """Add to the custom data of the bag's metadata."""
         self._custom_data.update(content)
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
-        """Add a metadata record."""
         with self._writing():
             self._opened.add_record(name, content)
 

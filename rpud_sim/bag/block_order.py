@@ -13,8 +13,7 @@ from rpud_sim.bag.errors import BagError
 from rpud_sim.bag.message_block import MessageBlock, joined
 from rpud_sim.bag.messages import OVERLAP_LIMIT, Message, Source, overlap_error
 
-READ_AHEAD = 16 * 2**20
-"""Greatest size of chunks that threads read before they are due [bytes]."""
+READ_AHEAD = 16 * 2**20  # greatest size of chunks that threads read before they are due [bytes]
 
 _THREADS = 2
 _MOST_AHEAD = 3  # chunks
@@ -25,8 +24,6 @@ _LARGEST = 2**63 - 1
 
 @dataclass(frozen=True)
 class _Part:
-    """Messages of one source and topic that are not due yet."""
-
     block: MessageBlock  # the messages
     times: np.ndarray  # from which they may be passed on [ns]: not before their source was due
 
@@ -38,15 +35,8 @@ class _Part:
 def ordered_blocks(sources: Iterable[Source], end: int | None = None) -> Iterator[MessageBlock]:
     """Yield the messages of sources in blocks; within each topic they have the order of ``merged``.
 
-    While the caller works with a block, threads read the next chunks.
-
-    Args:
-        sources: each can read its messages as blocks.
-        end: log time of the first message that does not count [ns]; None for no end.
-
-    Raises:
-        BagFormatError: if a source is damaged, or sources of more than ``OVERLAP_LIMIT`` overlap in
-            time.
+    While the caller works with a block, threads read the next chunks. ``end`` is the log time of
+    the first message that does not count [ns].
     """
     pending = sorted(sources, key=lambda source: source.start_time)
     if end is not None:
@@ -79,8 +69,7 @@ def ordered_blocks(sources: Iterable[Source], end: int | None = None) -> Iterato
 def gathered_blocks(messages: Iterable[Message], end: int | None = None) -> Iterator[MessageBlock]:
     """Yield messages in blocks, in their order; what was read before an error comes before it.
 
-    Args:
-        end: log time of the first message that does not count [ns]; None for no end.
+    ``end`` is the log time of the first message that does not count [ns].
     """
     found: dict[str, list[Message]] = {}
     count = size = 0

@@ -13,8 +13,8 @@ from rpud_sim.bag.columns import Column, Kind, Sequences
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.time import SECOND
 
+# Column with the exact time of each row.
 TIME = Column("time", Kind.TIME, np.dtype(np.int64), description="of the sample or segment")
-"""Column with the exact time of each row."""
 
 # Columns from which the time of a row is calculated, by type.
 _TIME_COLUMNS = {
@@ -47,15 +47,9 @@ def row_columns(columns: tuple[Column, ...]) -> tuple[Column, ...]:
 def to_rows(
     columns: tuple[Column, ...], blocks: Mapping[str, np.ndarray | Sequences]
 ) -> dict[str, np.ndarray]:
-    """Return the values of ``row_columns``, one for each row.
+    """Return the values of ``row_columns``, one for each row, from those of each block.
 
     Each row has the values that its block has once. ``sequence`` is the number of the row.
-
-    Args:
-        blocks: values of these columns, one for each block.
-
-    Raises:
-        BagFormatError: if the sequences of a block differ in length, or its times are impossible.
     """
     sequences = {name: each for name, each in blocks.items() if isinstance(each, Sequences)}
     single = {name: each for name, each in blocks.items() if not isinstance(each, Sequences)}
@@ -94,12 +88,7 @@ def _offsets(period: float, firsts: np.ndarray, counts: np.ndarray) -> np.ndarra
     """Return the times of samples after the first of their block [ns].
 
     At a whole rate each time is rounded as that of the first one. Otherwise the times of samples
-    would depend on how they are divided into blocks.
-
-    Args:
-        period: between samples [s].
-        firsts: number of each block's first sample.
-        counts: of samples in each block.
+    would depend on how they are divided into blocks. ``period`` is in s.
     """
     most = int(counts.max())
     if not (math.isfinite(period) and period > 0.0 and period * most < _MAX_DURATION):

@@ -13,11 +13,8 @@ from rosbags.typesys.store import Typestore
 
 from rpud_sim.bag.errors import BagFormatError
 
-DECODED_LIMIT = 256 * 2**20
-"""Greatest decoded message, with its text in exported files [bytes]."""
-
-FIELDS_LIMIT = 100_000
-"""Greatest number of fields of a type, with those of its members."""
+DECODED_LIMIT = 256 * 2**20  # greatest decoded message, with its text in exported files [bytes]
+FIELDS_LIMIT = 100_000  # greatest number of fields of a type, with those of its members
 
 # Bytes that parts of a message take as objects, as plain values, and as text.
 _MEMBER = 500  # a message within a message
@@ -29,8 +26,6 @@ _LEAST_TEXT = 5  # its length, and the zero at its end
 
 
 class _Shape(NamedTuple):
-    """Bounds of one part of a message."""
-
     fields: int  # number of fields
     memory: int  # that it takes without the content of texts and sequences [bytes]
     size: int  # least number of bytes in the message
@@ -38,14 +33,7 @@ class _Shape(NamedTuple):
 
 
 class Budget:
-    """Bounds of the memory that decoded messages of one type take.
-
-    Args:
-        store: holds the type, with all types that it needs.
-
-    Raises:
-        BagFormatError: if the type has more than ``FIELDS_LIMIT`` fields.
-    """
+    """Bounds of the memory that decoded messages of one type take."""
 
     def __init__(self, store: Typestore, type_name: str) -> None:
         self._store = store
@@ -69,16 +57,11 @@ class Budget:
         return int(left / self._whole.share)
 
     def check(self, data: bytes) -> None:
-        """Check that a message takes at most ``DECODED_LIMIT``.
-
-        Raises:
-            BagFormatError: if it takes more.
-        """
+        """Check that a message takes at most ``DECODED_LIMIT``."""
         if self.most(len(data)) > DECODED_LIMIT:
             _Walk(self, data).member(self._type, 4)
 
     def shape(self, node: Nodetype, described: Any) -> _Shape:
-        """Return the bounds of a field."""
         if node == Nodetype.NAME:
             return self._member(described)
         if node == Nodetype.BASE:
@@ -112,7 +95,6 @@ class Budget:
 
     @cached_property
     def members(self) -> dict[str, list[Any]]:
-        """Fields of each type."""
         return {
             name: [field for _, field in self._store.fielddefs[name][1]] for name in self._shapes
         }
@@ -124,13 +106,10 @@ def _number(size: int) -> int:
 
 
 def _is_number(node: Nodetype, described: Any) -> bool:
-    """Return whether a field is a single number."""
     return node == Nodetype.BASE and described[0] not in _TEXTS
 
 
 class _Walk:
-    """Walk along a message that adds up its memory, and fails if that exceeds the limit."""
-
     def __init__(self, budget: Budget, data: bytes) -> None:
         self._budget = budget
         self._data = data

@@ -19,11 +19,10 @@ from rpud_sim.bag.budget import Budget
 from rpud_sim.bag.encoder import CODES, Encoder, Members, Sequence
 from rpud_sim.bag.errors import DAMAGED, BagFormatError
 
+# Greatest definition of a type, with all types that it needs [characters].
 DEFINITION_LIMIT = 256 * 2**10
-"""Greatest definition of a type, with all types that it needs [characters]."""
 
-FIELDS_SIZE_LIMIT = 64 * 2**10
-"""Greatest definition of a type without its comments [characters]."""
+FIELDS_SIZE_LIMIT = 64 * 2**10  # greatest definition of a type without its comments [characters]
 
 _COMMENT = re.compile(r"#.*")
 _WRITTEN_OUT_LIMIT = 10_000
@@ -31,15 +30,7 @@ _NO_FIELDS = "structure_needs_at_least_one_member"  # field of a type without fi
 
 
 class Codec:
-    """Encoder and decoder of the messages of one type.
-
-    Args:
-        type_name: such as ``std_msgs/msg/Header``.
-        definition: complete ``ros2msg`` text.
-
-    Raises:
-        BagFormatError: if the definition is malformed, or lacks a type.
-    """
+    """Encoder and decoder of the messages of one type, from its complete ``ros2msg`` text."""
 
     def __init__(self, type_name: str, definition: str) -> None:
         self._type = type_name
@@ -84,19 +75,11 @@ class Codec:
         ]
 
     def encode(self, fields: Mapping[str, Any]) -> bytes:
-        """Return a serialized message; values and errors are those of ``Encoder.encode``.
-
-        Raises:
-            BagFormatError: if the type has members that an ``Encoder`` cannot encode.
-        """
+        """Return a serialized message; values and errors are those of ``Encoder.encode``."""
         return self.encoder.encode(fields)
 
     def decode(self, data: bytes) -> Any:
-        """Return a message as an object with its fields, and with NumPy arrays for sequences.
-
-        Raises:
-            BagFormatError: if the data is not of this type, or takes too much memory.
-        """
+        """Return a message as an object with its fields, and with NumPy arrays for sequences."""
         self._budget.check(data)
         with self._understanding("message"):
             return self._store.deserialize_cdr(data, self._type)
@@ -110,22 +93,13 @@ class Codec:
         return self._budget.largest(memory)
 
     def without_padding(self, data: bytes) -> bytes:
-        """Return the same message with zeros for the padding between fields, as ``encode`` does.
-
-        Raises:
-            BagFormatError: if the data is not of this type.
-        """
+        """Return the same message with zeros for the padding between fields, as ``encode`` does."""
         message = self.decode(data)
         with self._understanding("message"):
             return bytes(self._store.serialize_cdr(message, self._type))
 
     @cached_property
     def encoder(self) -> Encoder:
-        """Encoder of the type.
-
-        Raises:
-            BagFormatError: if the type has members that an ``Encoder`` cannot encode.
-        """
         return Encoder(_members(self._store, self._type))
 
     @contextmanager

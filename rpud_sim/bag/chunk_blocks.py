@@ -16,6 +16,7 @@ from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.messages import read_chunk
 from rpud_sim.bag.records import CONTENT_LIMIT, MESSAGE, RECORD, records_in
 
+# Beginning of a message's record; its bytes follow.
 HEAD = np.dtype(
     [
         ("opcode", "u1"),
@@ -26,7 +27,6 @@ HEAD = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
-"""Beginning of a message's record; its bytes follow."""
 
 _ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
 _INDEX = struct.Struct("<HI")  # channel, length of the entries [bytes]
@@ -39,14 +39,7 @@ def chunk_blocks(
     """Return a chunk's messages from ``start_time`` [ns] on, a block for each topic.
 
     Each block is in the order of log times. The position of ``stream`` stays as it is, so that a
-    thread may call this.
-
-    Args:
-        topics: names of the wanted channels, by their numbers.
-        start_time: earliest log time [ns].
-
-    Raises:
-        BagFormatError: if the chunk is damaged.
+    thread may call this. ``topics`` has the names of the channels to read, by their numbers.
     """
     content = read_chunk(stream, index)
     data = np.frombuffer(content, np.uint8)
@@ -118,7 +111,6 @@ def _walked_places(content: bytes) -> np.ndarray:
 
 
 def _heads(data: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Return the beginnings of records from an overlapping view, with one item for each place."""
     if not len(places):
         return np.empty(0, HEAD)
     found: np.ndarray = np.ndarray((len(data) - HEAD.itemsize + 1,), HEAD, data, strides=(1,))[

@@ -17,11 +17,10 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.errors import BagFormatError
 from rpud_sim.foundation.time import SECOND
 
-COLUMNS_LIMIT = 10_000
-"""Greatest number of columns of a table."""
+COLUMNS_LIMIT = 10_000  # greatest number of columns of a table
 
+# Columns of every table; a field with such a name gets underscores until it is unique.
 RECEIVED = ("log_time", "publish_time")
-"""Columns of every table; a field with such a name gets underscores until it is unique."""
 
 _TIME, _DURATION = "builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"
 _DTYPES = {"bool": np.dtype(bool), "byte": np.dtype(np.uint8), "char": np.dtype(np.uint8)}
@@ -62,10 +61,8 @@ class Column:
     def values(self, messages: Sequence[Any]) -> np.ndarray | Sequences:
         """Return the values of decoded messages, one for each, in the form of ``kind``.
 
-        Those of a sequence of numbers are ``Sequences``.
-
-        Raises:
-            ValueError, OverflowError: if they do not fit.
+        Those of a sequence of numbers are ``Sequences``. Values that do not fit raise a ValueError
+        or an OverflowError.
         """
         found = [*map(attrgetter(self.attribute), messages)]
         if self.kind is Kind.NUMBER:
@@ -94,7 +91,6 @@ class Sequences:
 
     @classmethod
     def of(cls, rows: Iterable[np.ndarray], dtype: np.dtype) -> Sequences:
-        """Return the sequences of arrays."""
         parts = [part.astype(dtype, copy=False) for part in rows]
         counts = np.array([len(part) for part in parts], np.int64)
         return cls(np.concatenate([np.empty(0, dtype), *parts]), counts)
@@ -107,14 +103,7 @@ class Sequences:
 
 
 def columns_of(codec: Codec, definition: str) -> tuple[Column, ...]:
-    """Return the columns of a type in the order of its fields; messages give one for each field.
-
-    Args:
-        definition: ``ros2msg`` text of the type, for the comments.
-
-    Raises:
-        BagFormatError: if there are more than ``COLUMNS_LIMIT``.
-    """
+    """Return the columns of a type in the order of its fields; messages give one for each field."""
     columns: list[Column] = []
     taken = {*RECEIVED}
     comments = _comments(codec.type_name, definition)
@@ -194,7 +183,6 @@ def _dtype(base: tuple[str, int]) -> np.dtype | None:
 
 
 def _comments(type_name: str, definition: str) -> dict[tuple[str, str], str]:
-    """Return the comments behind fields, by type and field."""
     names = [type_name]
     texts = _TYPE_LINE.split(definition)
     names += [_long_name(name) for name in texts[1::2]]

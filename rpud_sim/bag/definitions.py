@@ -104,7 +104,6 @@ def _read(type_name: str, places: list[Path], suffix: str) -> str:
 
 
 def _dependencies(text: str, type_name: str) -> Iterator[str]:
-    """Yield the type ``package/Name`` of each field that is a message, in order."""
     package, _ = _split(type_name)
     for line in text.splitlines():
         match = _FIELD_TYPE.match(line)

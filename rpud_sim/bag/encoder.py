@@ -80,15 +80,11 @@ class Encoder:
         self._records: dict[tuple[int, ...], np.dtype] = {}
 
     def encode(self, values: Mapping[str, Any]) -> bytes:
-        """Return the serialized message.
+        """Return the serialized message, from the values of all members.
 
-        Args:
-            values: of all members. Messages are mappings, sequences of numbers ``array.array`` or
-                NumPy arrays, other sequences lists.
-
-        Raises:
-            KeyError: if a member is missing.
-            TypeError, ValueError, struct.error: if a value does not fit its type.
+        Messages are mappings, sequences of numbers ``array.array`` or NumPy arrays, other sequences
+        lists. Besides a KeyError of a missing member, what does not fit its type raises a
+        TypeError, ValueError or struct.error.
         """
         flat: list[Any] = []
         lengths: list[int] = []
@@ -105,14 +101,9 @@ class Encoder:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return serialized messages one behind the other, uint8, and their sizes [bytes].
 
-        Args:
-            columns: as the values of one message, with an array in place of each number that
-                differs from message to message. Sequences of numbers are arrays with a row for each
-                message, or ``Ragged``; texts and other sequences are the same in all.
-
-        Raises:
-            KeyError: if a member is missing.
-            TypeError, ValueError: if a value does not fit its type.
+        ``columns`` are as the values of one message, with an array in place of each number that
+        differs from message to message. Sequences of numbers are arrays with a row for each
+        message, or ``Ragged``; texts and other sequences are the same in all.
         """
         flat: list[Any] = []
         lengths: list[int] = []
@@ -163,7 +154,6 @@ def _encode_ragged(
 
 
 def _sequences_at(data: np.ndarray, begins: np.ndarray, sequences: Ragged) -> None:
-    """Write each sequence to its place in bytes."""
     content = np.ascontiguousarray(sequences.values).view(np.uint8).data
     target = data.data
     cuts = (sequences.cuts * sequences.values.itemsize).tolist()
@@ -172,7 +162,6 @@ def _sequences_at(data: np.ndarray, begins: np.ndarray, sequences: Ragged) -> No
 
 
 def _column_at(data: np.ndarray, begins: np.ndarray, code: str, value: Any) -> None:
-    """Write a value, or one for each place, to places in bytes."""
     dtype = np.dtype(code)
     if not dtype.itemsize or not len(begins):
         return
@@ -185,7 +174,6 @@ def _column_at(data: np.ndarray, begins: np.ndarray, code: str, value: Any) -> N
 
 
 def _check_fits(value: Any, written: np.ndarray) -> None:
-    """Raise a ValueError if whole numbers were changed when they were written."""
     dtype = written.dtype.base
     if dtype.kind not in "iu" or getattr(value, "dtype", None) == dtype:
         return
@@ -222,7 +210,6 @@ def _flattener(kind: Members) -> Flattener:
 
 
 def _numbers(names: Iterable[str]) -> Flattener:
-    """Return what appends the values of numbers that follow each other."""
     first, *others = names
     if not others:
         return lambda values, flat, lengths: flat.append(values[first])
@@ -231,7 +218,6 @@ def _numbers(names: Iterable[str]) -> Flattener:
 
 
 def _member(name: str, inner: str | Members | Sequence) -> Flattener:
-    """Return what appends a member that is no number."""
     if isinstance(inner, Members):
         flatten = _flattener(inner)
         return lambda values, flat, lengths: flatten(values[name], flat, lengths)
@@ -293,7 +279,6 @@ def _keep(known: dict[tuple[int, ...], Any], key: tuple[int, ...], value: Any) -
 
 
 def _record(kind: Members, lengths: list[int]) -> np.dtype:
-    """Return the type of a message as a record of NumPy, with a field for each part."""
     formats, offsets = [f"S{len(_ENCAPSULATION)}"], [0]
     end = len(_ENCAPSULATION)
     for code, size, alignment in _parts(kind, iter(lengths)):
@@ -317,7 +302,6 @@ def _layout(kind: Members, lengths: list[int]) -> str:
 
 
 def _parts(kind: Members, lengths: Iterator[int]) -> Iterator[tuple[str, int, int]]:
-    """Yield code, size and alignment of each part of the struct."""
     for _, inner in kind.members:
         if inner == TEXT:
             length = next(lengths)

@@ -10,9 +10,10 @@ from pathlib import Path
 import zstandard
 from mcap.exceptions import McapError
 
+# Errors that Python raises where a value is not of the expected form.
 MALFORMED = (AttributeError, LookupError, OverflowError, RecursionError, TypeError, ValueError)
-"""Errors that Python raises where a value is not of the expected form."""
 
+# Errors that the libraries raise when they read damaged bytes.
 DAMAGED = (
     *MALFORMED,
     EOFError,
@@ -23,7 +24,6 @@ DAMAGED = (
     struct.error,
     zstandard.ZstdError,
 )
-"""Errors that the libraries raise when they read damaged bytes."""
 
 
 class BagError(Exception):
@@ -59,13 +59,7 @@ class DefinitionNotFoundError(BagError):
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Replace every error that a missing or damaged file causes by one that names the file.
-
-    Raises:
-        BagNotFoundError: if the file does not exist.
-        BagFormatError: if it is damaged.
-        BagError: if the disk fails.
-    """
+    """Replace errors that a missing or damaged file causes by a BagError that names the file."""
     try:
         yield
     except FileNotFoundError as error:
@@ -81,11 +75,7 @@ def reading(path: Path) -> Iterator[None]:
 
 @contextmanager
 def parsing(what: str) -> Iterator[None]:
-    """Replace the errors of a value of the wrong form by one that names the value.
-
-    Raises:
-        BagFormatError: "``what`` is unreadable", with the reason.
-    """
+    """Replace the errors of a value of the wrong form by a BagFormatError that names the value."""
     try:
         yield
     except MALFORMED as error:

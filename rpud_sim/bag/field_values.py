@@ -45,9 +45,6 @@ class FieldReader:
     One walk finds the places of all messages' fields. Of a list of texts, equal ones are decoded
     once. What the walk cannot read is decoded message by message: lists of messages, a byte order
     other than that of the first message, and messages that are not of the type, for the reason.
-
-    Args:
-        columns: to be read, of ``columns_of``.
     """
 
     def __init__(self, codec: Codec, columns: Sequence[Column]) -> None:
@@ -85,7 +82,6 @@ class FieldReader:
         return FieldValues(np.concatenate([rows, others])[order], joined, errors)
 
     def _walked(self, block: MessageBlock) -> tuple[np.ndarray, dict[str, np.ndarray | Sequences]]:
-        """Return the places of messages that one walk reads, and their values."""
         readable = (block.sizes >= HEAD) & (block.sizes <= self._largest)
         order = ""
         if readable.any():
@@ -110,7 +106,6 @@ class FieldReader:
     def _decoded(
         self, block: MessageBlock, rows: np.ndarray
     ) -> tuple[dict[str, np.ndarray | Sequences], tuple[tuple[int, str], ...]]:
-        """Return the values of messages that are decoded one by one, and the errors of others."""
         messages, errors = [], []
         for row in rows.tolist():
             try:
@@ -129,8 +124,6 @@ class _UnreadableError(Exception):
 
 
 class _Values:
-    """Values of fields whose places are known."""
-
     def __init__(
         self,
         data: np.ndarray,
@@ -245,7 +238,6 @@ class _Values:
 
 
 def _holds_texts(codec: Codec, attribute: str) -> bool:
-    """Return whether a list holds texts, not messages."""
     type_name = codec.type_name
     for part in attribute.split("."):
         node, described = {name: kind for _, name, kind in codec.fields(type_name)}[part]

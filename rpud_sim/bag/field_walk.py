@@ -11,14 +11,11 @@ from rosbags.interfaces import Nodetype
 
 from rpud_sim.bag.cdr import Codec
 
-ELEMENTS_LIMIT = 10_000
-"""Greatest number of messages within one message that are passed one by one."""
+ELEMENTS_LIMIT = 10_000  # greatest number of messages within one message that are passed one by one
+HEAD = 4  # bytes before the first field: the encoding of a message
 
-HEAD = 4
-"""Bytes before the first field: the encoding of a message."""
-
+# Whole number for all messages: one if it is the same for all, otherwise of shape (n,).
 Whole: TypeAlias = "int | np.ndarray"
-"""Whole number for all messages: one if it is the same for all, otherwise of shape (n,)."""
 
 _STEPS_LIMIT = 4 * ELEMENTS_LIMIT  # of one walk: messages with other lengths need other steps
 _TEXTS = ("string", "wstring")
@@ -115,7 +112,6 @@ class FieldWalk:
         return end
 
     def _elements(self, element: Nodetype, item: Any, counts: Whole, place: Whole) -> Whole:
-        """Pass the messages or texts of an array or sequence one by one."""
         self.bad |= np.asarray(counts) > ELEMENTS_LIMIT
         number = 0
         while True:
@@ -135,7 +131,6 @@ class FieldWalk:
             number += 1
 
     def _some(self, element: Nodetype, item: Any, chosen: np.ndarray, place: Whole) -> np.ndarray:
-        """Pass an element of some of the messages."""
         places = np.broadcast_to(np.asarray(place), self.bad.shape).copy()
         part = object.__new__(FieldWalk)
         part.__dict__.update(self.__dict__)
@@ -188,7 +183,6 @@ def _is_one(value: Whole) -> bool:
 
 
 def _same(values: Whole) -> Whole:
-    """Return one number if all are the same."""
     if not isinstance(values, np.ndarray) or (len(values) and (values == values[0]).all()):
         return values if not isinstance(values, np.ndarray) else int(values[0])
     return values

@@ -29,12 +29,7 @@ _CUSTOM_DATA_LIMIT = 2**20  # characters
 
 
 class FileRecovery:
-    """Recovery of one file into a new bag.
-
-    Args:
-        file: an MCAP file, torn or not.
-        repeats: whether to keep messages that the file repeats of the previous one.
-    """
+    """Recovery of one file into a new bag; ``repeats`` keeps messages that it repeats."""
 
     def __init__(
         self,
@@ -60,12 +55,7 @@ class FileRecovery:
         self._unknown = 0  # messages of undeclared channels
 
     def run(self, progress: Callable[[int], object]) -> None:
-        """Recover the file; call ``progress`` with the bytes read since the last call.
-
-        Raises:
-            BagFormatError: if the file declares more than a bag can hold.
-            BagError: if the disk fails.
-        """
+        """Recover the file; call ``progress`` with the bytes read since the last call."""
         expected = self._read_summary()
         with reading(self._file), self._file.open("rb") as stream:
             scan = Scan(stream, os.fstat(stream.fileno()).st_size)

@@ -7,15 +7,12 @@ from collections import deque
 from rpud_sim.bag.messages import Message
 from rpud_sim.bag.metadata import Topic
 
+# Channel metadata of messages that a file repeats of the previous one.
 REPEATED_KEY = "rpud_repeated"
-"""Channel metadata of messages that a file repeats of the previous one."""
 
 
 class LatchedMessages:
-    """Last messages of each latched topic, as many as it has publishers.
-
-    A topic is latched if one of its publishers is transient local.
-    """
+    """Last messages of each topic with a transient local publisher, one for each publisher."""
 
     def __init__(self) -> None:
         self._messages: dict[str, deque[Message]] = {}
@@ -37,7 +34,6 @@ class LatchedMessages:
         )
 
     def note(self, message: Message) -> None:
-        """Keep a message if its topic is latched."""
         if message.topic in self._messages:
             self._messages[message.topic].append(message)
 
@@ -48,6 +44,5 @@ class LatchedMessages:
         return [message._replace(log_time=log_time) for message in kept]
 
     def clear(self) -> None:
-        """Discard the messages."""
         for messages in self._messages.values():
             messages.clear()

@@ -8,12 +8,10 @@ from dataclasses import asdict, dataclass
 
 from rpud_sim.bag.errors import parsing
 
-RECORD_NAME = "rpud_losses"
-"""Metadata record with the ``Losses`` of each topic."""
+RECORD_NAME = "rpud_losses"  # metadata record with the ``Losses`` of each topic
 
+# Metadata record with the duration that a recorder loses at most if it is killed: ``max_loss`` [s].
 RECORDING_RECORD = "rpud_recording"
-"""Metadata record with the duration that a recorder loses at most if it is killed: ``max_loss``
-[s]."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +35,6 @@ def losses_to_record(losses: Mapping[str, Losses]) -> dict[str, str]:
 
 
 def losses_from_record(record: Mapping[str, str]) -> dict[str, Losses]:
-    """Return the losses of each topic from the content of the metadata record.
-
-    Raises:
-        BagFormatError: if the content has another form.
-    """
     with parsing(f"the record {RECORD_NAME}"):
         return {topic: _losses(json.loads(text)) for topic, text in record.items()}
 

@@ -13,8 +13,8 @@ from typing import Any
 
 from rpud_sim.bag.errors import parsing
 
+# Metadata record of a manifest; a bag has one for each drill that ran during the recording.
 RECORD_NAME = "rpud_manifest"
-"""Metadata record of a manifest; a bag has one for each drill that ran during the recording."""
 
 _KEY = "manifest"
 _PACKAGES = ("rpud_sim", "numpy", "numba", "mcap")
@@ -52,11 +52,7 @@ class Manifest:
 
 
 def manifest_from_record(record: Mapping[str, str]) -> Manifest:
-    """Return the manifest from the content of the metadata record; unknown fields are ignored.
-
-    Raises:
-        BagFormatError: if the content has another form.
-    """
+    """Return the manifest from the content of the metadata record; unknown fields are ignored."""
     with parsing(f"the record {RECORD_NAME}"):
         value = _readable(json.loads(record[_KEY]))
         scenario = value["scenario"]

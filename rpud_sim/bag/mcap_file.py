@@ -24,25 +24,17 @@ from rpud_sim.bag.topic_summary import TopicSummary
 if TYPE_CHECKING:
     from rpud_sim.bag.message_block import MessageBlock
 
-RECORDS_LIMIT = 64 * 2**20
-"""Greatest size of all metadata records of one name together [bytes]."""
+RECORDS_LIMIT = 64 * 2**20  # greatest size of all metadata records of one name together [bytes]
 
 _COMMENT = re.compile(r"#.*")
 _NO_SCHEMA = Schema(id=0, data=b"", encoding="", name="")
 
 
 class McapFile:
-    """Open MCAP file with its summary section.
+    """Open MCAP file with its summary section; ``shown`` is its name in errors.
 
-    Args:
-        repeats: whether to include messages that the file repeats of the previous one.
-        shown: name of the file in errors; None for ``path``.
-        unclosed: whether to read a file that was not closed, or lost its end, up to its last whole
-            record.
-
-    Raises:
-        BagNotFoundError: if the file does not exist.
-        BagFormatError: if it is damaged or incomplete.
+    With ``repeats`` it includes messages that the file repeats of the previous one. With
+    ``unclosed`` a file that was not closed, or lost its end, is read up to its last whole record.
     """
 
     def __init__(
@@ -84,7 +76,6 @@ class McapFile:
 
     @cached_property
     def channels(self) -> dict[int, Channel]:
-        """Channels by their numbers."""
         return {
             number: channel
             for number, channel in self._index.channels.items()
@@ -93,7 +84,6 @@ class McapFile:
 
     @property
     def schemas(self) -> dict[int, Schema]:
-        """Schemas by their numbers."""
         return self._index.schemas
 
     @property
@@ -127,11 +117,6 @@ class McapFile:
         return found
 
     def records(self, name: str) -> Iterator[dict[str, str]]:
-        """Yield the metadata records of one name in their order.
-
-        Raises:
-            BagFormatError: if one is damaged, or they have more than ``RECORDS_LIMIT`` bytes.
-        """
         offsets = {index.offset for index in self._index.metadata_indexes if index.name == name}
         total = 0
         with self._reading():
@@ -147,11 +132,7 @@ class McapFile:
                     yield record.metadata
 
     def topic(self, name: str) -> TopicSummary:
-        """Return the summary of one topic.
-
-        Raises:
-            BagFormatError: if its declaration or an index is damaged.
-        """
+        """Return the summary of one topic."""
         with self._reading():
             channels = self.topic_channels[name]
             schema = self._index.schemas.get(channels[0].schema_id, _NO_SCHEMA)
@@ -199,11 +180,7 @@ class McapFile:
             )
 
     def pieces(self) -> Iterator[Piece]:
-        """Yield the parts that can be read by themselves, in the order of the file.
-
-        Raises:
-            BagFormatError: if a record outside of chunks is damaged.
-        """
+        """Yield the parts that can be read by themselves, in the order of the file."""
         for index in self._index.chunk_indexes:
             yield Piece(
                 index.message_start_time,
@@ -286,7 +263,6 @@ class McapFile:
 
     @cached_property
     def _definitions(self) -> dict[int, str]:
-        """Readable ``ros2msg`` texts of the schemas, by their numbers."""
         texts = {}
         for number, schema in self._index.schemas.items():
             if schema.encoding == "ros2msg":
@@ -310,5 +286,4 @@ _offered_qos = lru_cache(maxsize=1024)(load_offered_qos)
 
 @lru_cache(maxsize=1024)
 def _without_comments(definition: str) -> str:
-    """Return the parts of a definition that matter, with single blanks."""
     return " ".join(_COMMENT.sub("", definition).split())

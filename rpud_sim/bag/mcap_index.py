@@ -20,19 +20,15 @@ from rpud_sim.bag.records import (
     read_record,
 )
 
+# Greatest summary section [bytes]; that of an hour's recording has less than one MiB.
 SUMMARY_LIMIT = 64 * 2**20
-"""Greatest summary section [bytes]; that of an hour's recording has less than one MiB."""
 
 _REMEDY = "rpud recover makes a whole bag of it"
 _FOOTER_SIZE = RECORD.size + 20
 
 
 def check_ends(stream: BinaryIO, size: int, name: object) -> None:
-    """Check that a file of ``size`` bytes begins and ends as a closed MCAP file.
-
-    Raises:
-        BagFormatError: if it does not; the text begins with ``name``.
-    """
+    """Check that a file begins and ends as a closed MCAP file; ``size`` is in bytes."""
     stream.seek(0)
     if stream.read(len(MAGIC)) != MAGIC:
         raise BagFormatError(f"{name} is not an MCAP file")
@@ -42,11 +38,7 @@ def check_ends(stream: BinaryIO, size: int, name: object) -> None:
 
 
 def read_summary(stream: BinaryIO, size: int) -> Summary:
-    """Return the summary section of a file of ``size`` bytes that ends as it should.
-
-    Raises:
-        BagFormatError: if the section is damaged or missing.
-    """
+    """Return the summary section of a file of ``size`` bytes that ends as it should."""
     end = size - len(MAGIC) - _FOOTER_SIZE
     footer = parse(read_record(stream, end, size - len(MAGIC)))
     if not isinstance(footer, Footer) or not 0 < footer.summary_start <= end:
@@ -80,7 +72,6 @@ def read_summary(stream: BinaryIO, size: int) -> Summary:
 
 
 def _check_chunks(indexes: list[ChunkIndex], end: int) -> None:
-    """Check that chunks neither overlap nor reach beyond ``end``."""
     place = 0
     for index in sorted(indexes, key=lambda index: index.chunk_start_offset):
         if index.chunk_start_offset < place:
@@ -95,9 +86,6 @@ def complete_statistics(summary: Summary) -> Statistics:
 
     The format makes each part of the section optional. Topics would be missing unnoticed if a part
     were absent.
-
-    Raises:
-        BagFormatError: if a part is missing.
     """
     statistics = summary.statistics
     if statistics is None:
@@ -112,11 +100,7 @@ def complete_statistics(summary: Summary) -> Statistics:
 
 
 class MessageTimes:
-    """First and last log times of channels, from the message indexes of the chunks.
-
-    Args:
-        size: its length [bytes].
-    """
+    """First and last log times of channels, from the message indexes of the chunks."""
 
     def __init__(self, stream: BinaryIO, size: int, indexes: list[ChunkIndex]) -> None:
         self._stream = stream
@@ -130,9 +114,6 @@ class MessageTimes:
         """Return the first and last log time of ``channels`` [ns]; None without messages.
 
         It reads as few message indexes as possible: files have thousands.
-
-        Raises:
-            BagFormatError: if a message index is damaged.
         """
         holding = {
             index.chunk_start_offset: index

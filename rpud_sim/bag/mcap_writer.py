@@ -37,13 +37,9 @@ from rpud_sim.bag.records import MAGIC
 
 
 class McapWriter:
-    """Writer of a new MCAP file.
+    """Writer of a new MCAP file; options as of ``OutputFile``, but compressions by MCAP's names.
 
-    Args:
-        chunk_size: uncompressed size beyond which a chunk is closed [bytes].
-        compression: of the chunks: ``zstd``, ``lz4``, or empty for none.
-        ahead: chunks that another thread compresses meanwhile; with 0 a chunk is in the stream as
-            soon as it is full.
+    Without ``ahead`` a chunk is in the stream as soon as it is full.
     """
 
     def __init__(self, stream: BinaryIO, chunk_size: int, compression: str, ahead: int = 0) -> None:
@@ -77,11 +73,9 @@ class McapWriter:
         )
 
     def start(self, profile: str, library: str) -> None:
-        """Write the beginning of the file."""
         self._stream.write(MAGIC + _bytes_of(Header(profile, library)))
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Declare a schema and return its number."""
         schema = Schema(id=len(self._schemas) + 1, data=data, encoding=encoding, name=name)
         self._schemas.append(schema)
         self._declare(schema)
@@ -90,7 +84,6 @@ class McapWriter:
     def register_channel(
         self, topic: str, encoding: str, schema_id: int, metadata: Mapping[str, str]
     ) -> int:
-        """Declare a channel and return its number."""
         number = len(self._channels) + 1
         channel = Channel(number, topic, encoding, dict(metadata), schema_id)
         self._channels.append(channel)
@@ -101,7 +94,6 @@ class McapWriter:
     def add_message(
         self, channel: int, log_time: int, data: bytes, publish_time: int, number: int
     ) -> None:
-        """Add one message."""
         self._count(channel, 1, log_time, log_time)
         self._chunk.add(channel, log_time, data, publish_time, number)
         self._close_full_chunk()
@@ -126,7 +118,6 @@ class McapWriter:
             self._close_full_chunk()
 
     def add_attachment(self, attachment: Attachment) -> None:
-        """Write an attached file."""
         self.settle()
         content = _bytes_of(attachment)
         index = AttachmentIndex(
@@ -142,7 +133,6 @@ class McapWriter:
         self._stream.write(content)
 
     def add_metadata(self, name: str, content: dict[str, str]) -> None:
-        """Write a metadata record."""
         self.settle()
         record = _bytes_of(Metadata(name=name, metadata=content))
         self._metadata.append(MetadataIndex(self._stream.tell(), len(record), name))

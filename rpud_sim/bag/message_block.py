@@ -22,11 +22,9 @@ class MessageBlock:
     sizes: np.ndarray  # of each message [bytes], int64, shape (n,)
 
     def __len__(self) -> int:
-        """Return the number of messages."""
         return len(self.starts)
 
     def message(self, number: int) -> bytes:
-        """Return the bytes of one message."""
         start = int(self.starts[number])
         return self.data[start : start + int(self.sizes[number])].tobytes()
 
@@ -47,13 +45,7 @@ class MessageBlock:
 
 
 def gathered(data: np.ndarray, starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Return the bytes of messages one behind the other.
-
-    Args:
-        data: that holds them, uint8.
-        starts: of each message in it.
-        sizes: of each message [bytes].
-    """
+    """Return the bytes of messages one behind the other; ``data`` is uint8, sizes are in bytes."""
     count = len(starts)
     if not count or not sizes.any():
         return np.empty(0, np.uint8)

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 _HEAD = struct.Struct("<BQHIQQ")  # a message's record up to its data
 
+# Greatest size of the chunks that are open at once, because they overlap in time [bytes].
 OVERLAP_LIMIT = 256 * 2**20
-"""Greatest size of the chunks that are open at once, because they overlap in time [bytes]."""
 
 
 class Message(NamedTuple):
@@ -93,11 +93,7 @@ class _Place:
 
 
 def read_chunk(stream: BinaryIO, index: ChunkIndex) -> bytes:
-    """Return a chunk's uncompressed data; the position of ``stream`` stays as it is.
-
-    Raises:
-        BagFormatError: if the chunk is damaged.
-    """
+    """Return a chunk's uncompressed data; the position of ``stream`` stays as it is."""
     start = index.chunk_start_offset
     chunk = parse(read_record(_Place(stream), start, start + index.chunk_length))
     if not isinstance(chunk, Chunk) or chunk.uncompressed_size != index.uncompressed_size:
@@ -108,15 +104,7 @@ def read_chunk(stream: BinaryIO, index: ChunkIndex) -> bytes:
 def chunk_messages(
     stream: BinaryIO, index: ChunkIndex, topics: Mapping[int, str], start_time: int
 ) -> Iterator[Message]:
-    """Yield a chunk's messages from ``start_time`` [ns] on, in the order of their log times.
-
-    Args:
-        topics: names of the wanted channels, by their numbers.
-        start_time: earliest log time [ns].
-
-    Raises:
-        BagFormatError: if the chunk is damaged.
-    """
+    """Yield a chunk's messages from ``start_time`` [ns] on, in the order of their log times."""
     yield from messages_in(read_chunk(stream, index), topics, start_time)
 
 
@@ -130,15 +118,8 @@ def unchunked_messages(
 ) -> Iterator[Message]:
     """Yield the messages of a file without an index of chunks, in the order of the file.
 
-    Args:
-        size: its length [bytes].
-        topics: names of the wanted channels, by their numbers.
-        start_time: earliest log time [ns].
-        first: offset of the first record [bytes]; 0 for that of the file.
-        end: offset behind the last one [bytes]; None for that of a closed file.
-
-    Raises:
-        BagFormatError: if a record is damaged.
+    ``topics`` are by channel, times in ns, ``size``, ``first`` and ``end`` in bytes; by default
+    those of a closed file.
     """
     offset = first or len(MAGIC)
     with path.open("rb") as stream:
@@ -159,15 +140,7 @@ def unchunked_messages(
 
 
 def messages_in(data: bytes, topics: Mapping[int, str], start_time: int) -> Iterator[Message]:
-    """Yield the messages of a chunk's uncompressed data, in the order of their log times.
-
-    Args:
-        topics: names of the wanted channels, by their numbers.
-        start_time: earliest log time [ns].
-
-    Raises:
-        BagFormatError: if the data is damaged.
-    """
+    """Yield the messages of a chunk's uncompressed data, in the order of their log times."""
     times, places = _places(data, topics, start_time)
     if any(before > after for before, after in pairwise(times)):
         order = sorted(range(len(times)), key=times.__getitem__)
@@ -207,9 +180,6 @@ def merged(sources: Iterable[Source]) -> Iterator[Message]:
 
     A source is opened when no earlier message is left. Messages of equal time keep the order of
     their sources.
-
-    Raises:
-        BagFormatError: if sources of more than ``OVERLAP_LIMIT`` overlap in time.
     """
     pending = deque(sorted(sources, key=lambda source: source.start_time))
     sizes: list[int] = []  # of all opened sources, by their numbers

@@ -23,11 +23,10 @@ FILE_NAME = "metadata.yaml"
 RECORD_NAME = "rosbag2"
 RECORD_KEY = "serialized_metadata"
 VERSION = 9
-LATEST = 2**63 - 1
-"""Greatest time in a bag of rosbag2 [ns since the epoch]."""
+LATEST = 2**63 - 1  # greatest time in a bag of rosbag2 [ns since the epoch]
 
+# Greatest metadata: its characters, and _NODE_SIZE for each value; aliases count in full.
 SIZE_LIMIT = 8 * 2**20
-"""Greatest metadata: its characters, and _NODE_SIZE for each value; aliases count in full."""
 
 _NODE_SIZE = 32
 _DEPTH_LIMIT = 32
@@ -80,11 +79,9 @@ class BagMetadata:
     version: int = VERSION
 
     def to_document(self) -> str:
-        """Return the text of ``metadata.yaml``."""
         return _dump({_OUTER_KEY: self._to_mapping()})
 
     def to_record(self) -> str:
-        """Return the text of the MCAP metadata record."""
         return _dump(self._to_mapping())
 
     def _to_mapping(self) -> dict[str, Any]:
@@ -145,11 +142,7 @@ def metadata_of(
 
 
 def metadata_from_document(text: str) -> BagMetadata:
-    """Return the metadata from the text of a ``metadata.yaml``, of this or an earlier version.
-
-    Raises:
-        BagFormatError: if the text has another form.
-    """
+    """Return the metadata from the text of a ``metadata.yaml``, of this or an earlier version."""
     document = _load(text)
     if not isinstance(document, Mapping) or _OUTER_KEY not in document:
         raise BagFormatError(f"{FILE_NAME} has no {_OUTER_KEY}")
@@ -157,11 +150,6 @@ def metadata_from_document(text: str) -> BagMetadata:
 
 
 def metadata_from_record(text: str) -> BagMetadata:
-    """Return the metadata from the text of the MCAP metadata record ``rosbag2``.
-
-    Raises:
-        BagFormatError: if the text has another form.
-    """
     return _from_mapping(_load(text))
 
 
@@ -171,20 +159,11 @@ def dump_offered_qos(profiles: tuple[QosProfile, ...]) -> str:
 
 
 def load_offered_qos(text: str) -> tuple[QosProfile, ...]:
-    """Return the profiles from the YAML text of the channel metadata ``offered_qos_profiles``.
-
-    Raises:
-        BagFormatError: if the text is not such a list.
-    """
     return profiles_from_yaml(_load(text))
 
 
 def stored_name(path: Path) -> str:
-    """Return a file's name for the metadata, in UTF-8 under every locale.
-
-    Raises:
-        BagFormatError: if the name is not UTF-8.
-    """
+    """Return a file's name for the metadata, in UTF-8 under every locale."""
     try:
         return os.fsencode(path.name).decode("utf-8")
     except UnicodeDecodeError:
@@ -192,11 +171,7 @@ def stored_name(path: Path) -> str:
 
 
 def local_name(name: str) -> str:
-    """Return a name from the metadata as this process can open it under every locale.
-
-    Raises:
-        BagFormatError: if the name is not UTF-8.
-    """
+    """Return a name from the metadata as this process can open it under every locale."""
     try:
         return os.fsdecode(name.encode("utf-8"))
     except UnicodeEncodeError:
@@ -204,12 +179,6 @@ def local_name(name: str) -> str:
 
 
 def read_document(path: Path) -> BagMetadata:
-    """Return the metadata from the file ``metadata.yaml`` at ``path``.
-
-    Raises:
-        BagFormatError: if the file has another form.
-        OSError: if it cannot be read.
-    """
     if path.stat().st_size > SIZE_LIMIT:
         raise BagFormatError(f"it has more than {SIZE_LIMIT} bytes")
     return metadata_from_document(path.read_text(encoding="utf-8"))

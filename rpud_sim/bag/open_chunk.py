@@ -16,11 +16,10 @@ from mcap.opcode import Opcode
 from rpud_sim.bag.chunk_blocks import HEAD
 from rpud_sim.bag.message_block import MessageBlock, items
 
+# Names of the compressions in MCAP, by those in options.
 COMPRESSIONS = {"none": "", "lz4": "lz4", "zstd": "zstd"}
-"""Names of the compressions in MCAP, by those in options."""
 
-HEAD_SIZE = HEAD.itemsize
-"""Size of a message's record before its data [bytes]."""
+HEAD_SIZE = HEAD.itemsize  # size of a message's record before its data [bytes]
 
 # Twice as fast as the library's default, for 2 % more bytes of a drill's messages.
 _LEVEL = 1
@@ -43,9 +42,8 @@ class Records:
 def in_order(parts: list[tuple[int, MessageBlock, np.ndarray]]) -> Records:
     """Return the records of blocks of messages in one order.
 
-    Args:
-        parts: channel, its messages, and the place of each among those of all parts; those of equal
-            place follow each other as the parts do.
+    Each part has a channel, its messages, and the place of each among those of all parts. Those of
+    equal place follow each other as the parts do.
     """
     order = np.argsort(np.concatenate([places for _, _, places in parts]), kind="stable")
     sizes = np.concatenate([block.sizes for _, block, _ in parts])[order] + HEAD_SIZE
@@ -63,7 +61,6 @@ def in_order(parts: list[tuple[int, MessageBlock, np.ndarray]]) -> Records:
 
 
 def _place(data: np.ndarray, begins: np.ndarray, channel: int, block: MessageBlock) -> None:
-    """Write the records of a block's messages to their places."""
     count = len(block)
     heads = np.zeros(count, HEAD)
     heads["opcode"] = Opcode.MESSAGE
@@ -93,12 +90,10 @@ class OpenChunk:
         self._entries: dict[int, array[int]] = {}  # log time and place of each, by channel
 
     def declare(self, record: bytes) -> None:
-        """Add the record of a schema or a channel."""
         self._parts.append(record)
         self.size += len(record)
 
     def add(self, channel: int, log_time: int, data: bytes, publish_time: int, number: int) -> None:
-        """Add one message."""
         self._widen(log_time, log_time)
         entries = self._entries.get(channel)
         if entries is None:
@@ -158,11 +153,7 @@ class ClosedChunk:
 
 
 class Compressor:
-    """Compressor of chunks; threads must not use it at once.
-
-    Args:
-        name: ``zstd``, ``lz4``, or empty for none.
-    """
+    """Compressor of chunks with zstd, lz4 or, if empty, none; threads must not use it at once."""
 
     def __init__(self, name: str) -> None:
         self.name = name

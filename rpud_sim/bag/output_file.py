@@ -25,14 +25,8 @@ _END_SIZE = 16_384  # bytes at the end of a file without its lists, and of the i
 class OutputFile:
     """New MCAP file: channels, messages in chunks, records.
 
-    Args:
-        compression: of the chunks, one of ``COMPRESSIONS``.
-        chunk_size: uncompressed size after which a chunk is closed [bytes].
-        reserve: room for the file's end; None without one.
-        ahead: chunks that another thread compresses meanwhile; the size then is that of before.
-
-    Raises:
-        OSError: if the disk fails, as from every method that writes.
+    A chunk is closed beyond ``chunk_size`` uncompressed bytes. ``reserve`` is room for the file's
+    end. Another thread compresses ``ahead`` chunks meanwhile; the size then is that of before.
     """
 
     def __init__(
@@ -84,7 +78,6 @@ class OutputFile:
     def add_channel(
         self, topic: str, encoding: str, schema: Schema | None, metadata: Mapping
     ) -> int:
-        """Declare a channel and return its number."""
         copies = RecordBuilder()
         schema_id = 0
         if schema is not None:
@@ -109,7 +102,6 @@ class OutputFile:
     def write(
         self, channel: int, data: bytes, log_time: int, publish_time: int, sequence: int
     ) -> None:
-        """Add one message."""
         self._writer.add_message(channel, log_time, data, publish_time, sequence)
         self._unsafe = True
         self._count += 1
@@ -140,12 +132,10 @@ class OutputFile:
             self._pending = self._writer.pending
 
     def add_attachment(self, attachment: Attachment) -> None:
-        """Add an attached file."""
         self._writer.add_attachment(attachment)
         self._touch()
 
     def add_record(self, name: str, content: Mapping[str, str]) -> None:
-        """Add a metadata record."""
         self._writer.add_metadata(name, dict(content))
         self._touch()
 

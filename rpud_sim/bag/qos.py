@@ -9,8 +9,7 @@ from typing import Any
 from rpud_sim.bag.errors import BagFormatError, parsing
 from rpud_sim.foundation.time import SECOND
 
-INFINITE = 2**63 - 1
-"""Unlimited duration [ns]; in YAML ``sec: 9223372036``, ``nsec: 854775807``."""
+INFINITE = 2**63 - 1  # unlimited duration [ns]; in YAML ``sec: 9223372036``, ``nsec: 854775807``
 
 # rosbag2 wrote the index until version 8, and writes the word since.
 _HISTORY = ("system_default", "keep_last", "keep_all", "unknown")
@@ -53,11 +52,7 @@ class QosProfile:
 
 
 def profiles_from_yaml(value: Any) -> tuple[QosProfile, ...]:
-    """Return the profiles of a parsed YAML list, with policies as words or as older numbers.
-
-    Raises:
-        BagFormatError: if it is not such a list.
-    """
+    """Return the profiles of a parsed YAML list, with policies as words or as older numbers."""
     if not value:
         return ()
     if not isinstance(value, Sequence) or isinstance(value, str):

@@ -29,16 +29,7 @@ class BagReader:
     """Open bag: its topics, and its messages in the order of their log times.
 
     Repetitions in files of a split bag are read from the first file only. All times are integer
-    nanoseconds since the epoch.
-
-    Args:
-        path: a bag's directory or one file of it: MCAP or SQLite, also compressed.
-        unclosed: whether to read MCAP files that were not closed, or lost their end, as far as they
-            are whole.
-
-    Raises:
-        BagNotFoundError: if there is no bag at ``path``.
-        BagFormatError: if a file is damaged or incomplete.
+    nanoseconds since the epoch. ``unclosed`` is as for ``rpud_sim.bag.open``.
     """
 
     def __init__(self, path: str | os.PathLike[str], *, unclosed: bool = False) -> None:
@@ -96,11 +87,7 @@ class BagReader:
 
     @property
     def topics(self) -> tuple[TopicSummary, ...]:
-        """All topics in the order of their names, with or without messages.
-
-        Raises:
-            BagFormatError: if a topic, or the record of losses, is damaged.
-        """
+        """All topics in the order of their names, with or without messages."""
         topics, errors = self._declared
         if errors:
             raise next(iter(errors.values()))
@@ -122,22 +109,13 @@ class BagReader:
         return self._tables(None)[1]
 
     def records(self, name: str) -> list[dict[str, str]]:
-        """Return the metadata records of one name, in the order in which they were written.
-
-        Raises:
-            BagFormatError: if one is damaged.
-        """
+        """Return the metadata records of one name, in the order in which they were written."""
         return [content for file in self._files for content in file.records(name)]
 
     def messages(self, topics: Collection[str] | None = None, start: int = 0) -> Iterator[Message]:
         """Yield messages in the order of their log times; without chunks, in that of the file.
 
-        Args:
-            topics: names of the wanted topics; None for all.
-            start: time to skip from the bag's beginning [ns].
-
-        Raises:
-            BagFormatError: if a file is damaged.
+        The time from the bag's beginning up to ``start`` [ns] is skipped.
         """
         start_time = self.start_time + start
         found = merged(
@@ -154,15 +132,8 @@ class BagReader:
         """Yield the messages of ``messages`` in blocks of one topic, in bounded memory.
 
         Within a topic they have the same order; between topics only the chunks do. A block of a
-        chunk is a view of it: who keeps blocks should keep ``packed`` ones.
-
-        Args:
-            topics: names of the wanted topics; None for all.
-            start: time to skip from the bag's beginning [ns].
-            duration: time after that [ns]; None for all.
-
-        Raises:
-            BagFormatError: if a file is damaged.
+        chunk is a view of it: who keeps blocks should keep ``packed`` ones. ``start`` counts from
+        the bag's beginning, ``duration`` from there [ns].
         """
         from rpud_sim.bag.block_order import gathered_blocks, ordered_blocks
 
@@ -174,11 +145,7 @@ class BagReader:
         return ordered_blocks(found, end)
 
     def pieces(self) -> list[Piece]:
-        """Return the parts that can be read by themselves, sorted by their beginnings.
-
-        Raises:
-            BagFormatError: if a file is damaged.
-        """
+        """Return the parts that can be read by themselves, sorted by their beginnings."""
         found = [piece for file in self._filled for piece in file.pieces()]
         if self._compressed:
             read = self._uncompressed
@@ -207,10 +174,6 @@ class BagReader:
             duration: time after that [ns]; None for all.
             leave_out: called with the topic and the reason for each message that does not fit its
                 type, which is then skipped; None for an error.
-
-        Raises:
-            BagError: if a topic is not in the bag.
-            BagFormatError: if a topic cannot be a table, or is damaged.
         """
         from rpud_sim.bag.tables import batches  # loads what listing a bag does not need
 
@@ -233,14 +196,7 @@ class BagReader:
         """Return one NumPy array for each column of a topic; times are integer nanoseconds.
 
         Several topics are read in one pass. The result then has such columns for each topic.
-
-        Args:
-            topics: name of one topic, or names of several.
-            start: as for ``batches``.
-            duration: as for ``batches``.
-
-        Raises:
-            BagError: as ``batches`` does.
+        ``start`` and ``duration`` are as for ``batches``.
         """
         from rpud_sim.bag.tables import batches
         from rpud_sim.bag.whole_tables import PART_SIZE, filled
@@ -254,13 +210,7 @@ class BagReader:
     def frame(self, topic: str, start: int = 0, duration: int | None = None) -> pandas.DataFrame:
         """Return a topic as a pandas frame with its datetimes; the first of them is the index.
 
-        Args:
-            topic: name of the topic.
-            start: as for ``batches``.
-            duration: as for ``batches``.
-
-        Raises:
-            BagError: as ``batches`` does, or if pandas is not installed.
+        ``start`` and ``duration`` are as for ``batches``.
         """
         from rpud_sim.bag.whole_tables import to_frame
 

@@ -35,8 +35,8 @@ _BEGINNING = re.compile(rb"[\x03-\x07\x09\x0c\x0f](?=.{4}\x00{4})", re.DOTALL)
 _ANY_LENGTH = (Opcode.CHUNK, Opcode.ATTACHMENT)  # to be left out if they are too large
 _PRIVATE = 0x80  # kinds from here on are for others to define
 
+# Errors that damaged bytes raise, here and in the libraries.
 UNREADABLE = (BagFormatError, *DAMAGED)
-"""Errors that damaged bytes raise, here and in the libraries."""
 
 
 class RecordFinder:
@@ -116,9 +116,8 @@ class RecordFinder:
     def next(self, start: int, messages: bool) -> int:
         """Return the offset of the next record that proves itself, or the end of the file.
 
-        Args:
-            messages: whether messages count. In a file with chunks, they are those of a damaged
-                chunk.
+        ``messages`` says whether messages count: in a file with chunks, they are those of a damaged
+        chunk.
         """
         for offset in range(start, self._size, _BLOCK):
             block = self.content(offset, _BLOCK + RECORD.size - 1)

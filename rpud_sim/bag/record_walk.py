@@ -21,9 +21,7 @@ from rpud_sim.bag.errors import DAMAGED, BagFormatError
 from rpud_sim.bag.record_finder import RecordFinder
 from rpud_sim.bag.records import MAGIC, MESSAGE, RECORD, Record, parse, read_record, records_in
 
-STRETCH_SIZE = 1 << 20
-"""Size of the messages outside of chunks that are read together [bytes]."""
-
+STRETCH_SIZE = 1 << 20  # size of the messages outside of chunks that are read together [bytes]
 _INDEX_HEAD = struct.Struct("<BQHI")  # opcode, length, channel, length of its entries
 _ENTRY_SIZE = 16
 _DECLARATIONS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA)
@@ -45,9 +43,6 @@ class RecordWalk:
     """Walk along the records of a file, from its beginning to the last whole one.
 
     The content of chunks is not read, unless their indexes do not say what they hold.
-
-    Args:
-        size: its length [bytes].
     """
 
     def __init__(self, stream: BinaryIO, size: int) -> None:

@@ -36,12 +36,10 @@ MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")  # opcode, length of the content
 _CHUNK_INDEX = struct.Struct("<QQQQI")  # times, offset, length, length of the message indexes
 MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+CONTENT_LIMIT = 128 * 2**20  # greatest record, and greatest uncompressed chunk [bytes]
 
-CONTENT_LIMIT = 128 * 2**20
-"""Greatest record, and greatest uncompressed chunk [bytes]."""
-
+# Greatest record without messages, their index, or an attachment [bytes].
 DECLARATION_LIMIT = 16 * 2**20
-"""Greatest record without messages, their index, or an attachment [bytes]."""
 
 _LARGE = {Opcode.ATTACHMENT, Opcode.CHUNK, Opcode.MESSAGE, Opcode.MESSAGE_INDEX}
 _KINDS: dict[int, Any] = {
@@ -82,11 +80,7 @@ def limit(opcode: int) -> int:
 
 
 def read_record(stream: Readable, offset: int, end: int) -> Record:
-    """Return the record at ``offset``, which ends at ``end`` or before.
-
-    Raises:
-        BagFormatError: if it reaches beyond ``end``, or is longer than its limit.
-    """
+    """Return the record at ``offset``, which ends at ``end`` or before."""
     stream.seek(offset)
     head = stream.read(RECORD.size) if offset + RECORD.size <= end else b""
     if len(head) < RECORD.size:
@@ -105,12 +99,7 @@ def read_record(stream: Readable, offset: int, end: int) -> Record:
 
 
 def parse(record: Record) -> McapRecord | None:
-    """Return the fields of a record; None for an unused kind.
-
-    Raises:
-        BagFormatError: if a length in it is damaged.
-        ValueError: if a text or number in it is damaged.
-    """
+    """Return the fields of a record; None for an unused kind, a ValueError for damaged values."""
     kind = _KINDS.get(record.opcode)
     parsed: McapRecord | None = kind.read(_Content(record.content)) if kind else None
     return parsed
@@ -120,10 +109,6 @@ def parse_chunk_index(record: Record) -> ChunkIndex:
     """Return the fields of a chunk's index; as ``parse`` does, and ten times as fast.
 
     An hour's bag has thousands of these, and is not open before all of them are read.
-
-    Raises:
-        BagFormatError: if a length in it is damaged.
-        ValueError: if a text or number in it is damaged.
     """
     content = record.content
     try:
@@ -154,12 +139,7 @@ def parse_chunk_index(record: Record) -> ChunkIndex:
 
 
 def fills(record: Record) -> bool:
-    """Return whether a record is exactly as long as the lengths inside it say.
-
-    Raises:
-        BagFormatError: as ``parse`` does.
-        ValueError: as ``parse`` does.
-    """
+    """Return whether a record is exactly as long as the lengths inside it say."""
     kind = _KINDS.get(record.opcode)
     if kind is None:
         return True
@@ -169,11 +149,7 @@ def fills(record: Record) -> bool:
 
 
 def message_index_times(record: Record) -> tuple[int, Iterator[int]]:
-    """Return the channel of a message index, and the log times of its messages [ns].
-
-    Raises:
-        BagFormatError: if the record is not a message index.
-    """
+    """Return the channel of a message index, and the log times of its messages [ns]."""
     content = record.content
     if record.opcode == Opcode.MESSAGE_INDEX and len(content) >= 6:
         channel, length = struct.unpack_from("<HI", content)
@@ -184,11 +160,7 @@ def message_index_times(record: Record) -> tuple[int, Iterator[int]]:
 
 
 def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield kind, and start and end of the content, of each record in a chunk's data.
-
-    Raises:
-        BagFormatError: if the bytes are no record, or it reaches beyond the end.
-    """
+    """Yield kind, and start and end of the content, of each record in a chunk's data."""
     offset = 0
     while offset < len(data):
         if offset + RECORD.size > len(data):
@@ -203,13 +175,7 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def uncompressed(chunk: Chunk) -> bytes:
-    """Return a chunk's uncompressed data.
-
-    Raises:
-        BagFormatError: if its size or checksum is wrong, or it is larger than ``CONTENT_LIMIT``.
-        zstandard.ZstdError: if zstd cannot uncompress it.
-        RuntimeError: if LZ4 cannot uncompress it.
-    """
+    """Return a chunk's uncompressed data; zstd has a ZstdError, LZ4 a RuntimeError of its own."""
     size = chunk.uncompressed_size
     if size > CONTENT_LIMIT:
         raise BagFormatError(f"a chunk has {size} bytes; at most {CONTENT_LIMIT} are read")

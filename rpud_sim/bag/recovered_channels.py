@@ -28,11 +28,7 @@ class RecoveredChannels:
         self._counters: dict[int, tuple[str, SequenceCounter]] = {}
 
     def number(self, channel: Channel, schema: Schema | None) -> int:
-        """Return the number of a file's channel in the new bag, declared if it is new.
-
-        Raises:
-            BagFormatError: if there are more topics than the new bag's metadata can list.
-        """
+        """Return the number of a file's channel in the new bag, declared if it is new."""
         kind = (schema.name, schema.encoding, schema.data) if schema else ()
         metadata = tuple(sorted(channel.metadata.items()))
         key = (channel.topic, channel.message_encoding, kind, metadata)
@@ -45,7 +41,6 @@ class RecoveredChannels:
         self._counters[number][1].note(data)
 
     def count_gaps(self) -> None:
-        """Add the gaps of all channels to the account."""
         for name, counter in self._counters.values():
             if counter.gaps is not None:
                 topic = self._recovery.topic(name)

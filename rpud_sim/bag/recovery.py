@@ -19,8 +19,8 @@ from rpud_sim.bag.recovery_account import Recovery
 from rpud_sim.bag.scan import Damage, Scan
 from rpud_sim.bag.storage_files import SUFFIXES, in_order, storage_files
 
+# Metadata record of a recovered bag with the account of its recovery.
 RECOVERY_RECORD = "rpud_recovery"
-"""Metadata record of a recovered bag with the account of its recovery."""
 
 _OTHERS = (
     "rpud recover makes whole bags of MCAP files that are compressed by chunks alone: "
@@ -35,17 +35,8 @@ def recover(
 ) -> Recovery:
     """Write a new bag from a torn one, which is not changed, and return the account.
 
-    A recovery that fails leaves nothing at ``out``.
-
-    Args:
-        torn: an MCAP file, or the directory of a bag.
-        progress: called with the bytes that were read since the last call.
-
-    Raises:
-        BagNotFoundError: if there is nothing to read.
-        BagFormatError: if there is no part of a bag, or rosbag2 compressed whole files or messages.
-        BagExistsError: if anything exists at ``out``.
-        BagError: if the disk fails.
+    ``torn`` is an MCAP file or a bag's directory. A recovery that fails leaves nothing at ``out``.
+    ``progress`` is called with the bytes that were read since the last call.
     """
     files = files_to_recover(torn)
     recovery = Recovery(Path(out))
@@ -72,13 +63,7 @@ def recover(
 
 
 def files_to_recover(torn: str | os.PathLike[str]) -> list[Path]:
-    """Return the MCAP files of a bag, whether or not its metadata can be read.
-
-    Raises:
-        BagNotFoundError: if there are none.
-        BagFormatError: if the storage is another one, or rosbag2 compressed whole files or
-            messages.
-    """
+    """Return the MCAP files of a bag, whether or not its metadata can be read."""
     path = Path(torn)
     document = _document(path)
     if document is not None and document.compression_mode.lower() not in ("", "none"):

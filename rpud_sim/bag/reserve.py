@@ -7,8 +7,8 @@ import io
 import os
 from pathlib import Path
 
+# Name of the file that holds the room in a bag's directory, until the bag is closed.
 FILE_NAME = "reserve.tmp"
-"""Name of the file that holds the room in a bag's directory, until the bag is closed."""
 
 _STEP = 1 << 22  # bytes by which it grows
 _FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -23,11 +23,7 @@ class Reserve:
         self._released = False
 
     def hold(self, size: int) -> bool:
-        """Reserve at least ``size`` bytes and return whether they are reserved.
-
-        Raises:
-            OSError: if the disk fails.
-        """
+        """Reserve at least ``size`` bytes and return whether they are reserved."""
         if self._released:
             return False
         if size <= self._size:
@@ -60,11 +56,7 @@ class ReservedFile(io.FileIO):
         self._reserve = reserve
 
     def write(self, data: object, /) -> int:
-        """Write some of the bytes and return their number.
-
-        Raises:
-            OSError: if the disk fails, or is full and there is no reserve.
-        """
+        """Write some of the bytes and return their number; the reserve serves a full disk."""
         try:
             return super().write(data)  # type: ignore[arg-type]
         except OSError as error:

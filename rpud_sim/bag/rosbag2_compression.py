@@ -12,20 +12,14 @@ from rpud_sim.bag.messages import Message
 from rpud_sim.bag.metadata import BagMetadata
 from rpud_sim.bag.records import CONTENT_LIMIT
 
-SUFFIX = ".zstd"
-"""Suffix of a file that rosbag2 compressed."""
-
+SUFFIX = ".zstd"  # suffix of a file that rosbag2 compressed
 _LEAST_LIMIT = 2**30  # bytes that any uncompressed file may have
 _MOST_GROWTH = 100  # uncompressed bytes for each compressed one, in larger files
 _BLOCK = 1 << 20
 
 
 def compresses_messages(metadata: BagMetadata) -> bool:
-    """Return whether each message is compressed; compressed files have the suffix ``SUFFIX``.
-
-    Raises:
-        BagFormatError: if the compression is unknown.
-    """
+    """Return whether each message is compressed; compressed files have the suffix ``SUFFIX``."""
     mode = metadata.compression_mode.lower()
     if mode in ("", "none"):
         return False
@@ -43,12 +37,7 @@ def compresses_messages(metadata: BagMetadata) -> bool:
 
 
 def uncompress_file(file: Path, folder: Path) -> Path:
-    """Uncompress ``file`` into ``folder`` and return the path of the new file.
-
-    Raises:
-        BagFormatError: if it is damaged or too large.
-        OSError: if the disk fails.
-    """
+    """Uncompress ``file`` into ``folder`` and return the path of the new file."""
     path = folder / file.name.removesuffix(SUFFIX)
     most = max(_LEAST_LIMIT, _MOST_GROWTH * file.stat().st_size)
     decompressor = zstandard.ZstdDecompressor()
@@ -72,11 +61,7 @@ def uncompress_file(file: Path, folder: Path) -> Path:
 
 
 def uncompressed_messages(messages: Iterable[Message], path: Path) -> Iterator[Message]:
-    """Yield the messages of the bag at ``path`` with uncompressed data.
-
-    Raises:
-        BagFormatError: if one is damaged, or larger than ``CONTENT_LIMIT``.
-    """
+    """Yield the messages of the bag at ``path`` with uncompressed data."""
     for message in messages:
         try:
             data = _uncompressed(message.data)

@@ -56,11 +56,7 @@ Item = Found | Damage | Missing
 
 
 class Scan:
-    """Everything readable in a file, to be iterated over once.
-
-    Args:
-        size: its length [bytes].
-    """
+    """Everything readable in a file, to be iterated over once."""
 
     def __init__(self, stream: BinaryIO, size: int) -> None:
         self.position = 0  # offset of the scan in the file [bytes]
@@ -72,7 +68,6 @@ class Scan:
 
     @property
     def begins(self) -> bool:
-        """Whether the file begins as an MCAP file."""
         return self._finder.content(0, len(MAGIC)) == MAGIC
 
     def __iter__(self) -> Iterator[Item]:
@@ -167,7 +162,6 @@ class Scan:
         )
 
     def _salvaged(self, chunk: Chunk, start: int, end: int) -> bytes:
-        """Return as much of a chunk's data as can be uncompressed."""
         data = self._finder.content(start, min(end - start, CONTENT_LIMIT))
         if not data:
             return b""  # for which the reader of zstd waits forever
@@ -188,7 +182,6 @@ class Scan:
 
 
 def _found(data: bytes, checked: bool) -> Generator[Found, None, bool]:
-    """Yield declarations and messages of a chunk's data; return whether all of it is readable."""
     try:
         for opcode, start, end in records_in(data):
             if opcode == Opcode.MESSAGE:

@@ -16,10 +16,8 @@ class SequenceGaps:
 
     Messages do not name their publisher. With one publisher the count is exact. With several, a
     number that continues no known sequence is a gap in the sequence just below it. If there are
-    more publishers than known sequences, it begins a new sequence instead.
-
-    Args:
-        publisher_count: returns the present number of publishers; called at gaps only.
+    more publishers than known sequences, it begins a new sequence instead. ``publisher_count`` is
+    called at gaps only.
     """
 
     def __init__(self, publisher_count: Callable[[], int]) -> None:
@@ -28,7 +26,6 @@ class SequenceGaps:
         self._last: list[int] = []  # number of each sequence, the most recent at the end
 
     def note(self, number: int) -> None:
-        """Note the number of a message that arrived."""
         last = self._last
         if number - 1 in last:
             last.remove(number - 1)
@@ -47,9 +44,6 @@ class SequenceCounter:
 
     It reads types that begin with ``std_msgs/Header header`` and ``uint64 sequence``. Blocks number
     their first entry, not themselves: the number of missing blocks cannot be known.
-
-    Args:
-        definition: ``ros2msg`` text of the type.
     """
 
     def __init__(self, definition: str, publishers: int) -> None:
@@ -63,7 +57,6 @@ class SequenceCounter:
         return None if self._gaps is None else self._gaps.missing
 
     def note(self, data: bytes) -> None:
-        """Note a serialized message (CDR)."""
         if self._gaps is not None and (number := _sequence(data)) is not None:
             self._gaps.note(number)
 

@@ -31,16 +31,6 @@ class SqliteFile:
     """Open SQLite file of rosbag2, with the members of ``McapFile`` that a reader needs.
 
     It has no metadata records. The log time of a message is also its publish time.
-
-    Args:
-        shown: name of the file in errors.
-
-    Attributes:
-        topic_channels: connections of each topic.
-
-    Raises:
-        BagNotFoundError: if the file does not exist.
-        BagFormatError: if it is damaged.
     """
 
     compressions = frozenset[str]()
@@ -69,7 +59,6 @@ class SqliteFile:
 
     @property
     def message_count(self) -> int:
-        """Messages of all topics."""
         return sum(count for count, _, _ in self._spans.values())
 
     @property

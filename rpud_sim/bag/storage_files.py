@@ -18,22 +18,15 @@ from rpud_sim.bag.topic_summary import TopicSummary
 if TYPE_CHECKING:
     from rpud_sim.bag.sqlite_file import SqliteFile
 
+# Open file of either storage; a reader uses the members that both have.
 StorageFile: TypeAlias = "McapFile | SqliteFile"
-"""Open file of either storage; a reader uses the members that both have."""
 
-SUFFIXES = (".mcap", ".db3", f".mcap{SUFFIX}", f".db3{SUFFIX}")
-"""Suffixes of storage files."""
-
+SUFFIXES = (".mcap", ".db3", f".mcap{SUFFIX}", f".db3{SUFFIX}")  # suffixes of storage files
 _SQLITE = b"SQLite format 3\0"  # first bytes of rosbag2's storage sqlite3
 
 
 def storage_files(path: Path) -> tuple[list[Path], bool]:
-    """Return the files of a bag in the order of its metadata, and whether messages are compressed.
-
-    Raises:
-        BagNotFoundError: if there is no bag at ``path``.
-        BagFormatError: if its metadata is damaged.
-    """
+    """Return a bag's files in the order of its metadata, and whether messages are compressed."""
     if path.is_file():
         return [path], False
     if not path.is_dir():
@@ -63,13 +56,7 @@ def open_storage_files(
 ) -> list[StorageFile]:
     """Open the files of a bag; only the first shows messages that it repeats of a previous one.
 
-    Args:
-        files: of the bag, in their order.
-        unclosed: whether to read MCAP files that were not closed, as far as they are whole.
-
-    Raises:
-        BagNotFoundError: if a file does not exist.
-        BagFormatError: if a file is damaged or incomplete.
+    ``unclosed`` is as for ``rpud_sim.bag.open``.
     """
     return [_open(file, file == files[0], opened, unclosed) for file in files]
 
@@ -119,7 +106,6 @@ def summarize(
 
 
 def _joined(parts: Sequence[TopicSummary], losses: Losses | None) -> TopicSummary:
-    """Return the summary of a topic from those of the files that hold it."""
     times = [time for part in parts for time in (part.first_time, part.last_time)]
     known = [time for time in times if time is not None]
     return TopicSummary(

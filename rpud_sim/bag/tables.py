@@ -19,17 +19,14 @@ from rpud_sim.bag.message_block import joined as joined_blocks
 from rpud_sim.bag.topic_summary import TopicSummary
 from rpud_sim.foundation.quantities import suggestion
 
-BATCH_SIZE = 8 * 2**20
-"""Size of a topic's messages that become one batch [bytes]."""
+BATCH_SIZE = 8 * 2**20  # size of a topic's messages that become one batch [bytes]
+TOTAL_SIZE = 64 * 2**20  # greatest size of all topics' messages that wait to become batches [bytes]
 
-TOTAL_SIZE = 64 * 2**20
-"""Greatest size of all topics' messages that wait to become batches [bytes]."""
-
+# Greatest size of a batch's decoded messages, unless there is a single one [bytes].
 DECODED_SIZE = 64 * 2**20
-"""Greatest size of a batch's decoded messages, unless there is a single one [bytes]."""
 
+# Greatest definitions of all types of a bag together, without comments [characters].
 DEFINITIONS_LIMIT = 256 * 2**10
-"""Greatest definitions of all types of a bag together, without comments [characters]."""
 
 _DEFINITION_OVERHEAD = 64  # characters that take as long to compile as the smallest type
 _OVERHEAD = 256  # bytes that a message takes in memory in addition to its data
@@ -58,9 +55,6 @@ class Table:
 
     Each message becomes a row. In blocks each sample or segment becomes a row, and the first column
     is its exact ``time``.
-
-    Raises:
-        BagFormatError: if messages of its type cannot be rows.
     """
 
     def __init__(self, summary: TopicSummary) -> None:
@@ -79,7 +73,6 @@ class Table:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Columns in their order."""
         columns = (*_RECEIVED, *self._fields)
         return row_columns(columns) if self._blocks else columns
 
@@ -90,12 +83,8 @@ class Table:
     def batch(self, block: MessageBlock, leave_out: Callable[[str], object] | None = None) -> Batch:
         """Return the rows of messages.
 
-        Args:
-            leave_out: called with the reason for each message that is not of the type, which is
-                then skipped; None for an error.
-
-        Raises:
-            BagFormatError: if a message is not of the type, without ``leave_out``.
+        ``leave_out`` is called with the reason for each message that is not of the type, which is
+        then skipped; None for an error.
         """
         fields = self._reader.read(block)
         reasons = {**_late_messages(block), **dict(fields.errors)}
@@ -118,7 +107,6 @@ class Table:
         return self.batch(block.part(np.array([row not in reasons for row in range(len(block))])))
 
     def empty(self) -> Batch:
-        """Return a batch without rows."""
         none, data = np.empty(0, np.int64), np.empty(0, np.uint8)
         return self.batch(MessageBlock(self._name, none, none, data, none, none))
 
@@ -138,7 +126,6 @@ class Table:
 
 
 def _late_messages(block: MessageBlock) -> dict[int, str]:
-    """Return the places of messages with times that a column cannot hold, and the reason."""
     late = np.zeros(len(block), bool)
     for times in (block.log_times, block.publish_times):
         if times.dtype == np.uint64:
@@ -149,11 +136,7 @@ def _late_messages(block: MessageBlock) -> dict[int, str]:
 
 @lru_cache(maxsize=256)  # topics of one type share it
 def compiled(type_name: str, definition: str) -> tuple[Codec, tuple[Column, ...]]:
-    """Return the codec of a type, and the columns of its fields.
-
-    Raises:
-        BagFormatError: if the definition cannot be understood.
-    """
+    """Return the codec of a type, and the columns of its fields."""
     codec = Codec(type_name, definition)
     return codec, columns_of(codec, definition)
 
@@ -166,13 +149,7 @@ def open_tables(
 ) -> tuple[dict[str, Table], dict[str, str]]:
     """Return the tables of topics by their names, and the reasons why others have none.
 
-    Args:
-        errors: of damaged topics, by their names.
-        topics: those that must have a table; None for all that can.
-
-    Raises:
-        BagError: if one of ``topics`` is not in the bag.
-        BagFormatError: if one of ``topics`` is damaged or cannot be a table.
+    ``errors`` are those of damaged topics. ``topics`` must have a table; None for all that can.
     """
     known = {summary.topic.name: summary for summary in summaries}
     tables, left_out = {}, {}
@@ -211,15 +188,9 @@ def batches(
 ) -> Iterator[Batch]:
     """Yield the rows of messages, in their order within each topic.
 
-    Args:
-        blocks: messages of the topics in ``tables``.
-        tables: by the names of topics.
-        leave_out: called with the topic and the reason for each message that is not of its topic's
-            type, which is then skipped; None for an error.
-        batch_size: of a topic's messages that become one batch [bytes]; None for ``BATCH_SIZE``.
-
-    Raises:
-        BagFormatError: if a message is not of its topic's type.
+    ``leave_out`` is called with the topic and the reason for each message that is not of its
+    topic's type, which is then skipped; None for an error. ``batch_size`` is in bytes; None for
+    ``BATCH_SIZE``.
     """
     limit = batch_size or BATCH_SIZE
     waiting = {name: _Waiting(limit) for name in tables}
@@ -253,11 +224,7 @@ def batches(
 
 
 class _Waiting:
-    """Messages of one topic that wait to become a batch.
-
-    Args:
-        limit: their size as a batch [bytes].
-    """
+    """Messages of one topic that wait to become a batch of ``limit`` bytes."""
 
     def __init__(self, limit: int) -> None:
         self._limit = limit

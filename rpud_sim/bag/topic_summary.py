@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from rpud_sim.bag.losses import Losses
 from rpud_sim.bag.metadata import Topic
 
+# Fewer messages have no rate: two that arrive together would have one of many kHz.
 RATE_MESSAGES = 10
-"""Fewer messages have no rate: two that arrive together would have one of many kHz."""
 
 
 @dataclass(frozen=True)

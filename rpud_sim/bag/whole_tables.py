@@ -15,11 +15,9 @@ from rpud_sim.bag.tables import Batch, Table
 if TYPE_CHECKING:
     import pandas
 
+# Size of messages that are copied into the arrays together [bytes]: a processor's cache holds it. A
+# topic that fills half of a chunk is read from the chunk without a copy of its messages.
 PART_SIZE = 2**19
-"""Size of messages that are copied into the arrays together [bytes]: a processor's cache holds it.
-
-A topic that fills half of a chunk is read from the chunk without a copy of its messages.
-"""
 
 # A damaged count of messages must not take all memory. The first step is smaller, since arrays that
 # are nearly whole would take long to copy.
@@ -32,9 +30,7 @@ def filled(
 ) -> dict[str, dict[str, np.ndarray]]:
     """Return the columns of each topic, from batches that come in any order of topics.
 
-    Args:
-        tables: by the names of topics.
-        counts: of the messages that the bag holds of each topic; arrays are allocated for these.
+    Arrays are allocated for the counts of messages that the bag holds.
     """
     growing = {name: _Growing(table.columns, counts[name]) for name, table in tables.items()}
     for piece in pieces:
@@ -46,11 +42,7 @@ def filled(
 
 
 class _Growing:
-    """Columns of one table that grow in arrays allocated for the whole.
-
-    Args:
-        count: messages that may become rows.
-    """
+    """Columns of one table that grow in arrays allocated for the whole."""
 
     def __init__(self, columns: Iterable[Column], count: int) -> None:
         self._columns = tuple(columns)
@@ -60,11 +52,9 @@ class _Growing:
 
     @property
     def begun(self) -> bool:
-        """Whether there was a batch."""
         return bool(self._arrays)
 
     def add(self, batch: Batch) -> None:
-        """Append the rows of a batch."""
         end = self._rows + len(batch)
         self._messages += batch.message_count
         if end > self._room or not self.begun:
@@ -77,7 +67,6 @@ class _Growing:
         self._rows = end
 
     def whole(self) -> dict[str, np.ndarray]:
-        """Return the arrays, no longer than their rows."""
         for array in self._arrays.values():
             array.resize((self._rows, *array.shape[1:]), refcheck=False)
         return self._arrays
@@ -94,11 +83,7 @@ class _Growing:
 
 
 def to_frame(table: Table, columns: Mapping[str, np.ndarray]) -> pandas.DataFrame:
-    """Return a pandas frame with the first column as index.
-
-    Raises:
-        BagError: if pandas is not installed.
-    """
+    """Return a pandas frame with the first column as index."""
     try:
         import pandas
     except ModuleNotFoundError as error:

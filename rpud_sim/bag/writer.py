@@ -35,10 +35,6 @@ class BagWriter:
         reserved: whether ``reserve`` keeps room on the disk to close the bag.
         ahead: chunks that another thread compresses meanwhile. They are in the file later, and the
             size of an open file is known less well. So it is for bags that are not split.
-
-    Raises:
-        BagExistsError: if anything exists at ``path``.
-        BagError: if the directory cannot be created. Methods that write raise it if the disk fails.
     """
 
     def __init__(
@@ -87,15 +83,7 @@ class BagWriter:
         return self._folder.file_count
 
     def add_topic(self, topic: Topic, definition: str | None = None) -> None:
-        """Declare a topic before its first message.
-
-        Args:
-            topic: name, type and offered quality of service.
-            definition: complete ``ros2msg`` text of the type; None if it is unknown.
-
-        Raises:
-            BagError: if the topic was declared already, or there are too many.
-        """
+        """Declare a topic, with its type's ``ros2msg`` text if known, before its first message."""
         if topic.name in self._channels:
             raise BagError(f"topic {topic.name} was declared twice")
         schema = Schema(
@@ -112,16 +100,7 @@ class BagWriter:
         self._latched.declare(topic)
 
     def write(self, topic: str, data: bytes, log_time: int, publish_time: int) -> None:
-        """Add one serialized message.
-
-        Args:
-            topic: its name.
-            log_time: when it was received [ns since the epoch].
-            publish_time: when it was sent [ns since the epoch].
-
-        Raises:
-            BagError: if the topic was not declared, a time does not fit, or the disk fails.
-        """
+        """Add one serialized message, with times of receipt and sending [ns since the epoch]."""
         channel = self._channels.get(topic)
         if channel is None:
             raise BagError(f"topic {topic} was not declared before its first message")
@@ -139,14 +118,9 @@ class BagWriter:
     def write_blocks(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
         """Add many serialized messages at once.
 
-        The file is the same as if they were written one by one in their order.
-
-        Args:
-            blocks: messages of a topic, and the place of each among those of all blocks, int64,
-                ascending. Messages of equal place follow each other as their blocks do.
-
-        Raises:
-            BagError: as ``write`` does.
+        The file is the same as if they were written one by one in their order. With the messages of
+        a topic comes the place of each among those of all blocks, int64, ascending. Messages of
+        equal place follow each other as their blocks do.
         """
         blocks = [(block, places) for block, places in blocks if len(block)]
         for block, _ in blocks:
@@ -163,7 +137,6 @@ class BagWriter:
                 self._last = int(block.log_times[-1])
 
     def _write_one_by_one(self, blocks: Sequence[tuple[MessageBlock, np.ndarray]]) -> None:
-        """Write messages in their order, where each may begin a file or has to be kept."""
         order = sorted(
             (place, number, index)
             for number, (_, places) in enumerate(blocks)

@@ -17,8 +17,7 @@ from rpud_sim.foundation.terminal import complain, printable
 if TYPE_CHECKING:
     from rpud_sim.testing.campaign.results import Cell, Results
 
-SUFFIXES = (".yaml", ".yml")
-"""Suffixes of campaign files: any other file or folder is a bag."""
+SUFFIXES = (".yaml", ".yml")  # suffixes of campaign files: any other file or folder is a bag
 
 _WORKERS = Quantity("", "runs at the same time", 1, 100, whole=True)
 _REPEAT = Quantity("", "repetitions", 1, 100_000, whole=True)
@@ -26,7 +25,6 @@ _MOST_LINES = 20  # of failures: the page has all
 
 
 def add_campaign_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments that only a campaign has."""
     group = parser.add_argument_group("campaigns")
     group.add_argument(
         "--out",

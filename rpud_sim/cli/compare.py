@@ -97,8 +97,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 class _Append(Number):
-    """Argument that is a list of numbers in a range."""
-
     def __call__(self, parser, namespace, values, option_string=None):
         before = getattr(namespace, self.dest)
         super().__call__(parser, namespace, values, option_string)
@@ -106,7 +104,6 @@ class _Append(Number):
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compare, print and return the exit code."""
     from rpud_sim.bag import BagError
     from rpud_sim.inspection.compare import CompareError, compare
     from rpud_sim.inspection.compare.content import content

@@ -50,7 +50,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Make a data set, or evaluate the baselines on one; return the exit code."""
     if arguments.evaluate:
         for name in ("spec", "workers", "scheduler"):
             if getattr(arguments, name):
@@ -141,7 +140,6 @@ def _overview(evaluation: Evaluation) -> list[str]:
 
 
 def _by_fault(evaluation: Evaluation) -> list[str]:
-    """Return the detected share and the median delay of each kind and severity."""
     head = ["fault", "severity", "runs"]
     for result in evaluation.results:
         head += [f"{result.detector}: detected", "median delay [s]"]

@@ -63,7 +63,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print messages to the end; return the exit code."""
     from rpud_sim.ros.client import ClientError
     from rpud_sim.ros.client.listening_node import ListeningNode
     from rpud_sim.ros.client.plain_message import CUT, FieldPath, to_plain
@@ -122,7 +121,6 @@ def _json(plain: Any) -> str:
 
 
 def _yaml_text() -> Callable[[Any], str]:
-    """Return a function that writes a plain value as one YAML document."""
     import yaml
 
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

@@ -16,7 +16,6 @@ from rpud_sim.ros.replay.replay_options import ReplayOptions
 
 
 def drill_node() -> None:
-    """Run the drill."""
     parser = Parser(
         prog="drill_node",
         description="A drill in soft real time.",
@@ -37,7 +36,6 @@ def drill_node() -> None:
 
 
 def recorder() -> None:
-    """Run the recorder."""
     parser = Parser(prog="recorder", description="Recorder of ROS topics.")
     record.add_arguments(parser)
 
@@ -49,7 +47,6 @@ def recorder() -> None:
 
 
 def replayer() -> None:
-    """Run the replayer."""
     parser = Parser(prog="replayer", description="Replayer of bags.")
     replay.add_arguments(parser)
 

@@ -51,7 +51,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fit, or prove the fit, and print the result; return the exit code."""
     from rpud_sim.studies.fit.branches import FitError
     from rpud_sim.studies.fit.target_file import read_target_file
     from rpud_sim.studies.processes import WorkerError

@@ -94,7 +94,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Fork, and print what came out; return the exit code."""
     if not (arguments.out or arguments.live):
         raise ParameterError("where to? give --out DIR, or --live")
     if arguments.live and arguments.json:

@@ -22,7 +22,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the content of the bag; return the exit code."""
     from rpud_sim.bag import BagError
 
     with failing(BagError):

@@ -36,11 +36,7 @@ _SHORTENED = (
 
 
 class LiveLine:
-    """State, forces and timing of the last second: one line that a terminal sees rewritten.
-
-    Args:
-        shown: whether to write anything.
-    """
+    """State, forces and timing of the last second: one line that a terminal sees rewritten."""
 
     def __init__(self, shown: bool) -> None:
         self._shown = shown
@@ -78,11 +74,8 @@ class LiveLine:
 def logging_above(live: bool, opening: AbstractContextManager[Opened]) -> Iterator[Opened]:
     """Enter a context that starts ROS, whose log lines erase a live line first.
 
-    A refused command is logged with its reason. Without this the text would continue the live
-    line. Processes that are started later do not inherit it.
-
-    Args:
-        live: whether there is a live line.
+    A refused command is logged with its reason. Without this the text would continue the live line.
+    Processes that are started later do not inherit it.
     """
     with ExitStack() as stack:
         before = os.environ.get(_LOG_FORMAT)
@@ -99,11 +92,10 @@ def logging_above(live: bool, opening: AbstractContextManager[Opened]) -> Iterat
 
 
 def live_text(report: Report, width: int | None = None) -> str:
-    """Return the live line of a report.
+    """Return the live line of a report, at most as wide as a terminal of ``width`` columns.
 
-    Args:
-        width: of the terminal in columns; None for no limit. Less important parts get shorter or
-            are left out where the line is as long: a longer one would wrap, and scroll.
+    Less important parts get shorter or are left out where the line is as long: a longer one would
+    wrap, and scroll.
     """
     parts = _parts(report)
     if width is None:
@@ -118,11 +110,6 @@ def live_text(report: Report, width: int | None = None) -> str:
 def summary_text(
     figures: Figures, report: Report | None, faults: Sequence[FaultRecord] = ()
 ) -> str:
-    """Return the summary of a run of the drill.
-
-    Args:
-        report: the last one; None if there was none.
-    """
     jammed = any(record.fault.kind == _JAMMED for record in faults)
     rate = _rate_text(figures, jammed, "impacts/s")
     lines = [
@@ -149,7 +136,6 @@ def summary_text(
 
 
 def _parts(report: Report) -> dict[str, tuple[str, ...]]:
-    """Return the parts of the live line, each from its longest text to its shortest."""
     status, counts, timing = report.status, report.bookkeeping, report.timing
     kinds = [record.fault.kind for record in report.faults]
     weight = f"{status['weight_on_bit']:.4g} N"

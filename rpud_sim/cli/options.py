@@ -11,8 +11,7 @@ from typing import Any, NoReturn, TypeVar
 from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.foundation.terminal import printable
 
-LONGEST = 1e9
-"""Greatest number of seconds that an option accepts: thirty years."""
+LONGEST = 1e9  # greatest number of seconds that an option accepts: thirty years
 
 POSITIVE_SECONDS = Quantity("s", "a duration", 0.0, LONGEST, exclusive=True)
 SECONDS = Quantity("s", "a duration or an offset", 0.0, LONGEST)
@@ -32,13 +31,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class Number(argparse.Action):
-    """Argument that is a number in a range.
-
-    Args:
-        quantity: unit and range; a number outside raises ParameterError, which names the option.
-        arguments: as of ``argparse.Action``.
-        options: as of ``argparse.Action``.
-    """
+    """Argument that is a number in a range; outside, a ParameterError names the option."""
 
     def __init__(self, *arguments: Any, quantity: Quantity, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -51,7 +44,6 @@ class Number(argparse.Action):
         values: Any,
         option_string: str | None = None,
     ) -> None:
-        """Check the number and keep it."""
         name = self.option_strings[-1]
         setattr(namespace, self.dest, self._quantity.check(name, _parse_number(values)))
 
@@ -75,7 +67,6 @@ def pattern(text: str) -> re.Pattern[str]:
 
 
 def options_from(arguments: argparse.Namespace, kind: type[_Options]) -> _Options:
-    """Return the options of a dataclass, from arguments with the names of its fields."""
     fields = dataclasses.fields(kind)  # type: ignore[arg-type]
     return kind(**{field.name: getattr(arguments, field.name) for field in fields})
 
@@ -95,12 +86,10 @@ def split_ros_arguments(words: list[str]) -> tuple[list[str], list[str]]:
 
 
 def add_bag_argument(parser: argparse.ArgumentParser) -> None:
-    """Declare BAG."""
     parser.add_argument("bag", metavar="BAG", help="a bag's folder or one MCAP file")
 
 
 def add_json_argument(parser: argparse.ArgumentParser) -> None:
-    """Declare --json."""
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
@@ -116,7 +105,6 @@ def add_workers_argument(parser: argparse._ActionsContainer) -> None:
 
 
 def add_scheduler_argument(parser: argparse._ActionsContainer) -> None:
-    """Declare --scheduler of a study."""
     parser.add_argument(
         "--scheduler",
         metavar="tcp://HOST:PORT",
@@ -130,12 +118,7 @@ def worker_count(arguments: argparse.Namespace) -> int:
 
 
 def add_range_arguments(parser: argparse.ArgumentParser, verb: str, longest: float) -> None:
-    """Declare --start and --duration of a part of a bag.
-
-    Args:
-        verb: what the command does with the part.
-        longest: greatest number of seconds.
-    """
+    """Declare --start and --duration of a part of a bag, both of at most ``longest`` seconds."""
     parser.add_argument(
         "--start",
         action=Number,
@@ -174,11 +157,7 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_parameters(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Return the parameters that were given, by name: the file's, then --regime, then each --set.
-
-    Raises:
-        ParameterError: if the file or an assignment cannot be read.
-    """
+    """Return the given parameters by name: the file's, then --regime, then each --set."""
     from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
 
     values = read_parameter_file(arguments.config) if arguments.config else {}

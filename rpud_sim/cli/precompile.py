@@ -39,7 +39,6 @@ def main(words: Sequence[str] | None = None) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compile what is missing; return the exit code."""
     from rpud_sim.kernels.processor import BASELINE, this_target
     from rpud_sim.model.compile import STORE
 
@@ -79,7 +78,6 @@ def _use_every_kernel() -> None:
 
 
 def _gather(store: KernelStore, folder: Path) -> None:
-    """Copy what was found elsewhere."""
     folder.mkdir(parents=True, exist_ok=True)
     for number, file in enumerate(store.found):
         if file.parent != folder:

@@ -14,8 +14,8 @@ from typing import Any, NoReturn
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.terminal import complain
 
+# Environment variable: where it is set, an unexpected error shows its traceback.
 TRACEBACK = "RPUD_TRACEBACK"
-"""Environment variable: where it is set, an unexpected error shows its traceback."""
 
 _RETRY_DELAY = 0.01  # s
 # What only some commands need comes with an extra: these have one each, the others share one.
@@ -37,12 +37,9 @@ class ExitCode(enum.IntEnum):
 
     DONE = 0
     FAILED = 1
-    USAGE = 2
-    """A wrong call: an argument, a parameter or a file of parameters cannot be used."""
-    INCOMPLETE = 3
-    """Done, but a part is damaged, lost or different."""
-    INTERRUPTED = 130
-    """Ended by Ctrl-C, as shells count it."""
+    USAGE = 2  # wrong call: an argument, a parameter or a file of parameters cannot be used
+    INCOMPLETE = 3  # done, but a part is damaged, lost or different
+    INTERRUPTED = 130  # ended by Ctrl-C, as shells count it
 
 
 class CommandError(Exception):
@@ -63,11 +60,7 @@ def failing(*errors: type[Exception], code: ExitCode = ExitCode.FAILED) -> Itera
 
 
 def report_errors(program: str, run: Callable[[], int]) -> int:
-    """Run a command and return its exit code; print an expected error as one line.
-
-    Args:
-        program: name that begins the line.
-    """
+    """Run a command and return its exit code; print an expected error as one line."""
     try:
         return run()
     except ParameterError as error:
@@ -79,12 +72,7 @@ def report_errors(program: str, run: Callable[[], int]) -> int:
 
 
 def run_program(program: str, run: Callable[[], Any]) -> NoReturn:
-    """Run a program and exit with its code; an unexpected error becomes one line as well.
-
-    Args:
-        program: name that begins the line.
-        run: returns the exit code, or raises SystemExit.
-    """
+    """Run a program and exit with its code; an unexpected error becomes one line as well."""
     _open_streams()
     interrupt = _Interrupt()
     try:
@@ -159,8 +147,6 @@ def _open_streams() -> None:
 
 
 class _Interrupt:
-    """Handler of SIGINT that raises KeyboardInterrupt."""
-
     def __init__(self) -> None:
         self.seen = False  # whether there was a SIGINT
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -173,7 +159,6 @@ class _Interrupt:
         raise KeyboardInterrupt
 
     def _retry(self, unraisable: Any) -> None:
-        """Raise it once more where it came in a place that nothing can be raised from."""
         if isinstance(unraisable.exc_value, KeyboardInterrupt):
             signal.setitimer(signal.ITIMER_REAL, _RETRY_DELAY)  # not at once: it would come in here
         else:

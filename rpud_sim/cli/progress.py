@@ -16,8 +16,6 @@ _LINE_PERIOD = 10.0  # s between two lines where there is no terminal
 
 
 class _Lines:
-    """Stream that writes what would be rewritten as lines of its own."""
-
     def write(self, text: str) -> None:
         line = text.strip("\r\n ")
         if line:
@@ -38,11 +36,8 @@ def progress_bar(
 ) -> Any:
     """Return a ``tqdm`` bar, to be entered and updated.
 
-    Args:
-        total: at which all is done, where it is known.
-        scaled: whether to write large counts with k, M and so on.
-        delay: before a terminal shows it [s].
-        layout: ``bar_format`` of tqdm; None for its own.
+    ``scaled`` writes large counts with k, M and so on. A terminal shows it after ``delay`` [s].
+    ``layout`` is ``bar_format`` of tqdm.
     """
     from tqdm import tqdm  # only when it is needed, for it slows every start
 
@@ -66,8 +61,7 @@ def progress_bar(
 def status_line(title: str) -> Iterator[Callable[[str], None]]:
     """Show the latest text of a task without an end, after its title.
 
-    Yields:
-        A function that takes the next text; how often it is shown is decided here.
+    The function that it yields takes the next text; how often it is shown is decided here.
     """
     with progress_bar("", delay=0.0, layout="{desc}") as bar:
 

@@ -116,7 +116,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Record until the duration is over or a signal stops it; return the exit code."""
     return record(options_from(arguments, RecordOptions))
 
 

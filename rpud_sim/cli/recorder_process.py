@@ -25,11 +25,7 @@ _LINES_KEPT = 100  # of its standard error, which has a line of progress every t
 
 
 class RecorderProcess:
-    """Process of ``rpud record``.
-
-    Args:
-        max_loss: that a crash of the recorder may cost at most [s].
-    """
+    """Process of ``rpud record``; a crash of it may cost at most ``max_loss`` of messages [s]."""
 
     def __init__(self, bag: str, namespace: str, max_loss: float) -> None:
         self._bag = bag
@@ -93,11 +89,7 @@ class RecorderProcess:
         return False
 
     def missing(self, sent: Mapping[str, int]) -> list[str]:
-        """Return a line for each topic of which the closed bag has fewer messages than were sent.
-
-        Args:
-            sent: number of messages by absolute name of the topic.
-        """
+        """Return a line for each topic with more messages sent than in the closed bag."""
         import rpud_sim.bag
         from rpud_sim.bag import BagError
 

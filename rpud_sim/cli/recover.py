@@ -32,7 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Recover and print the account; return the exit code."""
     from rpud_sim.bag import BagError
     from rpud_sim.bag.recovery import files_to_recover, recover
 

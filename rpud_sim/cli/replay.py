@@ -89,7 +89,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Replay to the end of the bag or until a signal stops it; return the exit code."""
     return replay(options_from(arguments, ReplayOptions))
 
 

@@ -29,7 +29,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write the report and print its path; return the exit code."""
     from rpud_sim.bag import BagError
     from rpud_sim.inspection.report.bag_report import ReportError, write_report
 

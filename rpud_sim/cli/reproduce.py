@@ -31,7 +31,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reproduce the paper and write the report; return the exit code."""
     from rpud_sim.studies.reproduction.findings import summary
     from rpud_sim.studies.reproduction.reproduction import QUICK, Effort, reproduce
     from rpud_sim.studies.reproduction.reproduction_report import REPORT, write_report

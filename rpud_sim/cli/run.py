@@ -116,11 +116,8 @@ def drill(
 ) -> ExitCode:
     """Drill to the end, and print a summary; return the exit code.
 
-    Args:
-        program: that complains.
-        record: new bag to record the node's namespace into; None for none.
-        max_loss: seconds of messages that a crash may cost the bag at most.
-        live: whether to show a live line.
+    ``record`` is a new bag for the node's namespace. A crash may cost it at most ``max_loss`` of
+    messages [s].
     """
     if record:
         return _drill_and_record(node, stop, program, record, max_loss, live)

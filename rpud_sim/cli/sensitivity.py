@@ -26,7 +26,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the study and print its tables; return the exit code."""
     from rpud_sim.studies.sensitivity.sensitivity import run_sensitivity
     from rpud_sim.studies.sensitivity.specification import SensitivityError, read_specification
 

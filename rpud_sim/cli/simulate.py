@@ -74,7 +74,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate and print the figures; return the exit code."""
     _load_numba()
     from rpud_sim.model.engine import EngineError
 
@@ -93,10 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _load_numba() -> None:
-    """Load Numba without SciPy.
-
-    Numba would load SciPy's linear algebra, which no kernel uses: a fifth of the start.
-    """
+    """Load Numba without SciPy's linear algebra, which no kernel uses: a fifth of the start."""
     if "scipy" not in sys.modules:
         sys.modules["scipy"] = None  # type: ignore[assignment]
         try:
@@ -117,7 +113,6 @@ def _refuse_assignments_to_the_node(arguments: argparse.Namespace) -> None:
 
 
 def _simulate(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Write the bag, if one is requested, and return the figures."""
     from rpud_sim.simulation.configuration import to_settings
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members, initial_phases
 
@@ -225,5 +220,4 @@ def _text(figures: dict[str, Any]) -> str:
 
 
 def _show(line: str) -> None:
-    """Show what takes long."""
     complain("rpud simulate", line)

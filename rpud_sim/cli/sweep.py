@@ -36,7 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the sweep and print the account; return the exit code."""
     from rpud_sim.studies.processes import WorkerError
     from rpud_sim.studies.sweep.specification import SweepError, read_specification
 

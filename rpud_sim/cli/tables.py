@@ -10,12 +10,7 @@ from rpud_sim.foundation.terminal import printable
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]], left: int) -> list[str]:
-    """Return the lines of a table, aligned and printable.
-
-    Args:
-        rows: cells of each row, of any type.
-        left: number of columns, from the first, that are aligned to the left.
-    """
+    """Return the lines of a table, aligned and printable, ``left`` columns to the left."""
     cells = [[printable(cell) for cell in row] for row in (head, *rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [
@@ -28,5 +23,4 @@ def table(head: Sequence[str], rows: Iterable[Sequence[Any]], left: int) -> list
 
 
 def print_json(content: Any) -> None:
-    """Print one JSON object."""
     print(json.dumps(content, indent=2))

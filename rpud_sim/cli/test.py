@@ -42,7 +42,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Judge and print the verdicts; return the exit code."""
     if Path(arguments.subject).suffix in SUFFIXES and not Path(arguments.subject).is_dir():
         return test_campaign(arguments)
     if arguments.expect is None:

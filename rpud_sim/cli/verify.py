@@ -32,7 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Verify and print the account; return the exit code."""
     from rpud_sim.bag import BagError
     from rpud_sim.inspection.verify.recorded_journal import UnverifiableError
     from rpud_sim.inspection.verify.verification import verify

@@ -136,7 +136,6 @@ def _announce(server: PageServer, finder: DrillFinder, arguments: argparse.Names
 
 
 def _find(finder: DrillFinder) -> list[str]:
-    """Return the namespaces of the drills that are found within a second."""
     end = time.monotonic() + _SEARCH_TIME
     found: list[str] = []
     while time.monotonic() < end:

@@ -24,15 +24,7 @@ _POLL_PERIOD = 0.05  # between looks at a request to stop [s]
 
 @contextmanager
 def watching(port: int | None, namespace: str, stop: StopRequest) -> Iterator[None]:
-    """Serve the page of a drill meanwhile, and print its address.
-
-    Args:
-        port: of the page; None for no page.
-        stop: a request to stop, which also ends the wait for the server.
-
-    Raises:
-        CommandError: if the server cannot start.
-    """
+    """Serve the page of a drill meanwhile, and print its address; without a port, no page."""
     if port is None:
         yield
         return

@@ -20,14 +20,10 @@ Event = tuple[int, Callable[[], Iterable[Entry]]]
 
 
 class Continuation:
-    """Messages of a fork, from its instant to its end.
+    """Messages of a fork, from its instant on for a duration [s].
 
-    Args:
-        fork: where it begins.
-        duration: to simulate [s]; None up to the end of the recorded run.
-
-    Raises:
-        ForkError: if the journal does not hold what followed.
+    Without a duration it goes up to the end of the recorded run. A journal that does not hold what
+    followed raises a ForkError.
     """
 
     def __init__(self, fork: Fork, changes: Changes, duration: float | None) -> None:
@@ -40,18 +36,13 @@ class Continuation:
         self._watches = changes.replaces_commands
 
     def begin(self) -> Iterator[Entry]:
-        """Apply the changes at the instant, and yield their messages and a status.
-
-        Raises:
-            ParameterError: if one of them is refused.
-        """
+        """Apply the changes at the instant, and yield their messages and a status."""
         if not self._changes.empty:
             begin_changes(self._run, self._fork.resumed.settings, self._changes)
             yield from self._run.changes()
         yield self._run.status("running", Bookkeeping())
 
     def messages(self, report: Callable[[float], object]) -> Iterator[Entry]:
-        """Yield the messages after the instant."""
         run = self._run
         events = deque(sorted(self._events(), key=lambda event: event[0]))
         while True:
@@ -83,7 +74,6 @@ class Continuation:
         return self._run.status("running", Bookkeeping(commands_lost=lost))
 
     def _watch(self) -> Iterator[Entry]:
-        """Let the watchdog act, as the node does between two blocks."""
         applied = self._run.simulation.applied
         if self._run.control.act() or self._run.simulation.applied is not applied:
             yield from self._run.changes()

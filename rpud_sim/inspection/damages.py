@@ -6,18 +6,13 @@ from rpud_sim.bag import BagFormatError, BagReader
 
 
 class Damages:
-    """Account of the damaged parts that an analysis of a bag skips.
-
-    Args:
-        bag: whose damaged topics and records the account begins with.
-    """
+    """Damaged parts that an analysis of a bag skips; the account begins with the bag's own."""
 
     def __init__(self, bag: BagReader) -> None:
         self._parts = bag.damages
         self._messages: dict[str, tuple[int, str]] = {}
 
     def add(self, topic: str, reason: str) -> None:
-        """Count a skipped message."""
         count, first = self._messages.get(topic, (0, reason))
         self._messages[topic] = count + 1, first
 
@@ -30,7 +25,6 @@ class Damages:
             return []
 
     def add_record(self, name: str, error: BagFormatError) -> None:
-        """Note a skipped metadata record."""
         self._parts[f"record {name}"] = str(error)
 
     @property

@@ -16,9 +16,7 @@ def encoded(
 ) -> list[tuple[MessageBlock, np.ndarray]]:
     """Return the messages of each topic that has an encoder, and their places among all.
 
-    Args:
-        encoders: of the wanted topics, by their names in the run.
-        prefix: of the names in a bag.
+    ``encoders`` are by the names of topics in the run, ``prefix`` is of the names in a bag.
     """
     return [
         (encoded_columns(columns, encoders[columns.topic], prefix), columns.places)
@@ -28,7 +26,6 @@ def encoded(
 
 
 def encoded_columns(columns: Columns, encoder: Encoder, prefix: str) -> MessageBlock:
-    """Return the messages of columns."""
     data, sizes = encoder.encode_columns(columns.fields, len(columns))
     times = columns.times
     starts = np.cumsum(sizes) - sizes

@@ -19,8 +19,8 @@ from rpud_sim.simulation.rerun import JournalError
 from rpud_sim.simulation.resumption import Resumed, Start, resume
 from rpud_sim.simulation.run import Run
 
+# Parameters of a node that a live fork may have otherwise, for they change no bit.
 LIVE = ("autostart", "publish_clock", "start_paused", "thread_priority")
-"""Parameters of a node that a live fork may have otherwise, for they change no bit."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,19 +47,10 @@ def open_fork(
     stop: bool,
     report: Callable[[float], object] = lambda seconds: None,
 ) -> Fork:
-    """Run a recorded run again up to an instant.
+    """Run a recorded run again up to an instant, in simulation time of the run [s].
 
-    Args:
-        at: instant, in simulation time of the run [s].
-        run: number of the run, from 1.
-        topic: of the journal, if the bag holds several.
-        stop: whether the run stops exactly at the instant.
-        report: called with the seconds that were simulated since its last call.
-
-    Raises:
-        BagError: if the bag cannot be read.
-        ForkError: if the bag does not hold the state at that instant.
-        EngineError: if the simulation cannot go on.
+    Runs count from 1; ``topic`` chooses one of several journals. ``stop`` is exactly at the
+    instant.
     """
     with rpud_sim.bag.open(path) as bag:
         recorded = find_run(bag, run, topic)
@@ -88,13 +79,8 @@ def live_start(fork: Fork, changes: Changes) -> Start:
     """Return the start of a drill node in the state of a fork.
 
     Recorded changes after the instant are not repeated, for others command a node. Scheduled ends
-    of faults and the rest of the scenario are part of the state.
-
-    Args:
-        fork: that stopped at its instant; its run is used up.
-
-    Raises:
-        ParameterError: if a change at the instant is refused.
+    of faults and the rest of the scenario are part of the state. The fork must have stopped at its
+    instant; its run is used up.
     """
     run = fork.resumed.run
     settings = begin_changes(run, fork.resumed.settings, changes)

@@ -59,13 +59,6 @@ def write_fork(
         changes: from the instant on; None for none.
         run: number of the run, from 1; resets and restored checkpoints begin new ones.
         topic: of the journal, if the bag holds several.
-        report: called with the seconds that were simulated since its last call.
-
-    Raises:
-        BagError: if a bag cannot be read or written.
-        ForkError: if the bag does not hold the state at that instant, or what followed.
-        ParameterError: if a change at the instant is refused.
-        EngineError: if the simulation cannot go on.
     """
     changes = Changes() if changes is None else changes
     if os.path.lexists(out):

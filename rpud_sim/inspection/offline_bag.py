@@ -35,23 +35,11 @@ def write_offline_bag(
     topics: Collection[str] = tuple(TOPICS),
     manifest: Manifest | None = None,
 ) -> None:
-    """Simulate a run and write a bag of it; the bag's clock is simulation time.
+    """Simulate a run for a duration [s] and write a bag of it, whose clock is simulation time.
 
-    The bag holds what the drill node would publish.
-
-    Args:
-        duration: simulated time [s].
-        scenario_text: of the scenario's file, for the bag's manifest.
-        report: called with the seconds that were simulated since its last call.
-        planned: commands and faults, in the order of their times.
-        topics: names of those that the bag gets, as far as the drill offers them.
-        manifest: of the bag; None for that of this program and this machine.
-
-    Raises:
-        BagError: if the bag cannot be written.
-        ParameterError: if a planned change is refused.
-        EngineError: if the engine cannot continue.
-        FaultError: if a fault of the scenario is not possible.
+    The bag holds what the drill node would publish, of ``topics`` as far as the drill offers them.
+    ``planned`` is in the order of times. Its manifest is by default that of this program and
+    machine.
     """
     offered = offered_topics(beginning.settings.values())
     chosen = {name: topic for name, topic in offered.items() if name in topics}
@@ -90,7 +78,6 @@ def write_offline_bag(
 def _messages(
     run: Run, end: int, report: Callable[[float], object], planned: Sequence[Planned]
 ) -> Iterator[Entry | Together]:
-    """Yield the messages of a run, with a status every second and on each planned change."""
     pending = deque(each for each in planned if each.delay < end)
     run.begin(0)
     yield from run.changes()

@@ -14,8 +14,7 @@ from rpud_sim.foundation.whole_folder import whole_folder
 def new_folder(out: str | os.PathLike[str], failure: type[Exception]) -> Iterator[Path]:
     """Yield a folder that appears as ``out`` when it is complete, and not at all after an error.
 
-    Raises:
-        failure: if ``out`` exists or cannot be written, with the reason in one line.
+    If ``out`` exists or cannot be written, it raises ``failure`` with the reason in one line.
     """
     try:
         with whole_folder(out) as folder:

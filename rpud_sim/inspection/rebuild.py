@@ -72,7 +72,7 @@ def rebuild(
     run: int = 1,
     report: Callable[[int], object] = lambda samples: None,
 ) -> Rebuilt:
-    """Write every channel of a bag's trajectory at any rate, without a simulation.
+    """Write every channel of a bag's trajectory at any whole rate [Hz], without a simulation.
 
     ``out`` appears when all of it is complete.
 
@@ -224,7 +224,6 @@ class _Table:
         return end - begin
 
     def finish(self) -> None:
-        """Fill the gap at the end."""
         self._skip_to(self._end)
 
     def _skip_to(self, number: int) -> None:

@@ -20,17 +20,10 @@ Repeat = Callable[[Run], Iterable[Entry]]
 def repeated(
     recorded: RecordedRun, time: int, end: int, changes: Changes
 ) -> Iterator[tuple[JournalEntry, Repeat]]:
-    """Yield the recorded entries after an instant, and how to repeat each on the forked run.
+    """Yield the recorded entries between two times [ns], and how to repeat each on the forked run.
 
     What a fork sets by itself is not taken back: recorded changes of these parameters are left out,
     and recorded commands where it has its own.
-
-    Args:
-        time: instant of the fork [ns].
-        end: of the fork [ns].
-
-    Raises:
-        ForkError: if an entry cannot be repeated.
     """
     later = [entry for entry in recorded.later(time) if entry.time <= end]
     dropped = {
@@ -68,7 +61,6 @@ def _repeat(entry: JournalEntry, run: Run, *, strict: bool) -> Iterator[Entry]:
 
 
 def _configure(entry: JournalEntry, changes: Changes, run: Run) -> Iterator[Entry]:
-    """Repeat a change of parameters, but for those that the fork sets."""
     values = entry.content["parameters"]
     own = {name: value for name, value in changes.parameters.items() if name in values}
     run.simulation.configure(to_configuration({**values, **own}))
@@ -88,7 +80,6 @@ def _clear(fault: Fault, run: Run) -> Iterator[Entry]:
 def _cleared_faults(
     before: Sequence[JournalEntry], later: Iterable[JournalEntry]
 ) -> dict[int, Fault]:
-    """Return the faults that recorded entries clear, by the numbers of the entries."""
     rerun = Rerun(wanted=lambda topic: False)
     found: dict[int, Fault] = {}
     try:

@@ -81,7 +81,6 @@ class RecordedRun:
         return digest.hexdigest()
 
     def fields(self, message: Message) -> Fields:
-        """Return the fields of an entry's message."""
         decoded = self.codec.decode(message.data)
         stamp = decoded.header.stamp
         return {
@@ -97,8 +96,8 @@ class RecordedRun:
     def version_warnings(self) -> list[str]:
         """Return what differs between the versions that made the run, and those here.
 
-        Raises:
-            ForkError: if the physics was mended since, so that the run cannot be repeated.
+        It raises a ForkError if the physics was corrected since, so that the run cannot be
+        repeated.
         """
         begin = _begin_of(self.before, self.entries)
         if mended := mended_since(begin):
@@ -114,15 +113,7 @@ class RecordedRun:
 
 
 def find_run(bag: BagReader, number: int = 1, topic: str | None = None) -> RecordedRun:
-    """Return a run of a bag.
-
-    Args:
-        number: of the run, from 1.
-        topic: of the journal, if the bag holds several.
-
-    Raises:
-        ForkError: if the bag holds no such run, or its journal cannot be understood.
-    """
+    """Return a run of a bag by its number, from 1; ``topic`` chooses one of several journals."""
     summary = _journal(bag, topic)
     name = summary.topic.name
     try:
@@ -197,7 +188,6 @@ def _begins(entry: JournalEntry) -> bool:
 
 
 def _begin_of(before: Sequence[Recorded], own: Sequence[Recorded]) -> Mapping[str, Any]:
-    """Return the content of the entry with which a run began, maybe before a checkpoint."""
     return next(e.content for _, e in reversed((*before, *own[:1])) if e.kind == "begin")
 
 

@@ -30,15 +30,7 @@ class TrajectoryPiece:
 def trajectory_pieces(
     messages: Iterable[Message], codec: Codec, path: object
 ) -> Iterator[TrajectoryPiece]:
-    """Yield the pieces of a trajectory, one for each message that holds segments.
-
-    Args:
-        messages: of one trajectory in their order, from any one on.
-        codec: of ``rpud_msgs/Trajectory``.
-
-    Raises:
-        BagFormatError: if a message is damaged.
-    """
+    """Yield the pieces of a trajectory, one for each message with segments, from any one on."""
     run, following, end = 0, -1, 0.0
     for recorded in messages:
         message = codec.decode(recorded.data)

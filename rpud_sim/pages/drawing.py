@@ -39,11 +39,7 @@ Drawing = tuple["ColumnDataSource | None", list[GlyphRenderer]]
 
 
 def draw(figure: Figure, layer: Layer, color: str, number: int) -> Drawing:
-    """Draw a layer; return its data, if it has any, and what is drawn of them.
-
-    Args:
-        color: its name in ``theme``.
-    """
+    """Draw a layer; return its data, if it has any, and what is drawn of them."""
     if isinstance(layer, Line):
         return _line(figure, layer, color, number)
     if isinstance(layer, Envelope):
@@ -62,9 +58,8 @@ def draw(figure: Figure, layer: Layer, color: str, number: int) -> Drawing:
 def _read_out(source: ColumnDataSource, number: int, how: str, **columns: str) -> None:
     """Name the columns whose values the cursor shows.
 
-    Args:
-        how: ``held`` for the last value before the cursor, ``nearest`` for the one beside it.
-        columns: ``x`` and ``y``; ``low`` and ``high`` if there is a band.
+    ``how`` is ``held`` for the last value before the cursor, ``nearest`` for the one beside it. The
+    columns are ``x`` and ``y``; ``low`` and ``high`` if there is a band.
     """
     source.tags = [*source.tags, json.dumps({"read": {"layer": number, "how": how, **columns}})]
 

@@ -89,9 +89,7 @@ class Embedding:
     def grid(self, name: str, plots: Sequence[Plot], least: float = 26.0) -> Markup:
         """Return the elements of plots side by side; those over one quantity zoom together.
 
-        Args:
-            name: of the grid, unique in the page.
-            least: width of a plot in the width of a letter.
+        The name is unique in the page; ``least`` is the width of a plot in the width of a letter.
         """
         from rpud_sim.pages.figures import draw_plot
 
@@ -136,8 +134,7 @@ class Embedding:
 def server_scripts(groups: Mapping[str, Mapping[str, Any]]) -> Markup:
     """Return the elements at the end of a server's page, which has BokehJS already.
 
-    Args:
-        groups: by name, what ``group_content`` gives; empty for a time that is open.
+    ``groups`` has, by name, what ``group_content`` gives; empty for a time that is open.
     """
     parts = [json_element(content, "plot-group", name) for name, content in groups.items()]
     script = Markup("<script>{}</script>").format(Markup(plots_script()))
@@ -147,10 +144,7 @@ def server_scripts(groups: Mapping[str, Mapping[str, Any]]) -> Markup:
 def host(plot: Plot, name: str, group: str = "", inner: Markup | None = None) -> Markup:
     """Return the element that holds a figure, its title, its legend and the values at the cursor.
 
-    Args:
-        name: that of the figure.
-        group: whose plots zoom together; empty for none.
-        inner: element into which a server embeds the figure; None in a file.
+    Plots of a ``group`` zoom together. A server embeds the figure into ``inner``.
     """
     keys = [
         _KEY.format(layer=number, color=layer_color(layer), text=printable(layer.name))

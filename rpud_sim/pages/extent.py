@@ -44,11 +44,7 @@ def readable_unit(unit: str, greatest: float) -> tuple[float, str]:
 
 
 def axis_ends(plot: Plot, side: str) -> tuple[float, float]:
-    """Return the ends of an axis that its data need, with a margin.
-
-    Args:
-        side: ``x`` or ``y``.
-    """
+    """Return the ends of an axis, ``x`` or ``y``, that its data need, with a margin."""
     axis: Axis = getattr(plot, side)
     parts = [values[np.isfinite(values)] for layer in plot.layers for values in _held(layer, side)]
     found = np.concatenate([np.empty(0), *parts])
@@ -78,7 +74,6 @@ def _rests_on_zero(plot: Plot, side: str) -> bool:
 
 
 def _held(layer: Layer, side: str) -> Iterator[np.ndarray]:
-    """Yield the numbers of a layer along an axis."""
     if isinstance(layer, Rule):
         if layer.across == (side == "y"):
             yield np.array([layer.value])

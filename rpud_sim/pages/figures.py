@@ -63,12 +63,7 @@ def standalone(figure: Figure) -> dict[str, Any]:
 
 
 def draw_plot(plot: Plot, name: str, *, live: bool = False) -> Drawn:
-    """Return the figure of a plot that stands alone.
-
-    Args:
-        name: of its host element in the page.
-        live: whether the axes follow data that change.
-    """
+    """Return the figure of a plot that stands alone; ``live`` lets its axes follow the data."""
     return _draw(plot, name, _range(plot, "x", live), live, {})
 
 
@@ -77,12 +72,10 @@ def draw_column(
 ) -> tuple[Drawn, ...]:
     """Return the figures of a column; they show one range of time and the same marks.
 
-    Args:
-        names: of the host elements in the page, for each plot.
-        live: whether the figures belong to one document of a server, whose data change. Then
-            they share the models of the range of time and of the marks. Whoever updates the data
-            moves the range, ``figure.x_range``. In a file each figure stands alone, and the
-            page's script links the ranges.
+    ``names`` are of the host elements. With ``live`` the figures belong to one document of a
+    server, whose data change, and share the models of the range of time and of the marks. Whoever
+    updates the data moves the range, ``figure.x_range``. In a file each figure stands alone, and
+    the page's script links the ranges.
     """
     end = max(column.end, column.begin + 1e-9)
     time = Axis(column.label, column.unit, low=column.begin, high=end)
@@ -185,7 +178,6 @@ def _range(plot: Plot, side: str, live: bool) -> Any:
 
 
 def _dress(drawn: Figure, plot: Plot) -> None:
-    """Set fonts, colours and formats of a figure's frame."""
     # The page shows through.
     drawn.background_fill_color = drawn.border_fill_color = None
     paint(drawn, outline_line_color="rule")
@@ -220,7 +212,6 @@ def _dress(drawn: Figure, plot: Plot) -> None:
 
 
 def _draw_marks(drawn: Figure, kind: str, source: ColumnDataSource) -> None:
-    """Draw the marks of one kind through the whole plot, behind its layers."""
     if kind in (FAULT, GAP):
         area = drawn.vstrip(
             x0="time",

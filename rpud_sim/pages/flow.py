@@ -27,10 +27,7 @@ def flow_picture(
 ) -> Markup:
     """Return the picture of a flow as an element of a page.
 
-    Args:
-        into: amounts that come in by their names, all positive.
-        out: amounts that go out.
-        alt: sentence that says what is seen.
+    Amounts that come in and go out, by their names, are positive. ``alt`` says what is seen.
     """
     whole = max(sum(into.values()), sum(out.values()), 1e-300)
     parts = []
@@ -58,7 +55,6 @@ def flow_picture(
 def _bands(
     side: int, group: Mapping[str, float], whole: float, first: int, unit: str
 ) -> Iterator[tuple[Markup, float]]:
-    """Yield one side's bands with their labels, and where each ends below."""
     inner = float(_TOP)
     outer = 8.0
     start = _BAR[0] if side < 0 else _BAR[1]

@@ -47,10 +47,9 @@ _FRAME = """\
 def render_page(body: str, title: str, **context: object) -> str:
     """Return an HTML page; texts of the context are escaped, never interpreted as HTML.
 
-    Args:
-        body: template for jinja2 of everything below the title; it may use
-            ``table(heading, rows, numeric=true, caption="")``, ``plot(Plot)``,
-            ``column(TimeColumn)`` and ``grid(name, plots, least=26)``.
+    ``body`` is a template for jinja2 of everything below the title. It may use ``table(heading,
+    rows, numeric=true, caption="")``, ``plot(Plot)``, ``column(TimeColumn)`` and ``grid(name,
+    plots, least=26)``.
     """
     environment = Environment(
         autoescape=True,

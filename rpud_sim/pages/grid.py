@@ -30,11 +30,7 @@ class GridGroup:
 
 
 def grid_groups(name: str, plots: Sequence[Plot]) -> Iterator[GridGroup]:
-    """Yield the plots in their order, by the quantity along x.
-
-    Args:
-        name: of the grid, unique in its page.
-    """
+    """Yield the plots in their order, by the quantity along x. The name is unique in its page."""
     keys = dict.fromkeys(map(_quantity, plots))
     for number, key in enumerate(keys, 1):
         group = tuple(plot for plot in plots if _quantity(plot) == key)
@@ -49,12 +45,7 @@ def grid_groups(name: str, plots: Sequence[Plot]) -> Iterator[GridGroup]:
 
 
 def grid_html(hosts: Sequence[Markup], controls: Markup, least: float) -> Markup:
-    """Return the element of one group, with as many plots side by side as there is place for.
-
-    Args:
-        controls: of their zoom; may be empty.
-        least: width of a plot in the width of a letter.
-    """
+    """Return one group's element; ``least`` is a plot's width in the width of a letter."""
     plots = _GRID.format(least=least, hosts=Markup("").join(hosts))
     return _GROUP.format(controls=controls, plots=plots)
 

@@ -10,10 +10,6 @@ from rpud_sim.pages.theme import LIGHT
 
 
 def paint(model: Model, **colors: str) -> None:
-    """Set colours of a model by their names: at first those of the light theme.
-
-    Args:
-        colors: names of the colours in ``theme``, by property.
-    """
+    """Set colours of a model, by property, by their names in ``theme``: first the light theme's."""
     model.update(**{name: LIGHT[color] for name, color in colors.items()})
     model.tags = [*model.tags, json.dumps({"paint": colors})]

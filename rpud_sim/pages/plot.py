@@ -12,102 +12,68 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-COMMAND, FAULT, GAP = "command", "fault", "gap"
-"""Kinds of marks."""
+COMMAND, FAULT, GAP = "command", "fault", "gap"  # kinds of marks
 
 
 @dataclass(frozen=True)
 class Axis:
-    """Axis of a plot.
+    """Axis of a plot."""
 
-    Args:
-        label: name of the quantity; not of a y axis, whose name is the title of the plot.
-        unit: of its values; empty for none.
-        log: whether it is logarithmic; values that are not positive are left out.
-        low, high: its ends; from the data if None.
-        categories: names at 0, 1, 2 ..., which take the place of numbers.
-        flipped: whether it grows downward, or to the left.
-    """
-
-    label: str = ""
-    unit: str = ""
-    log: bool = False
-    low: float | None = None
+    label: str = ""  # name of the quantity; not of a y axis, whose name is the title of the plot
+    unit: str = ""  # of its values; empty for none
+    log: bool = False  # whether it is logarithmic; values that are not positive are left out
+    low: float | None = None  # low, high: its ends; from the data if None
     high: float | None = None
-    categories: tuple[str, ...] = ()
-    flipped: bool = False
+    categories: tuple[str, ...] = ()  # names at 0, 1, 2 ..., which take the place of numbers
+    flipped: bool = False  # whether it grows downward, or to the left
 
 
 @dataclass(frozen=True)
 class Line:
-    """Line through points; with ``steps`` each value holds until the next one.
-
-    Args:
-        x, y: its points, shape (n,).
-        steps: whether it is drawn as steps.
-        color: number of its colour, or the name of one in ``theme``.
-        width: of the line [pixels].
-        marker: whether a dot is on each point.
-    """
+    """Line through points; with ``steps`` each value holds until the next one."""
 
     name: str
-    x: np.ndarray
+    x: np.ndarray  # x, y: its points, shape (n,)
     y: np.ndarray
-    steps: bool = False
-    color: int | str = 0
+    steps: bool = False  # whether it is drawn as steps
+    color: int | str = 0  # number of its colour, or the name of one in ``theme``
     dash: Literal["solid", "dashed", "dotted", "dotdash"] = "solid"
-    width: float = 1.4
-    marker: bool = False
+    width: float = 1.4  # of the line [pixels]
+    marker: bool = False  # whether a dot is on each point
 
 
 @dataclass(frozen=True)
 class Envelope:
-    """Mean of values in parts of the time, and the band from least to greatest.
-
-    Args:
-        x: beginning of each part, shape (n,). A part ends where the next one begins; the last one
-            is only an end.
-        low, y, high: least, mean and greatest value of each part, shape (n,).
-        color: number of its colour, or the name of one in ``theme``.
-    """
+    """Mean of values in parts of the time, and the band from least to greatest."""
 
     name: str
+    # Beginning of each part, shape (n,). A part ends where the next one begins; the last one is
+    # only an end.
     x: np.ndarray
-    low: np.ndarray
+    low: np.ndarray  # low, y, high: least, mean and greatest value of each part, shape (n,)
     y: np.ndarray
     high: np.ndarray
-    color: int | str = 0
+    color: int | str = 0  # number of its colour, or the name of one in ``theme``
 
 
 @dataclass(frozen=True)
 class Points:
-    """Points, with intervals if they have any.
-
-    Args:
-        x, y: shape (n,).
-        low, high: ends of the interval of each point, shape (n,), or None.
-        across: whether intervals are along x, not along y.
-        values: that colour the points, shape (n,), or None.
-        values_label: what they are, with their unit.
-        values_ends: of the scale of colours; from the values if None.
-        marker: a marker of Bokeh, such as circle, x or square.
-        size: of a point [pixels].
-        color: number of its colour, or the name of one in ``theme``.
-        joined: whether a line joins them.
-    """
+    """Points, with intervals if they have any."""
 
     name: str
-    x: np.ndarray
+    x: np.ndarray  # x, y: shape (n,)
     y: np.ndarray
+    # low, high: ends of the interval of each point, shape (n,), or None.
     low: np.ndarray | None = None
     high: np.ndarray | None = None
-    across: bool = False
-    values: np.ndarray | None = None
-    values_label: str = ""
-    marker: str = "circle"
-    size: float = 6.0
-    color: int | str = 0
-    joined: bool = False
+    across: bool = False  # whether intervals are along x, not along y
+    values: np.ndarray | None = None  # that colour the points, shape (n,), or None
+    values_label: str = ""  # what they are, with their unit
+    marker: str = "circle"  # a marker of Bokeh, such as circle, x or square
+    size: float = 6.0  # of a point [pixels]
+    color: int | str = 0  # number of its colour, or the name of one in ``theme``
+    joined: bool = False  # whether a line joins them
+    # Of the scale of colours; from the values if None.
     values_ends: tuple[float, float] | None = None
 
 
@@ -123,17 +89,12 @@ class Bars:
 
 @dataclass(frozen=True)
 class Stems:
-    """Vertical lines from zero, such as single impacts.
-
-    Args:
-        x, y: ends of the lines, shape (n,).
-        color: number of its colour, or the name of one in ``theme``.
-    """
+    """Vertical lines from zero, such as single impacts."""
 
     name: str
-    x: np.ndarray
+    x: np.ndarray  # x, y: ends of the lines, shape (n,)
     y: np.ndarray
-    color: int | str = 0
+    color: int | str = 0  # number of its colour, or the name of one in ``theme``
 
 
 @dataclass(frozen=True)
@@ -149,18 +110,13 @@ class Rule:
 
 @dataclass(frozen=True)
 class Zone:
-    """Coloured range through the whole plot, such as a tolerance.
-
-    Args:
-        across: whether it lies between two values of y, not of x.
-        color: number of its colour, or the name of one in ``theme``.
-    """
+    """Coloured range through the whole plot, such as a tolerance."""
 
     name: str
     low: float
     high: float
-    across: bool = True
-    color: int | str = "muted"
+    across: bool = True  # whether it lies between two values of y, not of x
+    color: int | str = "muted"  # number of its colour, or the name of one in ``theme``
 
 
 @dataclass(frozen=True)
@@ -211,17 +167,12 @@ class TimeColumn:
     """Plots below each other over one time axis, which zoom together and share one cursor.
 
     Columns of one page with the same name are one: they also zoom together.
-
-    Args:
-        begin, end: of the time [s].
-        name: of the group of plots that zoom together.
-        label: of the time axis, without its unit.
     """
 
     plots: tuple[Plot, ...]
-    begin: float
+    begin: float  # begin, end: of the time [s]
     end: float
     marks: Sequence[Mark] = ()
-    name: str = "time"
-    label: str = "time"
+    name: str = "time"  # of the group of plots that zoom together
+    label: str = "time"  # of the time axis, without its unit
     unit: str = "s"

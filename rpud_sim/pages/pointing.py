@@ -21,11 +21,7 @@ def is_cloud(layer: Layer) -> bool:
 def pointing_tool(
     plot: Plot, layer: Points, source: ColumnDataSource, renderers: list[Any]
 ) -> HoverTool:
-    """Return the tool that shows the values of the point under the pointer.
-
-    Args:
-        source: of the points; it gets their words where an axis has words.
-    """
+    """Return the tool that shows the values of the point under the pointer, in the axes' words."""
     lines: list[tuple[str, str]] = []
     formats: dict[str, str] = {}
 

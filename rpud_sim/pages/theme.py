@@ -45,11 +45,11 @@ DARK: Mapping[str, str] = {
     "series6": "#b6c2cf",
 }
 
+# Number of colours for series; further series begin again with the first.
 SERIES = sum(name.startswith("series") for name in LIGHT)
-"""Number of colours for series; further series begin again with the first."""
 
+# Bokeh's palette of heat maps: it reads the same on light and dark, and without colour vision.
 PALETTE = "Viridis256"
-"""Bokeh's palette of heat maps: it reads the same on light and dark, and without colour vision."""
 
 
 def series_color(number: int) -> str:

@@ -10,8 +10,8 @@ _WHEELS = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 _RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
+# Profile that keeps Fast DDS on loopback, in the folder that this package shares.
 PROFILE = Path("config", "fastdds_loopback.xml")
-"""Profile that keeps Fast DDS on loopback, in the folder that this package shares."""
 
 
 def complete_environment(environment: MutableMapping[str, str], prefix: str = sys.prefix) -> None:
@@ -19,9 +19,6 @@ def complete_environment(environment: MutableMapping[str, str], prefix: str = sy
 
     ROS reads these variables when it starts. An installed ROS has set-up files of its own, and its
     environment is left as it is.
-
-    Args:
-        environment: of this process, and so of those that it starts.
     """
     if _WHEELS not in environment:  # Python sets it at its start where ROS's wheels are
         return
@@ -34,10 +31,8 @@ def loopback_variables(environment: Mapping[str, str], profile: Path | None) -> 
     """Return the variables that keep ROS on loopback.
 
     Fast DDS gets a profile without other network interfaces, unless the environment has a profile
-    of its own; every other middleware gets the discovery range LOCALHOST.
-
-    Args:
-        profile: that is installed; None for none.
+    of its own; every other middleware gets the discovery range LOCALHOST. ``profile`` is one that
+    is installed.
     """
     fast_dds = environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
     given = Path(environment.get(_PROFILES, profile or ""))

@@ -22,7 +22,6 @@ class Lateness:
 
     @property
     def count(self) -> int:
-        """Number of delays."""
         return self._counts.total()
 
     def add(self, nanoseconds: float) -> None:

@@ -9,17 +9,16 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, Reliabilit
 
 from rpud_sim.bag.qos import QosProfile as RecordedProfile
 
+# Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic.
 RECORDING_DEPTH = 10_000
-"""Messages that may wait in the middleware for the recorder: ten seconds of a 1 kHz topic."""
 
+# Messages of a replayed topic that may wait for acknowledgement; Fast DDS keeps no more.
 REPLAY_DEPTH = 5_000
-"""Messages of a replayed topic that may wait for acknowledgement; Fast DDS keeps no more."""
 
-DEPTH_LIMIT = 2**31 - 1
-"""Greatest depth that the middleware accepts."""
+DEPTH_LIMIT = 2**31 - 1  # greatest depth that the middleware accepts
 
+# Messages that a replayed latched topic keeps; discovery does not show how many it was.
 LATCHED_DEPTH = 10
-"""Messages that a replayed latched topic keeps; discovery does not show how many it was."""
 
 
 def request_for(offers: Sequence[QoSProfile]) -> QoSProfile:
@@ -40,7 +39,6 @@ def request_for(offers: Sequence[QoSProfile]) -> QoSProfile:
 
 
 def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
-    """Return whether every offer connects to a request that ``request_for`` made."""
     weakest = request_for(offers)
     return (
         request.reliability == ReliabilityPolicy.BEST_EFFORT
@@ -52,7 +50,6 @@ def is_satisfied(request: QoSProfile, offers: Sequence[QoSProfile]) -> bool:
 
 
 def recorded_profile(profile: QoSProfile) -> RecordedProfile:
-    """Convert a profile to that of a bag."""
     return RecordedProfile(
         history=profile.history.name.lower(),
         depth=profile.depth,

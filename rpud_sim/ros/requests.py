@@ -17,11 +17,7 @@ class StoppedError(RuntimeError):
 
 
 class Requests:
-    """Queue of actions for the thread that serves them.
-
-    Args:
-        notify: called when one more waits.
-    """
+    """Queue of actions for the thread that serves them; ``notify`` is called for each."""
 
     def __init__(self, notify: Callable[[], None]) -> None:
         self._notify = notify
@@ -33,10 +29,8 @@ class Requests:
         """Have an action done; return what it returns, raise what it raises.
 
         If it returns a Future, wait for that, and return its result. The serving thread itself does
-        an action at once, and waits for no Future: it would wait for itself.
-
-        Raises:
-            StoppedError: if the thread has ended.
+        an action at once, and waits for no Future: it would wait for itself. If the thread has
+        ended, it raises a StoppedError.
         """
         if threading.current_thread() is self._server:
             return action()

@@ -14,14 +14,7 @@ def robot_description(folder: Path, feed: bool = False, rotation: bool = False) 
     """Return the URDF of the drill: ``rpud.urdf`` with joints of ``rpud_feed.urdf``.
 
     The drill publishes a joint only while its model is on, and frames beyond another joint have no
-    transform.
-
-    Args:
-        feed: whether to add the joint of the feed, whose parent is then the root.
-        rotation: whether to add the joint of the rotation.
-
-    Raises:
-        OSError: if a file cannot be read.
+    transform. With ``feed`` the root is the parent of its joint.
     """
     text = (folder / "rpud.urdf").read_text(encoding="utf-8")
     if not (feed or rotation):

@@ -8,10 +8,8 @@ import os
 def schedule_thread(priority: int) -> str:
     """Schedule the calling thread with a priority; return how it is scheduled now.
 
-    What it starts does not inherit that. If the system denies it, the thread stays as it is.
-
-    Args:
-        priority: of real-time scheduling (SCHED_FIFO), from 1 to 99; 0 for time-sharing.
+    What it starts does not inherit that. If the system denies it, the thread stays as it is. The
+    priority is of SCHED_FIFO, from 1 to 99; 0 for time-sharing.
     """
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK if priority else os.SCHED_OTHER
     try:

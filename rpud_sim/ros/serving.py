@@ -42,10 +42,8 @@ def serve(executor: Executor, failed: Callable[[str], None]) -> None:
     """Execute the next callback of an executor's nodes, or return after 0.1 s without any.
 
     rclpy itself raises errors at some messages, such as a ``/clock`` before time zero: without
-    this, a stranger's message would end the program.
-
-    Args:
-        failed: called with one line if the callback raised an error.
+    this, a stranger's message would end the program. ``failed`` is called with one line if the
+    callback raised an error.
     """
     try:
         executor.spin_once(timeout_sec=_LONGEST_WAIT)

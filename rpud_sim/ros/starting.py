@@ -25,13 +25,8 @@ def start_ros(
 ) -> None:
     """Initialize rclpy without signal handlers of its own: `StopRequest` has them.
 
-    Args:
-        context: to initialize; None for the default one.
-        domain_id: ROS domain; None for that of the environment.
-
-    Raises:
-        StartError: if rcl cannot start with the arguments, or if DDS-Security is requested and
-            Fast DDS lacks it.
+    It raises a StartError where rcl cannot start with the arguments, or DDS-Security is requested
+    and Fast DDS lacks it.
     """
     # Without a keystore, rcl would start all the same, and everything would be sent in the clear.
     if os.environ.get("ROS_SECURITY_ENABLE") == "true" and not _has_security():

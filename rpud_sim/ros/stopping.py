@@ -41,11 +41,9 @@ class StopRequest:
 
     @property
     def requested(self) -> bool:
-        """Whether the stop has been requested."""
         return self._requested
 
     def request(self) -> None:
-        """Request the stop, from any thread."""
         if not self._requested:
             self._requested = True
             os.write(self._writing, b"\0")

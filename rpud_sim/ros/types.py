@@ -19,11 +19,7 @@ class UnknownTypeError(Exception):
 
 
 def message_class(type_name: str) -> Any:
-    """Import the class of a message type such as ``std_msgs/msg/String``.
-
-    Raises:
-        UnknownTypeError: if it is not installed.
-    """
+    """Import the class of a message type such as ``std_msgs/msg/String``."""
     match = _TYPE_NAME.fullmatch(type_name)
     if match is None:
         raise UnknownTypeError(f"type {type_name!r} is not of the form package/msg/Name")
@@ -42,8 +38,7 @@ def message_class(type_name: str) -> Any:
 def members_of(message: Any) -> Members:
     """Return the members of a message class, as an encoder needs them.
 
-    Raises:
-        UnknownTypeError: if it has other than numbers, texts, messages and their sequences.
+    A type with others than numbers, texts, messages and their sequences is an UnknownTypeError.
     """
     members = message.get_fields_and_field_types().items()
     return Members(tuple((name, _member(described)) for name, described in members))

@@ -1,7 +1,8 @@
 """Tests of software that commands the drill: a pytest plugin, and the same without pytest.
 
 The plugin has the fixtures ``drill``, ``drill_factory`` and ``recording``. ``open_drill`` gives the
-same drill to other test runners.
+same drill to other test runners. An option or an argument that cannot be used is a
+``ParameterError``, a drill that does not start or dies a ``DrillError``.
 """
 
 from __future__ import annotations

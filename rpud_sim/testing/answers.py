@@ -8,8 +8,8 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.testing.collector import Collector
+from rpud_sim.testing.discovery_probe import DiscoveryProbe
 from rpud_sim.testing.heard_topic import HeardTopic
-from rpud_sim.testing.introduction import Introduction
 
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a publisher whose node has not been discovered
 
@@ -26,11 +26,9 @@ class _Answer:
 class Answers:
     """Declared answers of the nodes under test.
 
-    An answer to a step has the stamp that the step has reached, or a later one. A message without
-    a stamp answers if it comes after the step has begun.
-
-    Args:
-        own: full name of the test's own node, which publishes commands and answers nothing.
+    An answer to a step has the stamp that the step has reached, or a later one. A message without a
+    stamp answers if it comes after the step has begun. ``own`` is the full name of the test's own
+    node, which publishes commands and answers nothing.
     """
 
     def __init__(self, collector: Collector, own: str) -> None:
@@ -38,26 +36,21 @@ class Answers:
         self._own = own
         self._answers: list[_Answer] = []
         self._introduced = False
-        self._introductions: dict[str, Introduction] = {}
+        self._probes: dict[str, DiscoveryProbe] = {}
         self._dead: set[bytes] = set()  # publishers of ended processes that are still remembered
-        self.period = 0
-        """Simulation time between two answers [ns]; 0 without answers."""
-        self.timeout = 0.0
-        """Longest real time for the answers to one step [s]."""
+        self.period = 0  # simulation time between two answers [ns]; 0 without answers
+        self.timeout = 0.0  # longest real time for the answers to one step [s]
 
     @property
     def declared(self) -> bool:
-        """Whether any answer is declared."""
         return bool(self._answers)
 
     @property
     def introduced(self) -> bool:
-        """Whether the nodes that answer are known to be connected."""
         return self._introduced
 
     @property
     def names(self) -> list[str]:
-        """Absolute names of the topics."""
         return [answer.name for answer in self._answers]
 
     def declare(
@@ -78,10 +71,10 @@ class Answers:
         if not all(living):
             return False
         names = {name for found in living for name in found.values()}
-        for name in names - self._introductions.keys():
-            self._introductions[name] = Introduction(self._collector.node, name)
+        for name in names - self._probes.keys():
+            self._probes[name] = DiscoveryProbe(self._collector.node, name)
         # Of those that are there now: a node without a name yet gets one soon.
-        waiting = [name for name in names if not self._introductions[name].done()]
+        waiting = [name for name in names if not self._probes[name].done()]
         self._introduced = not waiting
         return self._introduced
 
@@ -92,9 +85,9 @@ class Answers:
         """
         for answer in self._answers:
             self._dead.update(self._publishers(answer))
-        for introduction in self._introductions.values():
-            introduction.close()
-        self._introductions.clear()
+        for probe in self._probes.values():
+            probe.close()
+        self._probes.clear()
         self._introduced = False
 
     def begin(self) -> None:

@@ -38,12 +38,6 @@ class Artefacts:
 def leave_artefacts(
     folder: Path, test: str, drills: Sequence[Drill], reports: ReportPages, failure: str = ""
 ) -> Artefacts:
-    """Write the artefacts of a test, and return where they are.
-
-    Args:
-        test: its name.
-        reports: that are written meanwhile.
-    """
     place = _empty_folder(folder, test)
     lines = [f"artefacts: {place}"]
     properties = [("rpud_artefacts", str(place))]
@@ -79,14 +73,7 @@ class Published(Protocol):
 
 
 def write_bag(path: Path, drill: Published) -> None:
-    """Write a bag of all that was published since the test began; its clock is simulation time.
-
-    Args:
-        drill: that was tested.
-
-    Raises:
-        BagError: if the bag cannot be written.
-    """
+    """Write a bag of all that was published since the test began; its clock is simulation time."""
     manifest = Manifest(
         node=f"{drill.namespace}/drill_node",
         scenario=None,

@@ -19,8 +19,7 @@ from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.errors import is_verdict
 from rpud_sim.testing.heard_topic import HeardTopic
 
-STREAMS = ("waveform", "trajectory")
-"""Topics that are heard on request alone: they are large."""
+STREAMS = ("waveform", "trajectory")  # topics that are heard on request alone: they are large
 
 COMMANDS: Mapping[str, str] = {
     "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
@@ -37,9 +36,7 @@ class Collector:
     """Node that keeps every message of the topics it has subscribed to.
 
     Taking messages by hand costs a tenth of what an executor costs, which would be most of a step.
-
-    Args:
-        drill_name: full name of the drill's node.
+    ``drill_name`` is the full name of the drill's node.
     """
 
     def __init__(self, context: rclpy.Context, namespace: str, drill_name: str) -> None:
@@ -73,7 +70,6 @@ class Collector:
 
     @property
     def topics(self) -> Mapping[str, HeardTopic]:
-        """Topics by absolute name."""
         return self._topics
 
     def resolve(self, name: str) -> str:
@@ -81,15 +77,12 @@ class Collector:
         return str(self.node.resolve_topic_name(name))
 
     def own(self, name: str) -> HeardTopic:
-        """Return a topic of the drill by its relative name."""
         return self._topics[self.resolve(name)]
 
     def subscribe(self, name: str, kind: str = "") -> HeardTopic | None:
         """Subscribe to a topic, and return it; None if it has no publisher and no type.
 
-        Args:
-            name: relative or absolute.
-            kind: name of its type; that of its publisher if empty.
+        The name is relative or absolute; without a type it is that of the publisher.
         """
         absolute = self.resolve(name)
         if absolute in self._topics:
@@ -131,12 +124,10 @@ class Collector:
         check: Callable[[], object],
         period: float = _LONGEST_WAIT,
     ) -> bool:
-        """Take messages until a condition holds; return whether it does within real time.
+        """Take messages until a condition holds; return whether it does within real time [s].
 
-        Args:
-            condition: looked at after each message and each period.
-            check: called as often; may raise an error.
-            period: longest time between two looks [s].
+        The condition is looked at after each message and at least every ``period`` [s], and so
+        often ``check`` is called; it may raise an error.
         """
         deadline = time.monotonic() + seconds
         self.take()
@@ -188,7 +179,6 @@ class Collector:
                 topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
 
     def close(self) -> None:
-        """Leave the graph."""
         self._wait_set = None
         self.node.destroy_node()
 

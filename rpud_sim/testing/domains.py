@@ -28,10 +28,7 @@ class DomainClaim:
     """ROS domain that is this process's own until it is released, or the process ends.
 
     A locked file keeps other test runs out. Domains in which a program without a lock runs are
-    passed over: its sockets are open.
-
-    Raises:
-        DomainError: if all domains are in use.
+    passed over: its sockets are open. If all domains are in use, it raises a DomainError.
     """
 
     def __init__(self) -> None:
@@ -55,15 +52,11 @@ class DomainClaim:
         raise DomainError(f"all ROS domains are in use: see {folder}")
 
     def release(self) -> None:
-        """Leave the domain to others."""
         self._lock.close()
 
 
 def loopback_environment(domain: int, environ: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """Return an environment in which ROS stays on loopback, in a domain.
-
-    It is that of ``env.bash``.
-    """
+    """Return the environment of ``env.bash``: ROS stays on loopback, in a domain."""
     environment = {name: value for name, value in environ.items() if name not in _ELSEWHERE}
     environment["ROS_DOMAIN_ID"] = str(domain)
     return environment | loopback_variables(environ, find_profile(environ))
@@ -105,7 +98,6 @@ def _environment_domain() -> tuple[int, ...]:
 
 
 def _is_quiet(domain: int) -> bool:
-    """Return whether no process has the sockets that participants of a domain open."""
     first = 7400 + 250 * domain
     unicast = range(first + 10, first + 10 + 2 * _PARTICIPANTS)
     return all(_is_free(port) for port in (first, *unicast))

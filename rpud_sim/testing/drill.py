@@ -18,8 +18,8 @@ from rpud_sim.testing.lockstep import Lockstep, described
 from rpud_sim.testing.systems import SystemUnderTest
 from rpud_sim.verdicts import Formula, Verdict
 
+# Simulation time of one step, and between two answers, unless another one is given [s].
 PERIOD = 0.1
-"""Simulation time of one step, and between two answers, unless another one is given [s]."""
 
 _SECONDS = Quantity("s", "a simulation time", 1e-9, 1e6)
 _REAL_SECONDS = Quantity("s", "a time limit", 0.0, 1e6, exclusive=True)
@@ -34,12 +34,7 @@ class Drill:
 
     A step is over when all that the drill has published up to its stamp is here, and every declared
     answer of the nodes under test. So a test gives the same result on every machine, at any load.
-
-    Args:
-        folder: as the attribute; None for the working directory.
-
-    Raises:
-        DrillError: if the drill does not start.
+    Commands start in ``folder``; None is the working directory.
     """
 
     def __init__(self, process: DrillProcess, folder: Path | None = None) -> None:
@@ -116,14 +111,9 @@ class Drill:
     def step(self, seconds: float | None = None) -> float:
         """Advance, and return the simulation time that is reached [s].
 
-        Declared answers divide a longer step at each of their times.
-
-        Args:
-            seconds: of simulation time; None for the time until the next answers.
-
-        Raises:
-            SystemUnderTestError: if a node under test has died, or does not answer.
-            LostMessagesError: if messages of the drill are lost.
+        Declared answers divide a longer step at each of their times; without ``seconds`` it ends at
+        the next of them. A node under test that has died or does not answer is a
+        SystemUnderTestError, messages of the drill that are lost are a LostMessagesError.
         """
         if seconds is None:
             self._lockstep.advance(self._next_stop())
@@ -221,9 +211,6 @@ class Drill:
         Args:
             topic: of any node; a relative name is one of the drill's namespace.
             kind: type such as ``std_msgs/msg/String``; may be empty if a node publishes it.
-
-        Raises:
-            ParameterError: if the topic has no publisher, and no type is given.
         """
         heard = self._collector.subscribe(topic, kind)
         if heard is None:
@@ -234,12 +221,7 @@ class Drill:
                 heard.number = self._collector.published.get(topic, 0)
 
     def messages(self, topic: str) -> list[Any]:
-        """Return all messages of a topic since the test began.
-
-        Raises:
-            ParameterError: if the topic was not listened to.
-            LostMessagesError: if some are lost.
-        """
+        """Return all messages of a topic since the test began, which must be listened to."""
         heard = self._heard(topic)
         if heard.lost:
             raise LostMessagesError(f"{heard.lost} messages of {heard.name} are lost")
@@ -254,12 +236,8 @@ class Drill:
     ) -> tuple[Verdict, ...]:
         """Evaluate expectations on what was published since the test began.
 
-        Args:
-            expectations: of ``rpud_sim.verdicts``, formulas, or files of expectations.
-
-        Raises:
-            ExpectationFailedError: if one has failed or is undecided.
-            ExpectationError: if one cannot be evaluated on this drill.
+        They are of ``rpud_sim.verdicts``, formulas, or files. One that has failed or is undecided
+        raises an ExpectationFailedError.
         """
         given = self._verdicts.expectations(expectations, self.folder, name, requirement)
         for expectation in given:

@@ -14,8 +14,8 @@ import yaml
 from rpud_sim.testing.domains import DomainClaim, loopback_environment
 from rpud_sim.testing.processes import ChildProcess
 
+# Parameters of every drill of a test: time stands still between steps, and begins at zero.
 LOCKSTEP: Mapping[str, bool] = {"start_paused": True, "publish_clock": True}
-"""Parameters of every drill of a test: time stands still between steps, and begins at zero."""
 
 NO_FAULTS = "faults: []\n"
 _PROGRAM = "from rpud_sim.cli.executables import drill_node; drill_node()"
@@ -54,7 +54,6 @@ class DrillProcess:
 
     @property
     def domain(self) -> int:
-        """The ROS domain."""
         return self._claim.domain
 
     def stop(self) -> None:

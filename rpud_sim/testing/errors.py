@@ -17,12 +17,10 @@ class LostMessagesError(AssertionError):
 
 
 class SystemUnderTestError(AssertionError):
-    """A process under test that died, hangs, or answers late.
+    """A process under test that died, hangs, or answers late: ``kind`` is died, silent or late.
 
-    Args:
-        name: of the process, or of the topic on which an answer is missing.
-        kind: ``died``, ``silent`` or ``late``.
-        text: the whole verdict, with the last lines of output.
+    ``name`` is of the process, or of the topic on which an answer is missing. ``text`` is the whole
+    verdict, with the last lines of output.
     """
 
     def __init__(self, name: str, kind: str, text: str) -> None:
@@ -32,12 +30,7 @@ class SystemUnderTestError(AssertionError):
 
 
 class ExpectationFailedError(AssertionError):
-    """Expectations that failed, or that what was published does not decide.
-
-    Args:
-        text: a line for each.
-        verdicts: on all that were evaluated.
-    """
+    """Expectations that failed or are undecided, a line for each; and all ``verdicts``."""
 
     def __init__(self, text: str, verdicts: tuple[Verdict, ...]) -> None:
         super().__init__(text)

@@ -26,11 +26,7 @@ __tracebackhide__ = is_verdict
 
 
 class LiveVerdicts:
-    """Verdicts on a drill that goes on.
-
-    Attributes:
-        verdicts: all since the test began.
-    """
+    """Verdicts on a drill that goes on."""
 
     def __init__(self, collector: Collector) -> None:
         self._collector = collector
@@ -38,18 +34,14 @@ class LiveVerdicts:
 
     def begin(self) -> None:
         """Forget everything: a test begins."""
-        self.verdicts: list[Verdict] = []
+        self.verdicts: list[Verdict] = []  # all since the test began
         self._record = Record(self._collector.node.get_namespace())
         self._added: dict[str, int] = {}
 
     def expectations(
         self, given: Sequence[Expectable], folder: Path | None, name: str, requirement: str
     ) -> list[Expectation]:
-        """Return expectations: formulas get a name, files are read.
-
-        Raises:
-            ExpectationError: if a file cannot be used.
-        """
+        """Return expectations: formulas get a name, files are read."""
         found: list[Expectation] = []
         for each in given:
             if isinstance(each, Expectation):
@@ -63,11 +55,7 @@ class LiveVerdicts:
         return found
 
     def expect(self, expectations: Sequence[Expectation], time: float) -> tuple[Verdict, ...]:
-        """Evaluate expectations, at a simulation time [s], and return the verdicts.
-
-        Raises:
-            ExpectationFailedError: if one has not passed.
-        """
+        """Evaluate expectations, at a simulation time [s], and return the verdicts."""
         record = self._filled(expectations)
         verdicts = tuple(evaluate(expectation, record) for expectation in expectations)
         self.verdicts += verdicts
@@ -89,7 +77,6 @@ class LiveVerdicts:
         return holds
 
     def _filled(self, expectations: Sequence[Expectation]) -> Record:
-        """Return the record with all messages of the topics of some expectations."""
         wanted = {topic for expectation in expectations for topic in expectation.topics}
         # The journal first: it shows where the run begins.
         for topic in sorted(wanted, key=lambda name: (name != "journal", name)):
@@ -115,7 +102,6 @@ def verdict_line(verdict: Verdict) -> str:
 
 
 def _written(formula: Formula) -> str:
-    """Return a formula as a file of expectations has it, on one line."""
     plain = to_plain(formula)
     if isinstance(plain, str):
         return plain

@@ -21,10 +21,8 @@ _TIMING = 24  # bytes at the end of a status: how fast the drill was, and how la
 class HeardTopic:
     """Messages of a topic in order, decoded when they are asked for.
 
-    Args:
-        node: that subscribes.
-        numbered: whether one publisher alone numbers the messages, so that a gap is a loss.
-        changes: whether a message that repeats the one before, but for its timing, is left out.
+    ``numbered`` says whether one publisher alone numbers the messages, so that a gap is a loss.
+    With ``changes`` a message that repeats the one before, but for its timing, is left out.
     """
 
     def __init__(
@@ -62,15 +60,10 @@ class HeardTopic:
 
     @property
     def payloads(self) -> Sequence[bytes]:
-        """The messages, serialized."""
         return self._payloads
 
     def take(self, time: int) -> bool:
-        """Take what has arrived, and return whether it was anything.
-
-        Args:
-            time: of the drill, for messages without a stamp [ns].
-        """
+        """Take what has arrived, unstamped at the time [ns]; return whether it was anything."""
         handle = self.subscription.handle
         before = self.arrived
         with handle:
@@ -83,7 +76,6 @@ class HeardTopic:
         return self.arrived > before
 
     def messages(self) -> list[Any]:
-        """Return all messages."""
         for payload in self._payloads[len(self._messages) :]:
             self._messages.append(deserialize_message(payload, self.kind))
         return list(self._messages)
@@ -97,7 +89,6 @@ class HeardTopic:
         return deserialize_message(self._payloads[-1], self.kind)
 
     def forget(self, until: int) -> None:
-        """Forget the first messages, up to an index."""
         del self._payloads[:until], self._stamps[:until], self._messages[:until]
         self.arrived = len(self._payloads)
         self.lost = 0

@@ -32,9 +32,6 @@ class Lockstep:
 
     A step is over when all that the drill has published up to its stamp is here, and every declared
     answer of the nodes under test, and the drill has every command that they gave.
-
-    Raises:
-        DrillError: if the drill does not start.
     """
 
     def __init__(self, process: DrillProcess) -> None:
@@ -67,15 +64,10 @@ class Lockstep:
 
     @property
     def alive(self) -> bool:
-        """Whether the drill's process runs."""
         return self._process.process.running
 
     def begin(self, seed: int, scenario: str) -> None:
-        """Begin at time zero, paused, as the drill was started; nothing stays of before.
-
-        Raises:
-            DrillError: if that is not possible.
-        """
+        """Begin at time zero, paused, as the drill was started; nothing stays of before."""
         self.systems.stop()
         self.answers.declare(())
         try:
@@ -93,13 +85,7 @@ class Lockstep:
             raise DrillError(f"the drill is {status.latest().state} after a reset, not paused")
 
     def advance(self, until: int) -> None:
-        """Advance to a simulation time [ns], with an answer of every node at each of their times.
-
-        Raises:
-            SystemUnderTestError: if a node under test has died, or does not answer.
-            LostMessagesError: if messages are lost.
-            DrillError: if the drill has died.
-        """
+        """Advance to a simulation time [ns], with an answer of every node at each due time."""
         period = self.answers.period
         while self.time < until:
             end = min(until, self.next_answer()) if period else until
@@ -120,11 +106,7 @@ class Lockstep:
                 self.settle()
 
     def settle(self) -> None:
-        """Wait until all that the drill has published is here.
-
-        Raises:
-            LostMessagesError: if something does not arrive.
-        """
+        """Wait until all that the drill has published is here."""
         collector, status = self.collector, self.collector.own("status")
 
         def complete() -> bool:
@@ -151,7 +133,6 @@ class Lockstep:
         self.collector.until(lambda: self.collector.acknowledged, _DELIVERY, self._check)
 
     def close(self) -> None:
-        """End everything."""
         with contextlib.suppress(Exception):
             self.systems.stop()
         self.collector.close()
@@ -187,7 +168,6 @@ class Lockstep:
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:
-        """Say that the drill has died, if that is why it does not answer."""
         try:
             yield
         except NoAnswerError as error:

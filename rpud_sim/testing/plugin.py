@@ -25,15 +25,12 @@ _MARK = (
 
 
 class _Stash:
-    """Keys of what the plugin keeps at pytest's objects."""
-
     drills = pytest.StashKey[list[Any]]()
     error = pytest.StashKey[str]()
     reports = pytest.StashKey[Any]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Declare the options."""
     group = parser.getgroup("rpud_sim", "tests with a drill in lockstep")
     group.addoption(
         "--rpud-artefacts",
@@ -105,7 +102,6 @@ def pytest_runtest_makereport(
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Wait for the report pages."""
     reports = session.config.stash.get(_Stash.reports, None)
     if reports is not None:
         reports.finish()
@@ -161,7 +157,6 @@ def recording(drill: Drill, tmp_path: Path) -> Iterator[Recording]:
 
 
 def _setup_of(item: pytest.Item, further: dict[str, Any] | None = None) -> Any:
-    """Return the drill that the marks of a test and further options describe."""
     from rpud_sim.foundation.quantities import ParameterError
     from rpud_sim.testing.setup import drill_setup
 

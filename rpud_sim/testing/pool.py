@@ -25,14 +25,7 @@ class DrillPool:
         self._keys: dict[int, _Key] = {}
 
     def take(self, setup: DrillSetup, folder: Path | None = None) -> Drill:
-        """Return a drill at time zero, as if it had just been started.
-
-        Args:
-            folder: in which the commands of the test are.
-
-        Raises:
-            DrillError: if it cannot be started.
-        """
+        """Return a drill at time zero, as if just started; commands start in ``folder``."""
         key = _key(setup)
         for entry in [entry for entry in self._idle if entry[0] == key]:
             self._idle.remove(entry)
@@ -66,7 +59,6 @@ class DrillPool:
             self._idle.pop(0)[1].close()
 
     def close(self) -> None:
-        """End all drills that are not in use."""
         while self._idle:
             self._idle.pop()[1].close()
 
@@ -75,13 +67,8 @@ class DrillPool:
 def open_drill(folders: Sequence[Path] = (), **options: Any) -> Iterator[Drill]:
     """Start a drill in lockstep, and end it: for test runners other than pytest.
 
-    Args:
-        folders: in which relative paths are looked for; commands start in the first one.
-        options: as of the mark ``rpud``.
-
-    Raises:
-        ParameterError: if an option cannot be used.
-        DrillError: if the drill does not start.
+    ``folders`` are those in which relative paths are looked for; commands start in the first one.
+    Options are those of the mark ``rpud``.
     """
     setup = drill_setup(options, folders)
     pool = DrillPool()

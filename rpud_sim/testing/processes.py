@@ -22,12 +22,7 @@ _LIBC = ctypes.CDLL(None)
 class ChildProcess:
     """Process in a session of its own, which ends with this process at the latest.
 
-    Args:
-        output: file for its output and its errors.
-        options: of ``subprocess.Popen``.
-
-    Raises:
-        OSError: if it cannot be started.
+    ``output`` is a file for its output and its errors; options are those of ``subprocess.Popen``.
     """
 
     def __init__(
@@ -56,7 +51,6 @@ class ChildProcess:
 
     @property
     def pid(self) -> int:
-        """Number of the process."""
         return self._process.pid
 
     @property
@@ -66,12 +60,10 @@ class ChildProcess:
 
     @property
     def running(self) -> bool:
-        """Whether it has not ended."""
         return self.code is None
 
     @property
     def output(self) -> str:
-        """All that it has printed."""
         return self.output_file.read_text(errors="replace")
 
     @property
@@ -94,7 +86,6 @@ class ChildProcess:
         return f"ended with exit code {code}"
 
     def send(self, number: int) -> None:
-        """Send a signal to its group."""
         with contextlib.suppress(ProcessLookupError):
             os.killpg(self.pid, number)
 
@@ -107,7 +98,6 @@ class ChildProcess:
         self.kill()
 
     def kill(self) -> None:
-        """End it and its group at once."""
         self.send(signal.SIGKILL)
         self._process.wait()
         if self._process.stdin:
@@ -121,7 +111,6 @@ class ChildProcess:
 
 
 def stop_all(processes: Sequence[ChildProcess]) -> None:
-    """Stop several processes at the same time."""
     for number in (signal.SIGINT, signal.SIGTERM):
         running = [process for process in processes if process.running]
         for process in running:

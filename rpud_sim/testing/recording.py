@@ -22,11 +22,7 @@ _POLL_PERIOD = 0.05  # s
 
 
 class Recording:
-    """Recording of everything in the drill's domain, from now until it is stopped.
-
-    Raises:
-        DrillError: if the recorder does not start.
-    """
+    """Recording of everything in the drill's domain, from now until it is stopped."""
 
     def __init__(self, drill: Drill, path: Path) -> None:
         self._path = path
@@ -62,12 +58,7 @@ class Recording:
         return str(self._path)
 
     def stop(self) -> Path:
-        """Complete the bag, and return its folder.
-
-        Raises:
-            DrillError: if the recorder fails.
-            LostMessagesError: if the bag lacks messages of the drill.
-        """
+        """Complete the bag and return its folder; it must have all messages of the drill."""
         if not self._stopped:
             self._stopped = True
             self._drill.await_delivery()
@@ -81,7 +72,6 @@ class Recording:
         return self._path
 
     def _check(self) -> None:
-        """Check that the bag has everything that the drill has published since the beginning."""
         with rpud_sim.bag.open(self._path) as bag:
             recorded = {item.topic.name: item.message_count for item in bag.topics}
         for name, count in self._drill.published.items():

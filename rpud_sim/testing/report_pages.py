@@ -24,7 +24,6 @@ class ReportPages:
         self._pages.append(self._pool.submit(_write, bag, page))
 
     def finish(self) -> None:
-        """Wait for all pages."""
         for page in self._pages:
             page.result()
         self._pool.shutdown()

@@ -40,14 +40,10 @@ class DrillSetup:
 def drill_setup(options: Mapping[str, Any], folders: Sequence[Path] = ()) -> DrillSetup:
     """Return the drill that options describe.
 
-    Args:
-        options: ``config``, a ROS parameter file; ``faults``, a scenario file, or a list of kinds
-            and of entries as a scenario file has them; ``seed``; ``namespace``; and parameters of
-            the drill by name, which go before those of the file.
-        folders: in which relative paths are looked for, before the working directory.
-
-    Raises:
-        ParameterError: if an option is unknown or cannot be used; one line.
+    Options are ``config``, a ROS parameter file; ``faults``, a scenario file, or a list of kinds
+    and of entries as a scenario file has them; ``seed``; ``namespace``; and parameters of the drill
+    by name, which go before those of the file. ``folders`` are those in which relative paths are
+    looked for, before the working directory.
     """
     known = [*_OWN, *(name for name in PARAMETERS if name not in _RESERVED)]
     for name in options:
@@ -91,7 +87,6 @@ def _find(given: Any, name: str, folders: Sequence[Path]) -> Path:
 
 
 def _scenario(faults: Any, folders: Sequence[Path], configuration: Configuration) -> str:
-    """Return the content of a scenario file, checked for a drill."""
     if isinstance(faults, str) and faults not in KINDS and not Path(faults).suffix:
         raise ParameterError(
             f"faults = {shown(faults)} is neither a file nor a kind of fault; "

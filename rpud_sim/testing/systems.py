@@ -26,13 +26,9 @@ __tracebackhide__ = is_verdict
 
 
 class SystemUnderTest(ChildProcess):
-    """Process that a test has started.
+    """Process that a test has started."""
 
-    Attributes:
-        expected: whether it may end: the test has ended it.
-    """
-
-    expected = False
+    expected = False  # whether it may end: the test has ended it
 
     def stop(self) -> None:
         """End it; that it is gone is no failure."""
@@ -46,11 +42,7 @@ class SystemUnderTest(ChildProcess):
 
 
 class Systems:
-    """All processes under test of one drill.
-
-    Args:
-        answers: that are declared.
-    """
+    """All processes under test of one drill."""
 
     def __init__(
         self, collector: Collector, answers: Answers, environment: Mapping[str, str]
@@ -129,11 +121,7 @@ class Systems:
             )
 
     def await_answerers(self) -> None:
-        """Wait until the nodes that shall answer are there, and know that the test hears them.
-
-        Raises:
-            SystemUnderTestError: if one is missing after the time limit.
-        """
+        """Wait until the nodes that shall answer are there, and know that the test hears them."""
         answers = self._answers
         if self._ended or not answers.declared or answers.introduced:
             return
@@ -142,11 +130,7 @@ class Systems:
             raise SystemUnderTestError(", ".join(answers.names), "silent", self._with_output(text))
 
     def await_answers(self, stamp: int) -> None:
-        """Wait until all declared answers for a stamp [ns] are here.
-
-        Raises:
-            SystemUnderTestError: if one is missing after the time limit.
-        """
+        """Wait until all declared answers for a stamp [ns] are here."""
         answers = self._answers
         if self._ended:
             return
@@ -160,11 +144,7 @@ class Systems:
         raise SystemUnderTestError(", ".join(answers.names), kind, self._with_output(text))
 
     def await_commands(self) -> bool:
-        """Wait until the drill has counted every command there was; return whether there was one.
-
-        Raises:
-            LostMessagesError: if a command does not reach the drill.
-        """
+        """Wait until the drill has counted every command; return whether there was one."""
         collector = self._collector
         status = collector.own("status")
 
@@ -184,25 +164,18 @@ class Systems:
         return True
 
     def check(self) -> None:
-        """Check that all processes run which the test has not ended.
-
-        Raises:
-            SystemUnderTestError: if one has ended by itself.
-        """
         for system in self._processes:
             if not (system.running or system.expected):
                 system.expected = True  # once is enough
                 raise self._failure(system, "died", system.ending)
 
     def stop(self) -> None:
-        """Stop all processes."""
         self._answers.part()
         stop_all(self._processes)
         self._processes.clear()
 
     @property
     def _ended(self) -> bool:
-        """Whether the test has ended everything that it has started."""
         return bool(self._processes) and all(system.expected for system in self._processes)
 
     def _with_output(self, text: str) -> str:
@@ -215,7 +188,6 @@ class Systems:
         )
 
     def _unconnected(self) -> list[str]:
-        """Return the topics with a subscriber or commander that is not connected to the drill."""
         node, collector = self._collector.node, self._collector
         lacking = [
             name
@@ -237,7 +209,6 @@ class Systems:
         return {bytes(each.endpoint_gid) for each in infos}
 
     def _graph(self) -> tuple[object, ...]:
-        """Return what changes when somebody subscribes to the drill, or is about to answer."""
         node, collector = self._collector.node, self._collector
         subscribed = [node.count_subscribers(collector.resolve(name)) for name in TOPICS]
         clock = node.count_subscribers("/clock")
@@ -246,8 +217,6 @@ class Systems:
 
 
 class _Calm:
-    """Whether a graph has changed since the beginning, and not for a while."""
-
     def __init__(
         self, graph: Callable[[], tuple[object, ...]], beginning: tuple[object, ...]
     ) -> None:

@@ -1,4 +1,8 @@
-"""Expectations over time, and verdicts on them from a bag or live."""
+"""Expectations over time, and verdicts on them from a bag or live.
+
+An expectation that cannot be used, by itself or with the topics of a bag, raises an
+``ExpectationError`` of one line, and a bag that cannot be read a ``BagError``.
+"""
 
 from rpud_sim.verdicts.expectation import Expectation
 from rpud_sim.verdicts.expectation_files import read_expectations

@@ -87,11 +87,7 @@ def compared(
 
 
 class Atoms:
-    """Step functions and instants of formulas without parts, in one recording.
-
-    Args:
-        zero: stamp of simulation time zero [ns].
-    """
+    """Step functions and instants of formulas without parts; ``zero`` is time zero's stamp [ns]."""
 
     def __init__(self, record: Record, begin: int, end: int, zero: int) -> None:
         self.record = record
@@ -108,11 +104,7 @@ class Atoms:
         return self._held(samples, self.judged(part, samples), part.signal.topic, hold)
 
     def samples(self, part: Compare | Says | Quantile) -> Samples:
-        """Return the messages' values of the signal of a formula, all within the recording.
-
-        Raises:
-            ExpectationError: if the field is not what the formula takes it for.
-        """
+        """Return the messages' values of the signal of a formula, all within the recording."""
         field = self.record.field(part.signal)
         check_use(part, field if isinstance(field, Field) else None)
         samples = self.record.messages(part.signal.topic).samples(
@@ -189,7 +181,6 @@ class Atoms:
         return Steps(starts, values, np.zeros(len(starts), bool))
 
     def active(self, part: Active) -> Steps:
-        """Return a fault as a step function."""
         faults = self._faults(part.fault)
         if faults is None:
             return constant(self.begin, self.end, UNKNOWN, absent=True)
@@ -221,7 +212,6 @@ class Atoms:
         return [(onset, clears.get(number, NEVER)) for number, onset in onsets.items()]
 
     def _held(self, samples: Samples, values: np.ndarray, topic: str, hold: int) -> Steps:
-        """Return the step function of values that hold until the next message."""
         lost = self.record.lost(topic) > 0
         if not len(samples.stamps):
             return constant(self.begin, self.end, UNKNOWN, absent=not lost)

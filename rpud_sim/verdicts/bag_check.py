@@ -22,13 +22,6 @@ def check_bag(
     """Check that the topics in a bag have the fields that expectations name.
 
     A topic that the bag does not hold is no error: its expectations are undecided.
-
-    Args:
-        namespace: as for ``Record.from_bag``.
-
-    Raises:
-        BagError: if the bag cannot be read.
-        ExpectationError: if a field is unknown, or not what an expectation takes it for.
     """
     with open_bag(path) as bag:
         known = {summary.topic.name for summary in bag.topics}

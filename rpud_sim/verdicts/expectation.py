@@ -16,8 +16,8 @@ from rpud_sim.verdicts.vocabulary import (
     Says,
 )
 
+# Topics that each expectation needs: they show where runs begin, and how far they go.
 ALWAYS_NEEDED = ("journal", "status")
-"""Topics that each expectation needs: they show where runs begin, and how far they go."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,11 +19,7 @@ _KEYS = ("name", "requirement", "expect")
 
 
 def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
-    """Read a file of expectations.
-
-    Raises:
-        ExpectationError: if the file cannot be read or used; one line with its name and line.
-    """
+    """Read a file of expectations; an error names the file and the line."""
     try:
         # Without truth values: off is a kind of fault, and `is: true` a text as `is: running`.
         content, text = read_yaml_text(path, truth_values=False)
@@ -40,11 +36,7 @@ def read_expectations(path: str | Path) -> tuple[Expectation, ...]:
 
 
 def parse_expectations(content: Any) -> tuple[Expectation, ...]:
-    """Return the expectations of a file's content.
-
-    Raises:
-        ExpectationError: if the content is not usable; its path leads to the place.
-    """
+    """Return the expectations of a file's content; the path of an error leads to the place."""
     if not isinstance(content, Mapping) or "expectations" not in content:
         raise ExpectationError("it holds no expectations:")
     for key in content:
@@ -64,14 +56,7 @@ def parse_expectations(content: Any) -> tuple[Expectation, ...]:
 
 
 def parse_expectation(entry: Any, place: Place = ()) -> Expectation:
-    """Return the expectation of one entry.
-
-    Args:
-        entry: a mapping with ``name`` and ``expect``, perhaps ``requirement``.
-
-    Raises:
-        ExpectationError: as ``parse_expectations`` does.
-    """
+    """Return the expectation of one entry: ``name`` and ``expect``, perhaps ``requirement``."""
     if not isinstance(entry, Mapping):
         raise ExpectationError(f"{shown(entry)} is not a mapping", place)
     for key in entry:

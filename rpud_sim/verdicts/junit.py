@@ -10,12 +10,7 @@ from rpud_sim.verdicts.verdict import FAILED, UNDECIDED, Verdict
 
 
 def junit_xml(verdicts: Sequence[Verdict], suite: str) -> str:
-    """Return the XML of one test suite: failed is a failure, undecided an error.
-
-    Args:
-        verdicts: one for each test case.
-        suite: name of the suite.
-    """
+    """Return a JUnit test suite, a case for each verdict: failed fails, undecided is an error."""
     counts = {
         name: str(sum(each.outcome == outcome for each in verdicts))
         for name, outcome in (("failures", FAILED), ("errors", UNDECIDED))

@@ -27,11 +27,9 @@ class Table:
     columns: Mapping[str, np.ndarray]
 
     def __len__(self) -> int:
-        """Return the number of messages."""
         return len(self.columns["log_time"])
 
     def values(self, name: str, attribute: str) -> np.ndarray | list[Any]:
-        """Return the values of a field."""
         return self.columns[name]
 
     def content(self, number: int) -> str:
@@ -52,11 +50,9 @@ class Live:
         self.messages: list[Any] = []
 
     def __len__(self) -> int:
-        """Return the number of messages."""
         return len(self.messages)
 
     def values(self, name: str, attribute: str) -> np.ndarray | list[Any]:
-        """Return the values of a field."""
         path = name.split(".")
         return [_inner(message, path) for message in self.messages]
 
@@ -79,7 +75,6 @@ def _inner(message: Any, path: list[str]) -> Any:
 
 
 def time_of(value: Any) -> int:
-    """Return a time as integer nanoseconds."""
     if isinstance(value, (int, np.integer)):
         return int(value)
     return int(get(value, "sec")) * SECOND + int(get(value, "nanosec"))
@@ -108,13 +103,9 @@ class Samples:
 class TopicMessages:
     """Messages of one topic in a span of time, without repetitions, in order of their stamps.
 
-    The order does not depend on that of arrival: messages of one stamp are ordered by their
-    numbers or counters, where they have some. Reports of one stamp with the same counters are in
-    the order in which the drill published them.
-
-    Args:
-        topic: its name.
-        keep: for each piece, which messages count.
+    The order does not depend on that of arrival: messages of one stamp are ordered by their numbers
+    or counters, where they have some. Reports of one stamp with the same counters are in the order
+    in which the drill published them. ``keep`` says, for each piece, which messages count.
     """
 
     def __init__(self, topic: str, pieces: list[Piece], keep: list[np.ndarray]) -> None:
@@ -138,7 +129,6 @@ class TopicMessages:
         self._piece, self._row, self._key = self._piece[order], self._row[order], key[order]
 
     def __len__(self) -> int:
-        """Return the number of messages."""
         return len(self.stamps)
 
     @property
@@ -149,12 +139,7 @@ class TopicMessages:
         return Missing.from_numbers(self.stamps, self._key)
 
     def samples(self, field: Field | str) -> Samples:
-        """Return the values of a field.
-
-        Args:
-            field: of the topic's type, or a name: of one of the diagnostics, or of any field where
-                the type is not known.
-        """
+        """Return the values of a field, or by name of a diagnostic or a field of unknown type."""
         if not isinstance(field, str):
             values = self._values(field)
         elif self._topic == DIAGNOSTICS:
@@ -176,11 +161,9 @@ class TopicMessages:
 
     @property
     def _numbered(self) -> bool:
-        """Whether each message has the number after that of the message before it."""
         return self._topic == "contact_force" and len(self._sources) > 0
 
     def _keys(self) -> np.ndarray:
-        """Return what puts messages of one stamp in order."""
         if self._topic in ("contact_force", "journal"):
             names: tuple[str, ...] = ("sequence",)
         elif self._topic == "status":
@@ -220,7 +203,6 @@ class TopicMessages:
         return np.array(kept, np.int64)
 
     def _spread(self, values_of: Any) -> np.ndarray:
-        """Return one value for each message, from all sources."""
         parts = [values_of(source) for source in self._sources]
         plain = all(isinstance(part, np.ndarray) and part.dtype != object for part in parts)
         if plain and parts:

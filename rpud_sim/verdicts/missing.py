@@ -22,9 +22,7 @@ class Missing:
     def from_numbers(cls, stamps: np.ndarray, numbers: np.ndarray) -> Missing:
         """Return what the numbers in the messages of a topic show as missing.
 
-        Args:
-            stamps: of the messages, in order [ns].
-            numbers: of the messages; each is one more than that of the message before.
+        Each number is one more than that of the message before; stamps are in order [ns].
         """
         counts = np.concatenate([numbers[:1], np.maximum(np.diff(numbers) - 1, 0)])
         before = np.concatenate([[-NEVER], stamps[:-1]])[: len(stamps)]
@@ -39,16 +37,10 @@ class Missing:
 
     @property
     def total(self) -> int:
-        """Number of messages that are missing."""
         return int(self.counts.sum()) + self.anywhere
 
     def among(self, first: np.ndarray, last: np.ndarray) -> np.ndarray:
-        """Return the greatest number of messages that are missing in each of some spans of time.
-
-        Args:
-            first: of each span [ns].
-            last: of each span [ns].
-        """
+        """Return the greatest number of messages missing in each of some spans of time [ns]."""
         sums = np.concatenate([[0], np.cumsum(self.counts)])
         begun = sums[np.searchsorted(self.first, last, side="right")]
         ended = sums[np.searchsorted(self.last, first, side="left")]

@@ -38,8 +38,8 @@ COMMANDS: Mapping[str, str] = {
     "command/feed": "rpud_msgs/msg/Feed",
     "command/weight_on_bit": "rpud_msgs/msg/WeightOnBit",
 }
+# Types of the topics with relative names.
 TYPES: Mapping[str, str] = {**{name: topic.type for name, topic in TOPICS.items()}, **COMMANDS}
-"""Types of the topics with relative names."""
 
 # Standard types name no units.
 _STANDARD_UNITS: Mapping[str, str] = {
@@ -57,11 +57,9 @@ PERIODIC = frozenset(
         *("reacting_force", "rotation", "wrench"),
     )
 )
+# Longest time for which a value of a periodic topic holds, unless the signal has its own [ns]. The
+# least telemetry rate is 1 Hz, so that a healthy topic is never silent for longer.
 PERIODIC_HOLD = SECOND
-"""Longest time for which a value of a periodic topic holds, unless the signal has its own [ns].
-
-The least telemetry rate is 1 Hz, so that a healthy topic is never silent for longer.
-"""
 
 _INDEX = re.compile(r"(.*)\[(\d{1,6})\]")
 
@@ -80,7 +78,6 @@ class Field:
 
     @property
     def is_flag(self) -> bool:
-        """Whether it is a truth value."""
         return self.column.kind is Kind.NUMBER and self.column.dtype == np.dtype(bool)
 
     @property
@@ -100,7 +97,6 @@ def table_columns(type_name: str, definition: str) -> tuple[Column, ...]:
 
 @cache
 def drill_columns(topic: str) -> tuple[Column, ...]:
-    """Return the columns of one of the drill's topics."""
     return table_columns(TYPES[topic], find_definition(TYPES[topic]))
 
 
@@ -113,15 +109,7 @@ def block_columns(topic: str) -> tuple[Column, ...]:
 
 
 def find_field(name: str, columns: tuple[Column, ...], topic: str) -> Field:
-    """Return a field by its name.
-
-    Args:
-        name: with dots, and a number in brackets for an element.
-        topic: its name, for the error.
-
-    Raises:
-        ExpectationError: if there is no such field, or it cannot be a signal.
-    """
+    """Return a field of a topic by its name, with dots, and a number in brackets for an element."""
     match = _INDEX.fullmatch(name)
     base = match[1] if match else name
     index = int(match[2]) if match else None
@@ -145,11 +133,7 @@ def find_field(name: str, columns: tuple[Column, ...], topic: str) -> Field:
 
 
 def field_of(signal: Signal) -> Field | None:
-    """Return the field of a signal; None if its type is known only to a bag.
-
-    Raises:
-        ExpectationError: if the topic or the field is unknown.
-    """
+    """Return the field of a signal; None if its type is known only to a bag."""
     check_topic(signal.topic)
     if signal.topic not in TYPES:
         return None
@@ -166,11 +150,7 @@ def check_topic(topic: str) -> None:
 
 
 def check_formula(formula: Formula) -> None:
-    """Check every name and unit of a formula, as far as they are known without a bag.
-
-    Raises:
-        ExpectationError: if a topic, field or unit is unknown or does not fit.
-    """
+    """Check every name and unit of a formula, as far as they are known without a bag."""
     _check_kind(formula)
     for part in formula.walk():
         for field in dataclasses.fields(part):  # type: ignore[arg-type]
@@ -196,14 +176,7 @@ def _check_kind(formula: object) -> None:
 
 
 def check_use(part: Compare | Says | Quantile, field: Field | None) -> None:
-    """Check that a field has the kind and unit with which a formula uses it.
-
-    Args:
-        field: that it uses; None if it is not known yet.
-
-    Raises:
-        ExpectationError: if it has not.
-    """
+    """Check that a field has the kind and unit with which a formula uses it; None passes."""
     if isinstance(part, Says):
         if field is not None and not field.says:
             raise ExpectationError(f"{part.signal} is a number: compare it with ==")
@@ -219,11 +192,7 @@ def check_use(part: Compare | Says | Quantile, field: Field | None) -> None:
 
 
 def threshold(number: Number, field: Field | None, name: str) -> float:
-    """Return a number in the unit of a field; in SI if the field has no known unit.
-
-    Raises:
-        ExpectationError: if its unit does not fit.
-    """
+    """Return a number in the unit of a field; in SI if the field has no known unit."""
     if field is None or (not field.unit and not _drills(name)):
         return number.value * unit_factor(number.unit)[0]
     return to_si(number.value, number.unit, field.unit, name)

@@ -72,12 +72,8 @@ _COMPARED = re.compile(rf"(<=|>=|==|!=|<|>|=)\s*({NUMBER}[^+]*?)\s*(?:(?:\+-|±)
 def to_formula(value: Any, path: Path = ()) -> Formula:
     """Return the formula of a plain value.
 
-    Args:
-        value: a text such as ``reacting_force.force < 45 N``, or a mapping of one of ``FORMS``.
-        path: of the value in its file, for errors.
-
-    Raises:
-        ExpectationError: if it is none; its path leads to the place.
+    The value is a text such as ``reacting_force.force < 45 N``, or a mapping of one of ``FORMS``.
+    ``path`` leads to it in its file, for errors.
     """
     try:
         if isinstance(value, str):
@@ -134,7 +130,6 @@ def _about(about: Signal, text: str) -> Compare | Says:
 
 
 def _bare(text: Any) -> tuple[str, str]:
-    """Return operator and number of the text behind count and quantile."""
     match = _COMPARED.fullmatch(text.strip()) if isinstance(text, str) else None
     if match is None or match[3]:
         raise ExpectationError(f"is: {shown(text)} is no comparison, as < 45 N")

@@ -37,10 +37,8 @@ _STATUS_TYPE = "rpud_msgs/msg/Status"
 class Record:
     """Messages of some topics, from which expectations take their signals.
 
-    Only the last run counts: a reset of the drill begins a new one, as the journal shows.
-
-    Args:
-        namespace: of the drill; its topics may be added by relative or absolute names.
+    Only the last run counts: a reset of the drill begins a new one, as the journal shows. Topics
+    may be added by names relative to ``namespace``, or absolute names.
     """
 
     def __init__(self, namespace: str = NAMESPACE) -> None:
@@ -62,16 +60,10 @@ class Record:
         namespace: str | None = None,
         progress: Callable[[int], object] = lambda count: None,
     ) -> Record:
-        """Read the topics of a bag.
+        """Read topics of a bag, by names relative to the drill's namespace or absolute names.
 
-        Args:
-            topics: relative names of the drill's topics, or absolute names.
-            namespace: of the drill; None for that of the only status in the bag.
-            progress: called with the number of messages since its last call.
-
-        Raises:
-            BagError: if the bag cannot be read.
-            ExpectationError: if the bag has several drills and no namespace is given.
+        Without ``namespace`` it is that of the only status in the bag. ``progress`` is called with
+        the number of messages since its last call.
         """
         with open_bag(path) as bag:
             known = {summary.topic.name: summary for summary in bag.topics}
@@ -99,13 +91,10 @@ class Record:
         return record
 
     def add(self, topic: str, stamp: int, message: Any) -> None:
-        """Add a message as it arrives.
+        """Add a message as it arrives, with the stamp of its header, or else of its arrival [ns].
 
-        Args:
-            topic: relative or absolute name.
-            stamp: of its header, or else the time of its arrival [ns].
-            message: a mapping, or an object with the message's fields as attributes. It must not
-                change from now on.
+        The message is a mapping, or an object with its fields as attributes. It must not change
+        from now on.
         """
         topic = self._relative(topic)
         if topic in ("waveform", "trajectory"):
@@ -159,7 +148,6 @@ class Record:
         return max(0, counted - self.messages(topic).missing.total)
 
     def missing(self, topic: str) -> Missing:
-        """Return how many messages of a topic are missing, and where they may have been."""
         return dataclasses.replace(self.messages(topic).missing, anywhere=self.lost(topic))
 
     def span(self, topics: Collection[str]) -> tuple[int, int] | None:
@@ -168,10 +156,7 @@ class Record:
         It begins with the run, or with the first message of a periodic topic if that comes too late
         for the first of the run; without a periodic topic, with the first message of any. It ends
         with the last message of any. Commands and topics of others do not count, unless there are
-        no others.
-
-        Returns:
-            both stamps [ns]; None without messages.
+        no others. Without messages there is none.
         """
         filled = [topic for topic in sorted(topics) if len(self.messages(topic))]
         own = [each for each in filled if each in TYPES and not each.startswith("command/")]
@@ -193,11 +178,7 @@ class Record:
         return span[0] if span else 0
 
     def field(self, signal: Signal) -> Field | str | None:
-        """Return the field of a signal; None if its type is not known.
-
-        Raises:
-            ExpectationError: if the topic's type has no such field.
-        """
+        """Return the field of a signal; None if its type is not known."""
         if signal.topic == DIAGNOSTICS:
             return signal.field
         if signal.topic in TYPES:
@@ -207,7 +188,6 @@ class Record:
         return None
 
     def messages(self, topic: str) -> TopicMessages:
-        """Return the messages of a topic in the last run."""
         if topic not in self._kept:
             pieces = self._all(topic)
             keep = [self._last_run.holds(each.stamps, each.published) for each in pieces]
@@ -215,7 +195,6 @@ class Record:
         return self._kept[topic]
 
     def _columns_of(self, topic: str) -> tuple[Column, ...]:
-        """Return the columns of a bag of another version, or else those of today."""
         return self._columns.get(topic) or drill_columns(topic)
 
     @property
@@ -254,7 +233,6 @@ class Record:
         )
 
     def _add_block(self, topic: str, message: Any) -> None:
-        """Add the samples or segments of a block."""
         values: dict[str, np.ndarray | Sequences] = {}
         for column in block_columns(topic):
             value = message
@@ -284,14 +262,7 @@ class Record:
 
 
 def bag_namespace(topics: Iterable[TopicSummary], namespace: str | None) -> str:
-    """Return the namespace of the drill in a bag.
-
-    Args:
-        namespace: that was asked for; None for that of the only status.
-
-    Raises:
-        ExpectationError: if there are several drills and no namespace is given.
-    """
+    """Return the namespace of the drill in a bag; by default that of the only status."""
     if namespace is not None:
         return namespace
     found = sorted(

@@ -57,21 +57,14 @@ class Evaluation:
 
     @property
     def begin(self) -> int:
-        """First nanosecond of the recording."""
         return self._atoms.begin
 
     @property
     def end(self) -> int:
-        """Last nanosecond of the recording."""
         return self._atoms.end
 
     def steps(self, formula: Formula, once: bool = False) -> Steps:
-        """Return a formula as a step function.
-
-        Args:
-            once: whether only its value at the beginning counts: that of a quantile elsewhere
-                takes long.
-        """
+        """Return a formula as a step function, ``once`` only at the beginning, which is faster."""
         key = (formula, once)
         if key not in self._found:
             self._found[key] = self._steps(formula, once)
@@ -173,7 +166,6 @@ class Evaluation:
         return Steps(times, values, np.zeros(len(times), bool)).merged()
 
     def _times(self, stamps: np.ndarray, window: Window) -> np.ndarray:
-        """Return the instants at which a stamp enters or leaves the window."""
         edges = [np.array([self.begin, self.end + 1]), stamps + 1 - window.start]
         if window.end is not None:
             edges += [stamps - window.end, np.array([self.end + 1 - window.end])]
@@ -202,7 +194,6 @@ class Evaluation:
 
 
 def _beginnings(steps: Steps) -> Steps:
-    """Return the instants at which a formula begins to hold."""
     if steps.absent[:-1].all():
         return Steps(steps.starts, steps.values.copy(), steps.absent.copy())
     true = (steps.values[LEAST_TRUTH] > 0.0) & ~steps.absent
@@ -235,21 +226,18 @@ def _span(times: np.ndarray, window: Window, end: int) -> tuple[np.ndarray, np.n
 
 
 def _inside(stamps: np.ndarray, times: np.ndarray, window: Window, end: int) -> np.ndarray:
-    """Return the number of stamps in the window of each time."""
     begin, last = _span(times, window, end)
     first = np.searchsorted(stamps, begin, side="left")
     return np.maximum(np.searchsorted(stamps, last, side="right") - first, 0).astype(float)
 
 
 def _touched(instants: Instants, times: np.ndarray, window: Window, end: int) -> np.ndarray:
-    """Return at which times the window holds a part of a stretch with any number of events."""
     begin, last = _span(times, window, end)
     begun = np.searchsorted(instants.first, last, side="right")
     return begun > np.searchsorted(instants.last, begin, side="left")
 
 
 def _beyond(times: np.ndarray, window: Window, end: int) -> np.ndarray:
-    """Return at which times the window is not over at the end of the recording."""
     return times + (window.start if window.end is None else window.end) > end
 
 
@@ -261,7 +249,6 @@ def _window_quantiles(
     missing: Missing,
     end: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the least and greatest possible quantile in the window of each time."""
     window, share = formula.window, Fraction(repr(formula.share))
     span = _span(times, window, end)
     first = np.searchsorted(stamps, span[0], side="left")
@@ -284,8 +271,6 @@ def _window_quantiles(
 
 @dataclasses.dataclass
 class _Sorted:
-    """Sorted values of a window that moves forward."""
-
     values: np.ndarray
     first: int = 0
     last: int = 0

@@ -35,12 +35,10 @@ class Steps:
 
     @property
     def end(self) -> int:
-        """Last nanosecond of the recording."""
         return int(self.starts[-1]) - 1
 
     @property
     def begin(self) -> int:
-        """First nanosecond of the recording."""
         return int(self.starts[0])
 
     def at(self, times: np.ndarray) -> np.ndarray:
@@ -99,15 +97,11 @@ def _unknown_where_absent(steps: Steps) -> Steps:
 def over_window(
     steps: Steps, start: int, end: int | None, least: bool, once: bool = False
 ) -> Steps:
-    """Return always (the least value in a window) or eventually (the greatest).
+    """Return always (the ``least`` value in a window) or eventually (the greatest).
 
-    Absent instants do not count; without any other the result is absent.
-
-    Args:
-        start: of the window, from each instant on [ns].
-        end: of the window [ns]; None for the end of the recording.
-        least: whether for always.
-        once: whether only the value at the beginning counts.
+    The window is from ``start`` to ``end`` after each instant [ns]; None is the end of the
+    recording. Absent instants do not count; without any other the result is absent. With ``once``
+    only the value at the beginning counts.
     """
     last = len(steps.starts) - 1
     times = steps.starts[[0, -1]]
@@ -137,7 +131,6 @@ def over_window(
 
 
 def _least_in_ranges(table: np.ndarray, first: np.ndarray, final: np.ndarray) -> np.ndarray:
-    """Return the least of each row in ranges of columns, by blocks of doubling length."""
     result = np.empty((len(table), len(first)))
     levels = np.floor(np.log2(final - first + 1)).astype(np.int64)
     level, length = 0, 1
@@ -156,11 +149,8 @@ def _least_in_ranges(table: np.ndarray, first: np.ndarray, final: np.ndarray) ->
 def until(left: Steps, right: Steps, start: int, end: int | None) -> Steps:
     """Return ``left`` until ``right``: left holds from each instant to just before right.
 
-    Args:
-        left: that holds.
-        right: that comes.
-        start: of the window in which it comes, from each instant on [ns].
-        end: of that window [ns]; None for the end of the recording.
+    Right comes in a window from ``start`` to ``end`` after each instant [ns]; None is the end of
+    the recording.
     """
     # Without a bound on its end the goal must come in the recording; otherwise it may come later.
     plain = _until_at_once(left, right, FALSE if end is None else UNKNOWN)

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.foundation.time import SECOND
 
-LONGEST = 1e9
-"""Greatest duration in an expectation [s]."""
+LONGEST = 1e9  # greatest duration in an expectation [s]
 
 _PREFIXES: Mapping[str, float] = {
     "": 1.0,
@@ -60,19 +59,14 @@ _UNITS |= {
     "": (1.0, ""),
     "1": (1.0, ""),
 }
-UNITS = tuple(name for name in _UNITS if name)
-"""All known units, by their names."""
+UNITS = tuple(name for name in _UNITS if name)  # all known units, by their names
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _QUANTITY = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*")
 
 
 class ExpectationError(ParameterError):
-    """Unusable expectation; the text says why, in one line.
-
-    Args:
-        path: keys and numbers that lead to the place in the file's content.
-    """
+    """Unusable expectation: why, in one line, and ``path``, the keys to its place in the file."""
 
     def __init__(self, reason: object, path: tuple[str | int, ...] = ()) -> None:
         super().__init__(str(reason))
@@ -80,11 +74,7 @@ class ExpectationError(ParameterError):
 
 
 def parse_quantity(text: str) -> tuple[float, str]:
-    """Return number and unit of a text such as ``45 N``.
-
-    Raises:
-        ExpectationError: if it is no finite number with a known unit.
-    """
+    """Return number and unit of a text such as ``45 N``."""
     match = _QUANTITY.fullmatch(text)
     number = float(match[1]) if match else math.nan
     if match is None or not math.isfinite(number):
@@ -94,11 +84,6 @@ def parse_quantity(text: str) -> tuple[float, str]:
 
 
 def unit_factor(unit: str) -> tuple[float, str]:
-    """Return the factor of a unit to SI, and the SI unit.
-
-    Raises:
-        ExpectationError: if the unit is unknown.
-    """
     if unit not in _UNITS:
         raise ExpectationError(f"unit {shown(unit)} is unknown; {_near(unit)}")
     return _UNITS[unit]
@@ -113,13 +98,8 @@ def _near(unit: str) -> str:
 def to_si(value: float, unit: str, wanted: str, name: str) -> float:
     """Return a value in the SI unit of a field.
 
-    Args:
-        value: in ``unit``.
-        unit: as it was written; may only be empty for zero or for a field without a unit.
-        wanted: unit of the field; empty for a pure number.
-
-    Raises:
-        ExpectationError: if the unit does not fit.
+    ``unit`` may only be empty for zero or for a field without a unit. ``wanted``, the field's unit,
+    is empty for a pure number.
     """
     factor, base = unit_factor(unit)
     if base != wanted and not (value == 0.0 and unit == ""):
@@ -130,11 +110,7 @@ def to_si(value: float, unit: str, wanted: str, name: str) -> float:
 
 
 def parse_duration(value: str | float, name: str) -> int:
-    """Return a duration in nanoseconds from a text such as ``500 ms``, or from seconds.
-
-    Raises:
-        ExpectationError: if it is no duration in [0, 1e9] s.
-    """
+    """Return a duration [ns] from a text such as ``500 ms`` or from seconds, in [0, 1e9] s."""
     if isinstance(value, str):
         number, unit = parse_quantity(value)
         seconds = to_si(number, unit, "s", name)

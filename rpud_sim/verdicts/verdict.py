@@ -34,8 +34,7 @@ from rpud_sim.verdicts.vocabulary import (
 PASSED, FAILED, UNDECIDED = "passed", "failed", "undecided"
 OUTCOMES = (PASSED, FAILED, UNDECIDED)
 
-MIXED = "mixed units"
-"""Unit of a margin to which comparisons in several units contribute."""
+MIXED = "mixed units"  # unit of a margin to which comparisons in several units contribute
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,11 +66,7 @@ class Verdict:
 
 
 def evaluate(expectation: Expectation, record: Record) -> Verdict:
-    """Return the verdict on an expectation.
-
-    Raises:
-        ExpectationError: if a field of a topic is not what the expectation takes it for.
-    """
+    """Return the verdict on an expectation."""
     notes = [record.note(topic) for topic in expectation.used_topics]
     missing = "; ".join(note for note in notes if note)
     span = record.span(expectation.topics)

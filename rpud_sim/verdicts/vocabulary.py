@@ -29,8 +29,7 @@ class Window:
             )
 
 
-WHOLE = Window()
-"""The rest of the recording."""
+WHOLE = Window()  # the rest of the recording
 
 
 class Formula:

@@ -28,8 +28,7 @@ _SIGNAL = re.compile(r"([A-Za-z/][\w/]*)\.(\S.*)")
 def signal(name: str, hold: str | float | None = None) -> Signal:
     """Return a signal by topic and field, as in ``reacting_force.force``.
 
-    Args:
-        hold: longest time for which a value holds, as ``0.1 s``; None for that of the topic.
+    A value holds at most for ``hold``, as ``0.1 s``; None for that of the topic.
     """
     match = _SIGNAL.fullmatch(name) if isinstance(name, str) else None
     if match is None:
@@ -41,9 +40,7 @@ def signal(name: str, hold: str | float | None = None) -> Signal:
 def window(within: Any = None, between: Any = None) -> Window:
     """Return a window from its end, or from start and end; of neither, the rest of the recording.
 
-    Args:
-        within: end, as ``0.5 s``.
-        between: start and end; an end of None is that of the recording.
+    Both are as ``0.5 s``; an end of None is that of the recording.
     """
     if within is not None and between is not None:
         raise ExpectationError("within and between exclude each other")

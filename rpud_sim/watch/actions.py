@@ -15,8 +15,8 @@ from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.client import ClientError, DrillClient, RefusedError
 from rpud_sim.watch.picture import DONE, FAILED, REFUSED, WAITING, Outcome
 
+# Actions: methods of ``DrillClient``, with the same arguments.
 ACTIONS = ("press", "drive", "feed", "engage", "inject", "clear", "pause", "play", "step", "reset")
-"""Actions: methods of ``DrillClient``, with the same arguments."""
 
 _MOST_WAITING = 32
 _KEPT = 20  # outcomes besides those that wait
@@ -44,11 +44,7 @@ class Actions:
             return tuple(self._outcomes.values())
 
     def add(self, name: str, arguments: dict[str, Any]) -> int:
-        """Queue an action and return its number.
-
-        Raises:
-            ParameterError: if there is no such action, or it has no such argument.
-        """
+        """Queue an action and return its number; one that does not exist is a ParameterError."""
         if name not in ACTIONS:
             raise ParameterError(f"action {shown(name)} is unknown; {did_you_mean(name, ACTIONS)}")
         try:
@@ -67,7 +63,6 @@ class Actions:
         return number
 
     def waits_for(self, names: Collection[str]) -> bool:
-        """Return whether one of these actions waits."""
         with self._lock:
             return any(name in names for _, name, _ in self._queue)
 

@@ -6,20 +6,12 @@ import numpy as np
 
 
 class Rows:
-    """The last rows of a growing table, in one array; a snapshot costs one copy.
-
-    Args:
-        length: rows that are kept.
-
-    Attributes:
-        first: number of the oldest row that is kept.
-        end: number that the next row will have.
-    """
+    """The last ``length`` rows of a growing table, in one array; a snapshot costs one copy."""
 
     def __init__(self, columns: int, length: int) -> None:
         self._length = length
         self._rows = np.full((2 * length, columns), np.nan)
-        self.first = self.end = 0
+        self.first = self.end = 0  # numbers of the oldest row that is kept, and of the next
         self._place = 0  # of the first row in the array
 
     def row(self, number: int) -> np.ndarray | None:

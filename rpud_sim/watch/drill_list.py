@@ -18,7 +18,6 @@ _SHARE = Path(__file__).parent / "share"
 
 
 def drill_path(namespace: str) -> str:
-    """Return the path of a drill's page."""
     return f"/drill?{urlencode({'namespace': namespace}, safe='/')}"
 
 
@@ -26,7 +25,6 @@ class ListPage(AuthRequestHandler):
     """Page with the list."""
 
     def initialize(self, finder: DrillFinder) -> None:
-        """Keep the finder."""
         self._finder = finder
 
     def get(self) -> None:
@@ -40,11 +38,9 @@ class ListData(AuthRequestHandler):
     """Drills as JSON."""
 
     def initialize(self, finder: DrillFinder) -> None:
-        """Keep the finder."""
         self._finder = finder
 
     def get(self) -> None:
-        """Answer with the drills that are known now."""
         found = [
             {
                 **{

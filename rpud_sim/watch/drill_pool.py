@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from rpud_sim.watch.live_drill import LiveDrill
 
+# How long a drill is heard after its last page has gone: a page may be loaded again [s].
 LINGER = 120.0
-"""How long a drill is heard after its last page has gone: a page may be loaded again [s]."""
 
 MOST_DRILLS = 16
 
@@ -18,12 +18,7 @@ class TooManyDrillsError(RuntimeError):
 
 
 class DrillPool:
-    """Drills by namespace; use it from one thread.
-
-    Args:
-        domain_id: ROS domain; None for that of the environment.
-        clock: gives the present time [s].
-    """
+    """Drills by namespace; use it from one thread. ``clock`` gives the present time [s]."""
 
     def __init__(
         self, domain_id: int | None = None, clock: Callable[[], float] = time.monotonic
@@ -35,12 +30,7 @@ class DrillPool:
         self._left_at: dict[str, float] = {}
 
     def take(self, namespace: str) -> LiveDrill:
-        """Return the drill of a namespace for one more page.
-
-        Raises:
-            StartError: if ROS does not allow the namespace.
-            TooManyDrillsError: if this is one too many.
-        """
+        """Return the drill of a namespace for one more page, unless it is one too many."""
         name = f"/{namespace.strip('/')}"
         if name not in self._drills:
             if len(self._drills) >= MOST_DRILLS:
@@ -54,7 +44,6 @@ class DrillPool:
         return self._drills[name]
 
     def release(self, drill: LiveDrill) -> None:
-        """Take back a drill from a page."""
         self._pages[drill.namespace] -= 1
         self._left_at[drill.namespace] = self._clock()
 

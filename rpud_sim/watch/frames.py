@@ -104,7 +104,6 @@ class Frames:
         return _section(section, picture.impacts)
 
     def _rows(self, place: int, series: Series) -> dict[str, Any]:
-        """Return the rows that the browser lacks, and those that may have changed."""
         end = series.first + len(series.rows)
         first = max(series.first, min(self._sent[place] - _CHANGING, end))
         self._sent[place] = end

@@ -23,8 +23,7 @@ from rpud_sim.watch.picture import (
     Series,
 )
 
-BIN = 50_000_000
-"""Length of a bin of the fast series [ns]."""
+BIN = 50_000_000  # length of a bin of the fast series [ns]
 
 BINS = 1200
 STATUSES = 600
@@ -48,8 +47,8 @@ _FIELDS = {
         *("bit_wear", "bit_temperature", "rock_temperature", "side_offset"),
     ),
 }
+# Topics of which ``samples`` hears.
 SAMPLED = ("nodal_plane", "drill_tool", "reacting_force", "rotation", "mount", "borehole")
-"""Topics of which ``samples`` hears."""
 
 _POWER = _FIELDS["actuator_state"].index("electrical_power")
 _COLUMN = {name: number for number, name in enumerate(COLUMNS)}
@@ -113,7 +112,6 @@ class Heard:
     # What is heard
 
     def latched(self, topic: str, message: Any) -> None:
-        """Hear a message of ``status``, ``faults`` or ``journal``."""
         self.version += 1
         if topic == "journal":
             self._journal(message)
@@ -133,7 +131,6 @@ class Heard:
                     _widen(row, band, values[place], values[place])
 
     def actuator_state(self, stamp: int, values: tuple[Any, ...]) -> None:
-        """Hear a message of ``actuator_state``."""
         row = self._row(stamp)
         if self._located:
             self._values["actuator_state"] = values
@@ -141,7 +138,6 @@ class Heard:
             row[_COLUMN["electrical_power"]] = values[_POWER]
 
     def contact_force(self, stamp: int, values: tuple[Any, ...]) -> None:
-        """Hear an impact."""
         row = self._row(stamp)
         if self._located:
             self._impacts.append((stamp, values))
@@ -157,7 +153,6 @@ class Heard:
                 row[column] = value if before != before else before + value
 
     def waveform(self, stamp: int, values: tuple[Any, ...]) -> None:
-        """Hear a block of the waveform."""
         _, period, arrays = values
         length = len(arrays[0])
         if not length or not 0.0 < period < 1e3 or any(len(each) != length for each in arrays):
@@ -180,7 +175,6 @@ class Heard:
 
     @property
     def latest(self) -> dict[str, dict[str, Any]]:
-        """Latest values of the fast topics."""
         return {
             topic: dict(zip(_FIELDS[topic], values, strict=True))
             for topic, values in self._values.items()
@@ -188,7 +182,6 @@ class Heard:
 
     @property
     def impact(self) -> Impact | None:
-        """Latest impact."""
         if not self._impacts:
             return None
         stamp, values = self._impacts[-1]
@@ -201,7 +194,6 @@ class Heard:
 
     @property
     def section(self) -> Section | None:
-        """Latest block of the waveform."""
         if self._wave is None:
             return None
         stamp, (_, period, arrays) = self._wave
@@ -209,12 +201,10 @@ class Heard:
 
     @property
     def series(self) -> Series:
-        """Copy of the fast series."""
         return Series(self._bins.first, BIN / SECOND, COLUMNS, self._bins.snapshot())
 
     @property
     def statuses(self) -> Series:
-        """Copy of the series of statuses."""
         return Series(self._statuses.first, 0.0, STATUS_COLUMNS, self._statuses.snapshot())
 
     # Inside
@@ -261,7 +251,6 @@ class Heard:
             self.marks.append(Mark(self._seconds(stamp), entry.kind, _text(entry.kind, content)))
 
     def _locate(self, origin: int) -> None:
-        """Take a stamp as that of time zero, also for what was heard before it was known."""
         self.origin, self._located = origin, True
         for topic, message in self._kept.items():
             if _stamp(message.header.stamp) >= origin:
@@ -318,7 +307,6 @@ def _stamp(time: Any) -> int:
 
 
 def _text(kind: str, content: dict[str, Any]) -> str:
-    """Return what an entry of the journal says, in one short line."""
     parts = []
     for name, value in content.items():
         if name == "time" or isinstance(value, dict):

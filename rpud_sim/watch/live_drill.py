@@ -42,13 +42,6 @@ class LiveDrill:
     ``feed(rate, position)``, ``engage(on)``, ``inject(kind, channel, magnitude, duration)``,
     ``clear(which)``, ``pause()``, ``play()``, ``step(seconds)``, ``reset(scope, seed)``, as
     ``DrillClient`` has them. A pause or reset ends the wait for a step that is under way.
-
-    Args:
-        domain_id: ROS domain; None for that of the environment.
-        node_name: name of its node in the graph.
-
-    Raises:
-        StartError: if ROS cannot start, or does not allow the namespace.
     """
 
     def __init__(
@@ -72,7 +65,6 @@ class LiveDrill:
         # Here, so that the caller gets the error of a namespace that ROS does not allow.
         self._client: DrillClient | None = self._open(namespace)
         self.namespace = self._client.namespace
-        """Namespace of the drill."""
         self._connection = Connection(SEARCHING, time.time(), f"no drill in {self.namespace} yet")
         self._thread = threading.Thread(target=self._hear, name=f"drill {namespace}", daemon=True)
         self._thread.start()
@@ -124,11 +116,7 @@ class LiveDrill:
             return self._picture
 
     def act(self, name: str, **arguments: Any) -> int:
-        """Queue an action, and return its number; the picture's outcomes show what became of it.
-
-        Raises:
-            ParameterError: if there is no such action, or it has no such argument.
-        """
+        """Queue an action, and return its number; the picture's outcomes show what became of it."""
         number = self._actions.add(name, arguments)
         self._wake.set()
         return number
@@ -178,7 +166,6 @@ class LiveDrill:
             self._status_at = time.monotonic()
 
     def _check(self) -> None:
-        """End a wait of the client if something is more urgent."""
         if self._closed:
             raise InterruptedWaitError
         if self._actions.running == "step" and self._actions.waits_for(_INTERRUPTERS):
@@ -202,7 +189,6 @@ class LiveDrill:
                 return
 
     def _follow(self) -> None:
-        """Hear the drill and act on it until it vanishes."""
         client = self._client
         assert client is not None  # it was found
         self._asked_run = 0

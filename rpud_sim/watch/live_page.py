@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 
     from rpud_sim.watch.live_drill import LiveDrill
 
-PERIOD = 200
-"""Time between frames [ms]."""
+PERIOD = 200  # time between frames [ms]
 
 _SHARE = Path(__file__).parent / "share"
 _GROUP = "live"
@@ -52,6 +51,7 @@ def _steps(name: str, color: int, dash: Any = "solid") -> Line:
     return Line(name, _NONE, _NONE, steps=True, color=color, dash=dash)
 
 
+# Plots of the page; ``live.js`` fills their sources, which it finds by the names of the layers.
 PLOTS = (
     Plot(
         "peak force of the impacts",
@@ -113,7 +113,6 @@ PLOTS = (
         height=140,
     ),
 )
-"""Plots of the page; ``live.js`` fills their sources, which it finds by the names of the layers."""
 
 # Topics without which plots are hidden: a drill whose model is off does not publish them.
 _NEEDED = {
@@ -131,10 +130,8 @@ def live_application(
 ) -> Callable[[Document], None]:
     """Return the function that fills a document with the page of a drill.
 
-    Args:
-        drill_of: gives the drill of a namespace; raises an error of one line if there can be none.
-        release: called with it when the browser tab is gone.
-        default: namespace of a page that names none.
+    ``drill_of`` raises an error of one line if there can be no drill. ``release`` is called when
+    the browser tab is gone. ``default`` is the namespace of a page that names none.
     """
 
     def fill(document: Document) -> None:
@@ -156,8 +153,6 @@ def live_application(
 
 
 class _Page:
-    """One browser tab with the page of a drill."""
-
     def __init__(self, drill: LiveDrill, document: Document) -> None:
         self._drill = drill
         self._document = document
@@ -168,7 +163,6 @@ class _Page:
         self._awaited: int | None = 0  # number of the frame under way; 0 for the page itself
 
     def show(self) -> None:
-        """Fill the document."""
         document = self._document
         column = TimeColumn(PLOTS, 0.0, _WIDTH, (), _GROUP)
         drawn = draw_column(column, [f"live-{number}" for number in range(len(PLOTS))], live=True)
@@ -200,7 +194,6 @@ class _Page:
         }
 
     def _send(self) -> None:
-        """Send a frame, unless the browser has not shown the last one yet."""
         picture = self._drill.picture()
         if self._awaited is not None:
             self._frames.drop(picture)

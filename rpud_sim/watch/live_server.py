@@ -22,16 +22,8 @@ def serve_drills(
 ) -> None:
     """Serve the list of drills and a page for each until SIGINT or SIGTERM.
 
-    Args:
-        place: where to listen.
-        domain_id: ROS domain; None for that of the environment.
-        namespace: of the drill whose page needs none.
-        announce: called once, when the server listens.
-        prepare: called before, such as to let something else stop the server.
-
-    Raises:
-        ServerError: if it cannot listen there.
-        StartError: if ROS cannot start.
+    ``announce`` is called once the server listens, ``prepare`` before, such as to let something
+    else stop the server. A page without a namespace shows the drill of ``namespace``.
     """
     with DrillFinder(domain_id) as finder:
         pool = DrillPool(domain_id)

@@ -17,6 +17,7 @@ DONE = "done"
 REFUSED = "refused"
 FAILED = "failed"
 
+# Columns of the fast series, one value for each bin of simulation time.
 COLUMNS = (
     "nodal_plane_min",  # position [m]
     "nodal_plane_max",
@@ -47,8 +48,8 @@ COLUMNS = (
     "depth_min",  # [m]
     "depth_max",
 )
-"""Columns of the fast series, one value for each bin of simulation time."""
 
+# Columns of the series of statuses, one row for each status.
 STATUS_COLUMNS = (
     "time",  # [s]
     "weight_on_bit",  # [N]
@@ -68,7 +69,6 @@ STATUS_COLUMNS = (
     "lag",  # [s]
     "real_time_factor",
 )
-"""Columns of the series of statuses, one row for each status."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,7 +145,6 @@ class Series:
     rows: np.ndarray  # one line for each row, NaN where nothing was heard; read-only
 
     def column(self, name: str) -> np.ndarray:
-        """Return the values of a column."""
         return self.rows[:, self.columns.index(name)]
 
 
@@ -163,10 +162,7 @@ class Outcome:
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """Everything that is known of a drill at one moment.
-
-    Times are simulation time since the start of the run [s], unless they say otherwise.
-    """
+    """Everything that is known of a drill at one moment; times count from the run's start [s]."""
 
     namespace: str  # of the drill
     connection: Connection  # to the drill

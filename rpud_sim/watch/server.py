@@ -69,8 +69,6 @@ class Place:
 
 
 class _Application(BokehTornado):
-    """Bokeh's application, whose pages load the one script of it that they need."""
-
     def resources(self, absolute_url: str | bool | None = None) -> Any:
         found = super().resources(absolute_url)
         found.components = ["bokeh"]
@@ -80,13 +78,8 @@ class _Application(BokehTornado):
 class PageServer:
     """HTTP server of Bokeh documents and of plain pages; listens from the start.
 
-    Args:
-        applications: by path, functions that fill a document.
-        place: where to listen.
-        handlers: plain pages, pairs of a path and a handler of Tornado.
-
-    Raises:
-        ServerError: if it cannot listen there.
+    ``applications`` are by path, functions that fill a document. ``handlers`` of plain pages are
+    pairs of a path and a handler of Tornado.
     """
 
     def __init__(
@@ -151,7 +144,6 @@ class PageServer:
             signal.signal(number, handler)
 
     def run(self) -> None:
-        """Serve until `stop`."""
         try:
             self._server.start()
             self._loop.start()
@@ -183,11 +175,9 @@ class Guard(AuthProvider):
     """Requires the token, and rejects requests that another page sends.
 
     A page of another site may ask the browser to connect here, or its name may suddenly resolve to
-    this machine. The browser tells both: in ``Origin`` and in ``Host``.
-
-    Args:
-        token: empty for none; the address is then that of the machine itself.
-        port: of the server; cookies of several servers have to differ.
+    this machine. The browser tells both: in ``Origin`` and in ``Host``. An empty token requires
+    none; the address is then that of the machine itself. ``port`` tells the cookies of several
+    servers apart.
     """
 
     def __init__(self, token: str, port: int) -> None:
@@ -207,7 +197,6 @@ class Guard(AuthProvider):
 
     @property
     def get_login_url(self) -> Callable[[Any], str]:
-        """Nowhere to log in."""
         return lambda handler: "/"
 
     async def _check(self, handler: RequestHandler) -> str:

@@ -31,11 +31,7 @@ class MeanError:
 
 
 def mean_error(values: np.ndarray) -> MeanError:
-    """Return the error of the mean of a stationary series.
-
-    Args:
-        values: in their order, shape (n,); a long series is grouped first, which keeps its mean.
-    """
+    """Return the error of the mean of a stationary series (n,); a long one is grouped first."""
     values = grouped(values, _MOST_VALUES)
     covariances = autocovariances(values)
     longest = max(1.0, len(values) / _FEWEST_BLOCKS)
@@ -44,10 +40,9 @@ def mean_error(values: np.ndarray) -> MeanError:
 
 
 def grouped(values: np.ndarray, most: int) -> np.ndarray:
-    """Return means of consecutive values in groups of one size, at most ``most`` of them.
+    """Return means of consecutive values, shape (n,), in at most ``most`` groups of one size.
 
-    Args:
-        values: shape (n,); a remainder at the end that fills no group is left out.
+    A remainder at the end that fills no group is left out.
     """
     size = -(-len(values) // most)
     if size <= 1:
@@ -57,11 +52,7 @@ def grouped(values: np.ndarray, most: int) -> np.ndarray:
 
 
 def autocovariances(values: np.ndarray) -> np.ndarray:
-    """Return the autocovariance at each lag, shape (n,); the first is the variance.
-
-    Args:
-        values: of a stationary series, shape (n,).
-    """
+    """Return the autocovariance of a stationary series (n,) at each lag; first the variance."""
     count = len(values)
     deviations = values - values.mean()
     # Zeros after the end keep the series from being taken for a circle.
@@ -73,8 +64,7 @@ def autocovariances(values: np.ndarray) -> np.ndarray:
 def block_length(covariances: np.ndarray) -> float:
     """Return the mean length of blocks that makes the error of the variance least, from 1 on.
 
-    Args:
-        covariances: autocovariance at each lag, shape (n,).
+    ``covariances`` are the autocovariances at each lag, shape (n,).
     """
     count = len(covariances)
     if count < 4 or not covariances[0] > 0.0:
@@ -97,7 +87,6 @@ def block_length(covariances: np.ndarray) -> float:
 
 
 def _last_significant_lag(correlations: np.ndarray) -> int:
-    """Return the lag after which some correlations in a row are within the noise."""
     count = len(correlations)
     bound = _SIGNIFICANT * math.sqrt(math.log10(count) / count)
     row = max(5, math.ceil(math.sqrt(math.log10(count))))
@@ -111,11 +100,7 @@ def _last_significant_lag(correlations: np.ndarray) -> int:
 
 
 def mean_variance(covariances: np.ndarray, length: float) -> float:
-    """Return the variance of the mean by the stationary bootstrap.
-
-    Args:
-        covariances: autocovariance at each lag, shape (n,).
-    """
+    """Return the variance of the mean by the stationary bootstrap of autocovariances (n,)."""
     count = len(covariances)
     lags = np.arange(1, count)
     stays = 1.0 - 1.0 / length  # chance that the next value is of the same block

@@ -37,7 +37,6 @@ class Event:
 
     @property
     def common(self) -> bool:
-        """Whether all runs have it."""
         return all(time is not None for time in self.times)
 
 
@@ -49,7 +48,6 @@ def parameter_settings(drills: Sequence[RecordedDrill]) -> tuple[Setting, ...]:
 
 
 def version_settings(drills: Sequence[RecordedDrill]) -> tuple[Setting, ...]:
-    """Return the versions of software and machine that differ."""
     found = _differing([drill.versions for drill in drills])
     return tuple(Setting(name, "", values) for name, values in found)
 
@@ -79,7 +77,6 @@ def to_text(value: Any) -> str:
 
 
 def commands(drills: Sequence[RecordedDrill]) -> tuple[Event, ...]:
-    """Return the commands of all runs, aligned in their order."""
     return _aligned(
         [
             [(text, entry.time / SECOND, None) for entry, text in _command_texts(drill)]
@@ -115,7 +112,6 @@ def _command_text(kind: str, content: Mapping[str, Any]) -> str:
 
 
 def faults(values: Sequence[RecordedValues]) -> tuple[Event, ...]:
-    """Return the faults of all runs, aligned in their order."""
     lists = []
     for run in values:
         found = sorted((run.faults or {}).values(), key=lambda fault: (fault.onset, fault.number))
@@ -124,7 +120,6 @@ def faults(values: Sequence[RecordedValues]) -> tuple[Event, ...]:
 
 
 def _aligned(runs: Sequence[list[tuple[str, float, float | None]]]) -> tuple[Event, ...]:
-    """Return events that are in the same order in all runs, those of one text beside each other."""
     rows: list[tuple[str, list[tuple[float, float | None] | None]]] = []
     for number, events in enumerate(runs):
         texts = [text for text, _, _ in events]

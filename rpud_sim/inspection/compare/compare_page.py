@@ -26,11 +26,7 @@ _SHOWN_TEXT = 80  # characters of a value of a message
 
 
 def check_target(out: str | os.PathLike[str]) -> None:
-    """Check that a new file can be made.
-
-    Raises:
-        CompareError: if it exists already, or its folder does not.
-    """
+    """Check that a new file can be made: it does not exist, and its folder does."""
     if os.path.lexists(out):
         raise CompareError(output_reason(out, FileExistsError()))
     if not Path(out).parent.is_dir():
@@ -38,11 +34,6 @@ def check_target(out: str | os.PathLike[str]) -> None:
 
 
 def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
-    """Write the page of a comparison.
-
-    Raises:
-        CompareError: if the file exists or cannot be written.
-    """
     check_target(out)
     page = render(found)
     try:
@@ -53,7 +44,6 @@ def write_page(found: Comparison, out: str | os.PathLike[str]) -> None:
 
 
 def render(found: Comparison) -> str:
-    """Return the page of a comparison."""
     letters = [chr(ord("A") + number) for number in range(len(found.names))]
     drawn = found.windows[:_MOST_DRAWN]
     decisions = [each.decision for each in found.differences]

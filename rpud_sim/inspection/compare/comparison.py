@@ -52,8 +52,7 @@ from rpud_sim.inspection.compare.same_bits import (
 from rpud_sim.inspection.compare.windows import Choice, Window, windows
 from rpud_sim.inspection.damages import Damages
 
-MOST_RUNS = 6
-"""Number of runs that are compared with each other."""
+MOST_RUNS = 6  # number of runs that are compared with each other
 
 
 def compare(
@@ -79,15 +78,6 @@ def compare(
         run_numbers: number of the run in each bag, or one for all; None for the first.
         namespaces: of the drill in each bag, or one for all; None where there is a single one.
         quantities: names of those to compare, as in ``quantities.QUANTITIES``; all if empty.
-        report: called with the number of messages that were read since its last call.
-
-    Returns:
-        The ``Comparison``.
-
-    Raises:
-        ParameterError: if an argument cannot be used.
-        CompareError: if a bag holds no such run.
-        BagError: if a bag cannot be read.
     """
     _check(paths, begin, end, settle, tolerance)
     wanted = _chosen(quantities)
@@ -148,7 +138,6 @@ def _check(
 
 
 def _chosen(names: Sequence[str]) -> tuple[Quantity, ...]:
-    """Return the quantities of these names, or all."""
     known = {quantity.name: quantity for quantity in QUANTITIES}
     for name in names:
         if name not in known:
@@ -159,7 +148,6 @@ def _chosen(names: Sequence[str]) -> tuple[Quantity, ...]:
 
 
 def _for_each(given: Sequence, count: int, name: str) -> list:
-    """Return one choice for each bag."""
     if len(given) not in (0, 1, count):
         raise ParameterError(
             f"{len(given)} choices of a {name} for {count} bags: give 1 or {count}"
@@ -212,11 +200,6 @@ def compare_values(
     quantities: Sequence[Quantity] = QUANTITIES,
     tolerance: float = 0.0,
 ) -> tuple[WindowComparison, ...]:
-    """Return the comparison of the distributions of runs with those of the first.
-
-    Args:
-        tolerance: relative difference that does not matter; 0 for none.
-    """
     found = [_compare_window(runs, window, quantities, tolerance) for window in windows]
     return _decided(found, tolerance)
 
@@ -278,7 +261,6 @@ def _figures(values: np.ndarray, quantity: Quantity) -> RunFigures:
 
 
 def _decided(found: Sequence[WindowComparison], tolerance: float) -> tuple[WindowComparison, ...]:
-    """Return the comparisons with probabilities corrected for their number, and decisions."""
     chances = [
         each.chance for window in found for q in window.quantities for run in q.differences
         for each in run

@@ -12,14 +12,14 @@ from scipy.special import stdtr, stdtrit
 from rpud_sim.inspection.compare.block_bootstrap import mean_error
 from rpud_sim.inspection.compare.quantities import MEAN, MEDIAN, P95, Quantity
 
-LEVEL = 0.95
-"""Confidence level of all intervals."""
+LEVEL = 0.95  # confidence level of all intervals
 
 _LARGEST_LOGARITHM = 700.0
 _ROUNDING = 1e-9  # relative; smaller differences come from the rounding of numbers
 _SHARES = {MEDIAN: 0.5, P95: 0.95}
 _CLEARLY_NOT_ZERO = 3.0  # standard errors from zero that a reference of a ratio needs
 
+# Decisions on a difference.
 DIFFERS, SAME, EQUIVALENT, UNDECIDED, TOO_FEW = (
     "differs",
     "no difference found",
@@ -27,52 +27,38 @@ DIFFERS, SAME, EQUIVALENT, UNDECIDED, TOO_FEW = (
     "undecided",
     "too few values",
 )
-"""Decisions on a difference."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Figure of a run with its interval, in the unit of its quantity.
+    """Figure of a run with its interval, in the unit of its quantity."""
 
-    Args:
-        value: the figure; NaN if there are no values.
-        error: standard error by the stationary bootstrap; NaN if it cannot be told.
-        low, high: 95 % confidence interval; NaN if it cannot be told.
-    """
-
-    value: float
-    error: float
+    value: float  # the figure; NaN if there are no values
+    error: float  # standard error by the stationary bootstrap; NaN if it cannot be told
     blocks: float
-    low: float
+    low: float  # low, high: 95 % confidence interval; NaN if it cannot be told
     high: float
     count: int
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Difference of one figure between a run and the reference.
-
-    Args:
-        quantity: its name.
-        figure: mean, median or p95.
-        value: other minus reference, in the unit of the quantity.
-        low, high: its 95 % confidence interval; NaN if it cannot be told.
-        relative, relative_low, relative_high: ratio minus one, and its interval; NaN where the
-            reference may be zero.
-        chance: probability of so large a difference, or excess over the tolerance, if there were
-            none; corrected for the number of comparisons. NaN where nothing is decided.
-    """
+    """Difference of one figure between a run and the reference."""
 
     quantity: str
-    figure: str
+    figure: str  # mean, median or p95
     reference: Estimate
     other: Estimate
-    value: float
-    low: float
+    value: float  # other minus reference, in the unit of the quantity
+    low: float  # low, high: its 95 % confidence interval; NaN if it cannot be told
     high: float
+    # relative, relative_low, relative_high: ratio minus one, and its interval; NaN where the
+    # reference may be zero.
     relative: float
     relative_low: float
     relative_high: float
+    # Probability of so large a difference, or excess over the tolerance, if there were none;
+    # corrected for the number of comparisons. NaN where nothing is decided.
     chance: float
     decision: str
 
@@ -81,12 +67,9 @@ def estimate(values: np.ndarray, figure: str, resolution: float = 0.0) -> Estima
     """Return a figure of a series with its interval.
 
     The interval of a quantile is that of the share of values below it (Woodruff 1952): so it needs
-    no density, and is never outside the values.
-
-    Args:
-        values: finite, in their order, shape (n,).
-        figure: mean, median or p95.
-        resolution: size of the rounding of the values, in their unit.
+    no density, and is never outside the values. ``values`` are finite, in their order, shape (n,).
+    ``figure`` is mean, median or p95. ``resolution`` is the size of the rounding of the values, in
+    their unit.
     """
     count = len(values)
     if not count:
@@ -126,12 +109,9 @@ def difference(
 ) -> Difference:
     """Return the difference of two figures; its chance is not corrected yet.
 
-    Args:
-        figure: mean, median or p95.
-        other: that of the run beside it.
-        tolerance: relative difference that does not matter; 0 for none. It says nothing of a
-            figure that may be zero: such a one is tested without it.
-        equal: whether all values of both are equal, so that there is nothing to estimate.
+    ``figure`` is mean, median or p95. ``tolerance`` is the relative difference that does not
+    matter, 0 for none; it says nothing of a figure that may be zero, which is tested without it.
+    ``equal`` says that all values of both are equal, so that there is nothing to estimate.
     """
     value = other.value - reference.value
     found = Difference(quantity.name, figure, reference, other, value, *(math.nan,) * 6, TOO_FEW)
@@ -167,7 +147,6 @@ def _ratio_minus_one(logarithm: float) -> float:
 
 
 def _freedom(errors: Sequence[float], blocks: Sequence[float]) -> float:
-    """Return the degrees of freedom of a difference by Welch and Satterthwaite."""
     squares = [error**2 for error in errors]
     total = sum(squares)
     if not total > 0.0:
@@ -190,9 +169,6 @@ def corrected(chances: Sequence[float]) -> list[float]:
     """Return probabilities corrected for their number by Holm's method; NaN stay.
 
     So the chance that any of all decisions is wrong stays below that of one.
-
-    Args:
-        chances: of each comparison.
     """
     order = sorted((chance, place) for place, chance in enumerate(chances) if chance == chance)
     found = [math.nan] * len(chances)
@@ -204,11 +180,7 @@ def corrected(chances: Sequence[float]) -> list[float]:
 
 
 def decide(found: Difference, chance: float, tolerance: float) -> str:
-    """Return the decision on a difference.
-
-    Args:
-        tolerance: relative difference that does not matter; 0 for none.
-    """
+    """Return the decision on a difference; ``tolerance`` is relative, 0 for none."""
     if found.decision == TOO_FEW:
         return TOO_FEW
     if chance < 1.0 - LEVEL:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-MEAN, MEDIAN, P95 = "mean", "median", "p95"
-"""Figures of a distribution."""
+MEAN, MEDIAN, P95 = "mean", "median", "p95"  # figures of a distribution
 
 _ALL = (MEAN, MEDIAN, P95)
 
@@ -29,11 +28,8 @@ class Quantity:
         return self.tested == (MEAN,)
 
 
-IMPACTS = "contact_force"
-"""Topic of the impacts."""
-
-STATUS = "status"
-"""Topic of the powers and the timing."""
+IMPACTS = "contact_force"  # topic of the impacts
+STATUS = "status"  # topic of the powers and the timing
 
 QUANTITIES = (
     # The mean of the intervals is one over the rate, so it is not tested again.
@@ -60,27 +56,27 @@ QUANTITIES = (
     ),
 )
 
+# Relative names of the topics that are read.
 TOPICS = (IMPACTS, "reacting_force", "nodal_plane", STATUS)
-"""Relative names of the topics that are read."""
 
+# Types of these topics; another type of the same name is left out.
 TYPES = {
     IMPACTS: "rpud_msgs/msg/ContactForce",
     "reacting_force": "rpud_msgs/msg/ReactingForce",
     "nodal_plane": "rpud_msgs/msg/NodalPlane",
     STATUS: "rpud_msgs/msg/Status",
 }
-"""Types of these topics; another type of the same name is left out."""
 
+# Fields of a status about timing, which belong to the machine and are never tested.
 TIMING = (
     ("lateness_max", "latest block", "s"),
     ("lag", "lag behind the schedule", "s"),
     ("real_time_factor", "real-time factor", ""),
 )
-"""Fields of a status about timing, which belong to the machine and are never tested."""
 
+# Fields of a status that count since the start.
 COUNTERS = (
     ("deadlines_missed", "deadlines missed"),
     ("messages_dropped", "messages dropped"),
     ("commands_rejected", "commands refused"),
 )
-"""Fields of a status that count since the start."""

@@ -41,52 +41,31 @@ class Origins:
 
 @dataclass(frozen=True)
 class RecordedDrill:
-    """Run of a drill in a bag.
-
-    Args:
-        number: of the run, from 1.
-        runs: number of runs of this drill in the bag.
-        begin, end: publishing times of its first and after its last message [ns].
-        parameters: at its beginning, by name.
-        versions: of what computed it, by name.
-        seed: of all random numbers; None if it is unknown.
-        commands: journal entries of commands and changed parameters, in order.
-        journal: whether the bag holds its journal.
-        warnings: one line each.
-    """
+    """Run of a drill in a bag."""
 
     path: str
     namespace: str
-    number: int
-    runs: int
-    begin: int
+    number: int  # of the run, from 1
+    runs: int  # number of runs of this drill in the bag
+    begin: int  # begin, end: publishing times of its first and after its last message [ns]
     end: int
     origins: Origins
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    versions: Mapping[str, str] = field(default_factory=dict)
-    seed: int | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # at its beginning, by name
+    versions: Mapping[str, str] = field(default_factory=dict)  # of what computed it, by name
+    seed: int | None = None  # of all random numbers; None if it is unknown
+    # Journal entries of commands and changed parameters, in order.
     commands: tuple[JournalEntry, ...] = ()
-    journal: bool = True
+    journal: bool = True  # whether the bag holds its journal
     warnings: tuple[str, ...] = ()
 
     def topic(self, name: str) -> str:
-        """Return the full name of a topic of the drill."""
         return f"{self.namespace}/{name}"
 
 
 def find_drill(
     bag: BagReader, damages: Damages, namespace: str | None = None, run: int | None = None
 ) -> RecordedDrill:
-    """Return a run of a drill in a bag.
-
-    Args:
-        namespace: of the drill; None if the bag holds a single one.
-        run: number of the run; None for the first.
-
-    Raises:
-        CompareError: if the bag holds no such drill or run, or several drills and no choice.
-        BagError: if the bag is damaged.
-    """
+    """Return a run of a drill in a bag: by default of the only drill, and the first."""
     chosen = _choose(bag, namespace)
     manifest = _manifest(bag, damages, chosen)
     journal = f"{chosen}/journal"

@@ -85,14 +85,7 @@ def read_values(
     damages: Damages,
     report: Callable[[int], object] = lambda messages: None,
 ) -> RecordedValues:
-    """Read the values of a run.
-
-    Args:
-        report: called with the number of messages that were read since its last call.
-
-    Raises:
-        BagError: if the bag is damaged.
-    """
+    """Read the values of a run."""
     wanted = _wanted(bag, drill)
     parts: dict[str, list[Arrays]] = {name: [] for name in wanted.values()}
     faults: dict[int, RecordedFault] | None = None
@@ -112,7 +105,6 @@ def read_values(
 
 
 def _wanted(bag: BagReader, drill: RecordedDrill) -> dict[str, str]:
-    """Return the relative names of the topics to read, by their full names."""
     types = {**TYPES, FAULTS: _FAULTS_TYPE}
     found = {}
     for summary in bag.readable_topics:
@@ -181,12 +173,7 @@ def _fault(state: Mapping[str, Any], published: int, drill: RecordedDrill) -> Re
 
 
 def series_of(values: RecordedValues, name: str, begin: float, end: float) -> np.ndarray | None:
-    """Return the values of a quantity between two simulation times, in order; None without any.
-
-    Args:
-        begin: simulation time [s].
-        end: simulation time up to which [s].
-    """
+    """Return the values of a quantity between two simulation times [s], in order; None without."""
     quantity = next(q for q in QUANTITIES if q.name == name)
     arrays = values.topics.get(quantity.topic)
     if arrays is None:
@@ -216,7 +203,6 @@ def _first_change(times: np.ndarray) -> int:
 
 
 def _rates(arrays: Arrays, begin: float, end: float, column: str | None) -> np.ndarray | None:
-    """Return numbers, or sums of a column, per second in equal parts of the time."""
     times = arrays["time"]
     first, last = np.searchsorted(times, [begin, end])
     count = int(last - first)

@@ -64,31 +64,21 @@ class Timing:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Result of ``compare``; the first run is the reference.
+    """Result of ``compare``; the first run is the reference."""
 
-    Args:
-        names: short name of each run.
-        values: what was read of each.
-        parameters, versions: that differ.
-        bits: of each run after the first, by topic.
-        timing: of each run.
-        tolerance: relative difference that does not matter; 0 for none.
-        warnings: one line each.
-        damaged: damaged parts that were skipped, by name of the run and of the part.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # short name of each run
     drills: tuple[RecordedDrill, ...]
-    values: tuple[RecordedValues, ...]
-    parameters: tuple[Setting, ...]
+    values: tuple[RecordedValues, ...]  # what was read of each
+    parameters: tuple[Setting, ...]  # parameters, versions: that differ
     versions: tuple[Setting, ...]
     commands: tuple[Event, ...]
     faults: tuple[Event, ...]
-    bits: tuple[tuple[TopicBits, ...], ...]
+    bits: tuple[tuple[TopicBits, ...], ...]  # of each run after the first, by topic
     windows: tuple[WindowComparison, ...]
     timing: tuple[Timing, ...]
-    tolerance: float
+    tolerance: float  # relative difference that does not matter; 0 for none
     warnings: tuple[str, ...]
+    # Damaged parts that were skipped, by name of the run and of the part.
     damaged: dict[str, dict[str, str]]
 
     @property

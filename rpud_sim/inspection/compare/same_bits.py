@@ -34,25 +34,16 @@ class TopicBits:
     """Comparison of one topic's messages with those of the reference, bit for bit.
 
     Stamps count from the beginning of each run, since wall clocks differ.
-
-    Args:
-        topic: its relative name.
-        state: equal, different, or not compared.
-        messages: number of messages that are equal before the first difference or the end.
-        time: simulation time of the first difference [s]; None without one.
-        field: in which both differ first; empty where a message is missing.
-        reference, other: the field's values as texts, or what there is instead.
-        note: why it is not compared, or which run goes on longer; empty otherwise.
     """
 
-    topic: str
-    state: str
-    messages: int = 0
-    time: float | None = None
-    field: str = ""
-    reference: str = ""
+    topic: str  # its relative name
+    state: str  # equal, different, or not compared
+    messages: int = 0  # number of messages that are equal before the first difference or the end
+    time: float | None = None  # simulation time of the first difference [s]; None without one
+    field: str = ""  # in which both differ first; empty where a message is missing
+    reference: str = ""  # reference, other: the field's values as texts, or what there is instead
     other: str = ""
-    note: str = ""
+    note: str = ""  # why it is not compared, or which run goes on longer; empty otherwise
 
 
 def first_different(run: Sequence[TopicBits]) -> TopicBits | None:
@@ -81,12 +72,6 @@ def compare_bits(
     """Return the comparison of each topic that the simulation determines, if a run holds it.
 
     Both bags are read side by side, so that few messages wait for their partner.
-
-    Args:
-        report: called with the number of messages that were read since its last call.
-
-    Raises:
-        BagError: if a bag is damaged.
     """
     found: dict[str, TopicBits] = {}
     pairs: dict[str, _Pair] = {}
@@ -112,7 +97,6 @@ def compare_bits(
 def _read(
     pairs: dict[str, _Pair], sides: tuple[Side, Side], report: Callable[[int], object]
 ) -> None:
-    """Give the messages of both runs to the pairs, in about the order of simulation time."""
     sources = [_timed(side, pairs) for side in sides]
     reached = [-1, -1]
     read = 0
@@ -140,8 +124,6 @@ def _read(
 
 @dataclass(frozen=True)
 class _Timed:
-    """Message of a run."""
-
     data: bytes  # serialized
     time: int  # simulation time [ns]
     origin: int  # stamp of simulation time zero [ns]
@@ -180,7 +162,6 @@ class _Pair:
         self._found: TopicBits | None = None
 
     def add(self, side: int, message: _Timed) -> None:
-        """Add the next message of the reference, 0, or of the other run, 1."""
         self._waiting[side].append(message)
         first, second = self._waiting
         while first and second and not self.done:
@@ -235,7 +216,6 @@ class _Pair:
             waiting.clear()
 
     def result(self) -> TopicBits:
-        """Return the comparison, when all messages are added."""
         if self._found:
             return self._found
         if not self._equal:

@@ -12,20 +12,15 @@ from rpud_sim.inspection.compare.recorded_values import RecordedValues
 
 _SHORTEST = 0.1  # s; shorter parts hold nothing to compare
 _TOGETHER = 1e-3  # s; changes so close are one
-MOST_WINDOWS = 20
-"""Number of segments that are compared."""
+MOST_WINDOWS = 20  # number of segments that are compared
 
 
 @dataclass(frozen=True)
 class Window:
-    """Part of the time that is compared.
-
-    Args:
-        begins, ends: in each run, simulation time [s].
-    """
+    """Part of the time that is compared."""
 
     name: str
-    begins: tuple[float, ...]
+    begins: tuple[float, ...]  # begins, ends: in each run, simulation time [s]
     ends: tuple[float, ...]
 
 
@@ -130,5 +125,4 @@ def _between(
 
 
 def _before(times: Sequence[float], moment: float) -> bool:
-    """Whether all times are before or at a moment."""
     return all(time <= moment for time in times)

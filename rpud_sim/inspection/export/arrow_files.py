@@ -21,10 +21,8 @@ class ParquetFile:
     """Table as a Parquet file: each batch is a row group.
 
     Times are timestamps, durations are durations, arrays and sequences of numbers are lists; other
-    sequences are JSON text. Units and descriptions are metadata of the columns.
-
-    Args:
-        path: of the new file, without its ending.
+    sequences are JSON text. Units and descriptions are metadata of the columns. ``path`` is without
+    its ending.
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
@@ -39,13 +37,11 @@ class ParquetFile:
         )
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
-        """Add rows."""
         self._writer.write_table(
             pa.Table.from_batches([_batch(self._columns, self._schema, values)])
         )
 
     def close(self) -> None:
-        """Complete the file."""
         try:
             self._writer.close()
         finally:
@@ -56,11 +52,8 @@ class CsvFile:
     """Table as a CSV file with a line of names.
 
     Times and durations are integer nanoseconds; arrays and sequences are JSON text. A text that a
-    spreadsheet would run as a formula gets a leading apostrophe.
-
-    Args:
-        path: of the new file, without its ending.
-        metadata: not written, since CSV has no place for it.
+    spreadsheet would run as a formula gets a leading apostrophe. ``path`` is without its ending.
+    ``metadata`` is not written, since CSV has no place for it.
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
@@ -71,7 +64,6 @@ class CsvFile:
         self._writer = csv.CSVWriter(self._stream, self._schema)
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
-        """Add rows."""
         plain: dict[str, Any] = {
             column.name: [_escape_formula(text) for text in values[column.name]]
             for column in self._columns
@@ -80,7 +72,6 @@ class CsvFile:
         self._writer.write_batch(_batch(self._columns, self._schema, {**values, **plain}))
 
     def close(self) -> None:
-        """Complete the file."""
         try:
             self._writer.close()
         finally:

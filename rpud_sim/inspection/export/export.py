@@ -25,8 +25,8 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.damages import Damages
 from rpud_sim.inspection.output import new_folder
 
+# File with the account of an export, and with what the other files have no place for.
 ACCOUNT = "export.json"
-"""File with the account of an export, and with what the other files have no place for."""
 
 # Module and class of each: Arrow, which may not be installed, is imported only if it is needed.
 FORMATS = {
@@ -75,16 +75,8 @@ def export(
 ) -> Exported:
     """Write one table for each topic; ``out`` appears when all tables are complete.
 
-    Args:
-        file_format: one of ``FORMATS``.
-        topics: names; None for all that can be tables.
-        start: of the exported part, from the beginning of the bag [s].
-        duration: of the exported part, at most [s]; None for all.
-        report: called with the number of messages that were exported since its last call.
-
-    Raises:
-        BagError: if the bag cannot be read, or a topic is unknown or cannot be a table.
-        ExportError: if the files cannot be written.
+    Without ``topics`` these are all that can be tables. ``start`` counts from the beginning of the
+    bag, ``duration`` is the longest part [s].
     """
     with rpud_sim.bag.open(path) as bag:
         if 0 < bag.duration < start * SECOND:
@@ -162,8 +154,6 @@ def make_table(
 
 
 class _Files:
-    """Open files of all topics."""
-
     def __init__(
         self,
         bag: BagReader,
@@ -186,7 +176,6 @@ class _Files:
         }
 
     def __enter__(self) -> _Files:
-        """Create the files."""
         with self._open:
             for name, columns in self._columns.items():
                 metadata = {"rpud_sim": {**self._about, **self._describe(name)}}
@@ -203,13 +192,11 @@ class _Files:
     def write(
         self, topic: str, columns: Mapping[str, np.ndarray], rows: int, messages: int
     ) -> None:
-        """Add rows to the file of a topic."""
         self._files[topic].write(columns)
         self._counts[topic][0] += messages
         self._counts[topic][1] += rows
 
     def exported(self) -> tuple[ExportedTopic, ...]:
-        """Return the account of each topic, after the files are closed."""
         return tuple(
             ExportedTopic(
                 name,
@@ -224,7 +211,6 @@ class _Files:
 
     @property
     def account(self) -> dict[str, Any]:
-        """Content of ``export.json`` about the bag and the columns."""
         return {**self._about, "tables": {name: self._describe(name) for name in self._topics}}
 
     def _describe(self, topic: str) -> dict[str, Any]:

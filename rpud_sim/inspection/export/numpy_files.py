@@ -22,10 +22,8 @@ class NumpyFolder:
 
     Times and durations are integer nanoseconds. A column without a fixed length takes two files:
     row n lies in ``name.npy`` from ``name.offsets.npy`` [n] to [n + 1]. Texts are their UTF-8
-    bytes; sequences of other things than numbers are JSON text.
-
-    Args:
-        metadata: not written, since the files have no place for it.
+    bytes; sequences of other things than numbers are JSON text. ``metadata`` is not written, since
+    the files have no place for it.
     """
 
     def __init__(self, path: Path, columns: Sequence[Column], metadata: Mapping[str, Any]) -> None:
@@ -46,7 +44,6 @@ class NumpyFolder:
         self.paths = [file.path for file in self._files.values()]
 
     def write(self, values: Mapping[str, np.ndarray]) -> None:
-        """Add rows."""
         for column in self._columns:
             file = self._files[column.name]
             found = values[column.name]
@@ -57,13 +54,11 @@ class NumpyFolder:
             file.write(found)
 
     def close(self) -> None:
-        """Complete the files."""
         for file in self._files.values():
             file.close()
 
 
 def _concatenate(column: Column, values: np.ndarray) -> tuple[list[int], np.ndarray]:
-    """Return the length of each value, and all values one after the other."""
     if column.kind is Kind.SEQUENCE:
         return [*map(len, values)], np.concatenate([np.empty(0, column.dtype), *values])
     texts = values if column.kind is Kind.TEXT else map(to_json, values)
@@ -87,13 +82,11 @@ class _GrowingFile:
             self._begin = stream.tell()
 
     def write(self, values: np.ndarray) -> None:
-        """Add rows."""
         with self.path.open("ab") as stream:
             stream.write(np.ascontiguousarray(values, self.dtype).data)
         self.length += len(values)
 
     def close(self) -> None:
-        """Write the length."""
         with self.path.open("r+b") as stream:
             self._write_header(stream)
             # Or rows would be overwritten; NumPy pads the header for the greatest length.
@@ -106,11 +99,7 @@ class _GrowingFile:
 
 
 def to_json(value: Any) -> str:
-    """Return a value as one line of JSON; NaN and infinity, which JSON lacks, are texts.
-
-    Args:
-        value: an array, or lists and dictionaries of numbers and texts.
-    """
+    """Return a value as one line of JSON; NaN and infinity, which JSON lacks, are texts."""
     if isinstance(value, np.ndarray) and value.size > _PIECE:
         # One list of everything would take many times the memory of the array.
         pieces = (to_json(value[at : at + _PIECE])[1:-1] for at in range(0, len(value), _PIECE))

@@ -44,8 +44,7 @@ def period_rows(periods: Periods) -> Rows:
 def account_rows(powers: Powers, electrical: float) -> Rows:
     """Return the terms of the energy account: in, out, and what is left.
 
-    Args:
-        electrical: mean power that the actuator draws [W]; NaN where it is not modelled.
+    ``electrical`` is the mean power that the actuator draws [W]; NaN where it is not modelled.
     """
     means = powers.means()
     if not means:

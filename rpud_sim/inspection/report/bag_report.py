@@ -55,15 +55,7 @@ def write_report(
     out: str | os.PathLike[str],
     report: Callable[[int], object] = lambda messages: None,
 ) -> Survey:
-    """Write the report of a bag; return the survey that it shows.
-
-    Args:
-        report: called with the number of messages that were read since its last call.
-
-    Raises:
-        BagError: if the bag cannot be read.
-        ReportError: if the file exists, its folder does not, or it cannot be written.
-    """
+    """Write the report of a bag; return the survey that it shows."""
     target = Path(out)
     if os.path.lexists(target):
         raise ReportError(output_reason(out, FileExistsError()))
@@ -88,7 +80,6 @@ def write_report(
 
 
 def render(seen: Survey) -> str:
-    """Return the page of a survey."""
     return render_page(BODY, Path(seen.path).resolve().name, headings=HEADINGS, **_context(seen))
 
 
@@ -184,7 +175,6 @@ def _impacts(seen: Survey, name: str, plots: TimePlots) -> dict[str, Any]:
 
 
 def _beside(seen: Survey, name: str, plots: TimePlots) -> Iterator[Plot]:
-    """Yield the plots of forces, weight on bit, feed and rotation beside those of impacts."""
     for kind, column in FORCES:
         topic = seen.sibling(name, kind)
         series = topic.series if topic is not None else ()
@@ -256,7 +246,6 @@ def _all_series(topics: Sequence[TopicSurvey], plots: TimePlots) -> Iterator[dic
 
 
 def _series_topics(seen: Survey) -> tuple[list[TopicSurvey], list[str]]:
-    """Return the topics whose series are drawn, and the names of further ones with series."""
     found = [
         topic
         for topic in seen.topics.values()

@@ -10,12 +10,10 @@ from typing import Any
 
 from rpud_sim.inspection.report.feed_changes import FeedChanges, FeedCommand, Step
 
+# Kinds of journal entries that end a segment of the run, those of the feed by ``FeedChanges``.
 COMMANDS = ("weight_on_bit", "drive", "feed", "configure", "restore", "begin")
-"""Kinds of journal entries that end a segment of the run, those of the feed by ``FeedChanges``."""
 
-MOST_CHANGES = 500
-"""Number of changes that are kept."""
-
+MOST_CHANGES = 500  # number of changes that are kept
 _MOST_NAMES = 6  # parameters that a text names
 _LENGTH = 160  # characters of a text
 
@@ -42,11 +40,7 @@ class CommandsInForce:
         self._weight: float | None = None
 
     def take(self, time: float, kind: str, content: str) -> Change | None:
-        """Return the change that an entry makes; None if it makes none.
-
-        Args:
-            time: since the bag began [s].
-        """
+        """Return the change that an entry makes at a time since the bag began [s]; None if none."""
         if kind not in COMMANDS:
             return None
         try:
@@ -78,7 +72,6 @@ class CommandsInForce:
 
     @property
     def text(self) -> str:
-        """All commands that are in force."""
         return ", ".join(self._texts.values())[:_LENGTH]
 
     def _text(self, kind: str, content: Mapping[str, Any]) -> str:

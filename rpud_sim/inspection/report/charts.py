@@ -52,11 +52,7 @@ def distributions(impacts: Impacts, topic: TopicSurvey) -> list[Plot]:
 
 
 def spectra(densities: tuple[np.ndarray, np.ndarray]) -> list[Plot]:
-    """Return power spectral densities of the waveform's channels.
-
-    Args:
-        densities: frequencies, shape (n,) [Hz], and densities, shape (channels, n).
-    """
+    """Return the waveform's power spectra: frequencies (n,) [Hz], densities (channels, n)."""
     frequencies, found = densities
     plots = []
     for name, density in zip(CHANNELS, found, strict=True):

@@ -15,9 +15,10 @@ from rpud_sim.inspection.report.changes import Change, CommandsInForce
 from rpud_sim.inspection.report.running_statistics import Envelope, Intervals, Spectrum, usable
 from rpud_sim.simulation.statistics import count_events
 
+# Number of journal entries, and of faults, that are kept; further ones are counted.
 MOST_ENTRIES = 500
-"""Number of journal entries, and of faults, that are kept; further ones are counted."""
 
+# Channels of a waveform message.
 CHANNELS = (
     "nodal_plane_position",
     "actuator_position",
@@ -26,7 +27,6 @@ CHANNELS = (
     "contact_force",
     "reacting_force",
 )
-"""Channels of a waveform message."""
 
 _CLOSER = 1000  # samples of the closer look
 _CONTENT = 400  # characters of an entry
@@ -62,10 +62,8 @@ class Powers:
 
     Each report has the means over the last second. So it counts by the simulation time since the
     report before it, and at most for a second: reports before the start, while paused, or on a
-    change of state would distort the mean otherwise.
-
-    Args:
-        optional: names of powers that count only if every report has them, as numbers.
+    change of state would distort the mean otherwise. ``optional`` powers count only if every report
+    has them, as numbers.
     """
 
     def __init__(self, names: Sequence[str], optional: Sequence[str] = ()) -> None:
@@ -76,7 +74,6 @@ class Powers:
         self._last: int | None = None
 
     def add(self, columns: Columns, times: np.ndarray) -> None:
-        """Add rows of the topic's table."""
         stamps = columns["header.stamp"].astype(np.int64)
         if not len(stamps):
             return
@@ -238,7 +235,6 @@ class Journal:
 
     @property
     def changes(self) -> Sequence[Change]:
-        """Changes by commands, in order."""
         return self._in_force.changes
 
     def add(self, columns: Columns, times: np.ndarray) -> None:

@@ -29,7 +29,6 @@ class FeedCommand:
 
     @property
     def text(self) -> str:
-        """What it asks for."""
         if self.mode == "position":
             return f"feed to {1e3 * self.value:.4g} mm"
         return f"feed at {1e3 * self.value:.4g} mm/s" if self.value else "feed holds"
@@ -65,11 +64,7 @@ class FeedChanges:
         self._next = None
 
     def take(self, time: float, feed: FeedCommand) -> Step:
-        """Return what a command does.
-
-        Args:
-            time: since the bag began [s].
-        """
+        """Return what a command does, at a time since the bag began [s]."""
         if self._next is not None and not 0.0 <= time - self._since < _LASTS:
             self._begun, self._next = self._next, None
         if self._begun is not None and feed.is_like(self._begun):

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MOST_GAPS = 300
-"""Number of gaps of a topic that are kept; further ones are counted."""
+MOST_GAPS = 300  # number of gaps of a topic that are kept; further ones are counted
 
 
 @dataclass(frozen=True)
@@ -47,22 +46,13 @@ class Gaps:
 
 
 def pauses(times: np.ndarray, values: np.ndarray) -> list[Gap]:
-    """Return the gaps of a series whose value is NaN from a time to the next one.
-
-    Args:
-        times: shape (n,) [s].
-        values: shape (n,).
-    """
+    """Return the gaps of a series whose value is NaN from a time [s] to the next; shapes (n,)."""
     starts = np.flatnonzero(np.isnan(values[:-1]))
     return [Gap(float(times[place]), float(times[place + 1])) for place in starts]
 
 
 def merged(gaps: Iterable[tuple[str, Gap]]) -> Sequence[tuple[float, float, tuple[str, ...]]]:
-    """Return gaps without overlap: begin, end [s], and what is missing meanwhile.
-
-    Args:
-        gaps: of all topics, with the text of each.
-    """
+    """Return gaps without overlap: begin, end [s], and the texts of what is missing meanwhile."""
     found: list[tuple[float, float, dict[str, None]]] = []
     for text, gap in sorted(gaps, key=lambda item: item[1].begin):
         if found and gap.begin <= found[-1][1]:

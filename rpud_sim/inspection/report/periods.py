@@ -13,9 +13,7 @@ from rpud_sim.inspection.report.changes import Change
 from rpud_sim.inspection.report.drill_topics import Fault
 from rpud_sim.inspection.report.running_statistics import Distribution, usable
 
-MOST_PERIODS = 200
-"""Number of segments of one drill; the last one holds the rest of the run."""
-
+MOST_PERIODS = 200  # number of segments of one drill; the last one holds the rest of the run
 _NEAR = 1e-6  # s; boundaries that are closer are one
 
 
@@ -53,12 +51,7 @@ class Period:
 
 
 class Periods:
-    """Segments of one drill, which are filled while its bag is read.
-
-    Args:
-        periods: in the order of their times, without gaps.
-        unlisted: number of boundaries that are left out.
-    """
+    """Segments of one drill, which are filled while its bag is read."""
 
     def __init__(self, periods: Sequence[Period], unlisted: int = 0) -> None:
         self.all = tuple(periods)
@@ -93,7 +86,6 @@ class Periods:
             period.end = min(period.end, max(span, period.begin))
 
     def _parts(self, times: np.ndarray) -> Iterator[tuple[Period, slice]]:
-        """Yield each segment with its part of the rows."""
         if not len(times):
             return
         places = np.maximum(np.searchsorted(self._begins, times[[0, -1]], side="right") - 1, 0)
@@ -107,11 +99,6 @@ class Periods:
 
 
 def to_periods(changes: Sequence[Change], faults: Sequence[Fault]) -> Periods:
-    """Return the segments between commands and faults.
-
-    Args:
-        changes: by commands, in order.
-    """
     moments = {0.0}
     moments.update(change.time for change in changes)
     moments.update(fault.onset for fault in faults)

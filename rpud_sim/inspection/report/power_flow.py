@@ -20,8 +20,8 @@ OUTFLOWS = {
     "load_damper_power": "damping of the load spring",
     "stored_power": "stored in motion and springs",
 }
+# Further fields, of a drill with a feed; NaN without one, and missing in earlier messages.
 FEED_POWERS = ("weight_on_bit_power", "feed_power", "mount_power")
-"""Further fields, of a drill with a feed; NaN without one, and missing in earlier messages."""
 
 FEED = "feed"
 GRAVITY = "gravity"
@@ -33,11 +33,9 @@ Terms = dict[str, float]
 def terms(powers: Mapping[str, float]) -> tuple[Terms, Terms]:
     """Return inflows and outflows by their names in the picture, of either sign [W].
 
-    With a feed, its work flows in, in place of that of the weight on bit: the weight on bit passes
-    it on to the drill.
-
-    Args:
-        powers: by the names of ``INFLOWS`` and ``OUTFLOWS``, and of ``FEED_POWERS`` if there are.
+    Powers have the names of ``INFLOWS`` and ``OUTFLOWS``, and of ``FEED_POWERS`` if there are. With
+    a feed, its work flows in, in place of that of the weight on bit: the weight on bit passes it on
+    to the drill.
     """
     into = {text: powers[name] for name, text in INFLOWS.items()}
     out = {text: powers[name] for name, text in OUTFLOWS.items()}
@@ -50,11 +48,7 @@ def terms(powers: Mapping[str, float]) -> tuple[Terms, Terms]:
 
 
 def flows(powers: Mapping[str, float]) -> tuple[Terms, Terms]:
-    """Return inflows and outflows by their names in the picture, all positive [W].
-
-    Args:
-        powers: as of ``terms``.
-    """
+    """Return inflows and outflows by their names in the picture, positive [W]; see ``terms``."""
     sources, sinks = terms(powers)
     signed = [*sources.items(), *((text, -power) for text, power in sinks.items())]
     into = {text: power for text, power in signed if power > 0.0}

@@ -14,13 +14,12 @@ from rpud_sim.inspection.report.topic_survey import TopicSurvey
 
 Rows = list[tuple[str, ...]]
 
-MOST_ROWS = 300
-"""Number of rows in a table of topics."""
+MOST_ROWS = 300  # number of rows in a table of topics
 
 STATUS = "rpud_msgs/msg/Status"
 BOREHOLE = "rpud_msgs/msg/Borehole"
+# Column of a borehole: how far the bit has walked. Bags of earlier versions do not have it.
 WALK = "side_offset"
-"""Column of a borehole: how far the bit has walked. Bags of earlier versions do not have it."""
 _UNSET = "–"
 
 # Counters of a status, and their names in the report.
@@ -40,7 +39,6 @@ def show(value: float | None, unit: str = "") -> str:
 
 
 def bag_rows(seen: Survey) -> Rows:
-    """Return the properties of the bag."""
     start = datetime.fromtimestamp(seen.start / 1e9, tz=timezone.utc)
     return [
         ("bag", seen.path),
@@ -66,7 +64,6 @@ def _fork_rows(manifest: Manifest) -> Rows:
 
 
 def run_rows(seen: Survey) -> list[Rows]:
-    """Return the properties of each run, from its manifest."""
     return [
         [
             ("drill", manifest.node or _UNSET),
@@ -92,7 +89,6 @@ def parameter_rows(seen: Survey) -> Rows:
 
 
 def topic_rows(seen: Survey) -> Rows:
-    """Return the entries of the bag's index of topics."""
     return [
         (
             summary.topic.name,
@@ -106,7 +102,6 @@ def topic_rows(seen: Survey) -> Rows:
 
 
 def series_rows(topic: TopicSurvey) -> Rows:
-    """Return the statistics of each column of numbers."""
     return [
         (
             item.column.name,
@@ -233,7 +228,6 @@ def timing_rows(seen: Survey) -> Rows:
 
 
 def status_rows(topic: TopicSurvey) -> Rows:
-    """Return the timing and the counters from a drill's status."""
     speed = topic.find("real_time_factor")
     rows = [
         ("real_time_factor", f"mean {show(speed.mean)}, least {show(speed.least)}"),

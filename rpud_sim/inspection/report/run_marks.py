@@ -14,9 +14,7 @@ from rpud_sim.inspection.report.survey import Survey, namespace
 from rpud_sim.inspection.report.topic_survey import Series
 from rpud_sim.pages.plot import COMMAND, FAULT, GAP, Mark
 
-MOST_MARKS = 300
-"""Number of marks of one kind."""
-
+MOST_MARKS = 300  # number of marks of one kind
 _FEWEST = 10  # messages of a topic whose pauses are gaps
 _MOST_NAMES = 4  # topics that the text of a gap names
 
@@ -35,21 +33,14 @@ def fault_name(fault: Fault) -> str:
 
 
 def series_steps(series: Series, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return times [s] and values of a series with few changes; NaN in its gaps.
-
-    None if the value changes too often: its envelope shows it.
-    """
+    """Return times [s] and values of a series, NaN in gaps; None if there are too many changes."""
     return exact_steps(series.changing, series.envelope, factor)
 
 
 def exact_steps(
     changing: ChangingValue, envelope: Envelope, factor: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the steps of a value, without those that fall into a gap of its envelope.
-
-    Args:
-        factor: of the unit in which it is shown.
-    """
+    """Return the steps of a value in the shown unit, without those in a gap of its envelope."""
     steps = changing.steps()
     if steps is None:
         return None

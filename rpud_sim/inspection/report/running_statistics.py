@@ -21,16 +21,12 @@ def usable(values: np.ndarray) -> np.ndarray:
 class Envelope:
     """Least, greatest and sum of values in equal parts of the time; parts double as time grows.
 
-    Args:
-        duration: expected length of the time [s].
-
-    Attributes:
-        width: of a part [s].
-        least, greatest, total, count: of the values in each part, shape (1000,).
+    ``duration`` is the expected length of the time [s].
     """
 
     def __init__(self, duration: float) -> None:
-        self.width = max(duration, 1e-3) * 1.001 / _BINS
+        self.width = max(duration, 1e-3) * 1.001 / _BINS  # of a part [s]
+        # least, greatest, total, count: of the values in each part, shape (1000,).
         self.least = np.full(_BINS, np.inf)
         self.greatest = np.full(_BINS, -np.inf)
         self.total = np.zeros(_BINS)
@@ -95,15 +91,11 @@ class Distribution:
 
     The classes double in width as the range grows, so that at least a thousand lie between the
     least and the greatest value.
-
-    Attributes:
-        count: number of usable values.
-        others: number of other values.
-        mean, least, greatest: of the usable values; NaN if there are none.
     """
 
     def __init__(self) -> None:
-        self.count = self.others = 0
+        self.count = self.others = 0  # number of usable values, and of others
+        # Of the usable values; NaN if there are none.
         self.mean = self.least = self.greatest = math.nan
         self._squares = 0.0  # sum of the squares of the deviations from the mean
         self._low, self._width = 0.0, 0.0
@@ -152,7 +144,6 @@ class Distribution:
 
     @property
     def total(self) -> float:
-        """Sum of all usable values."""
         return self.mean * self.count if self.count else 0.0
 
     def quantile(self, part: float) -> float:
@@ -205,10 +196,8 @@ class Intervals(Distribution):
 class Spectrum:
     """Power spectral densities by Welch's method, of samples that arrive block by block.
 
-    Segments have Hann's window, overlap by half and lose their means. None spans a gap.
-
-    Args:
-        length: of a segment [samples].
+    Segments have Hann's window, overlap by half and lose their means. None spans a gap. ``length``
+    is that of a segment [samples].
     """
 
     def __init__(self, channels: int, length: int = 2**14) -> None:
@@ -236,9 +225,7 @@ class Spectrum:
         """Return frequencies, shape (n,) [Hz], and densities, shape (channels, n).
 
         Fewer samples than a segment give one shorter segment, and fewer than 256 give None.
-
-        Args:
-            rate: of the samples [Hz].
+        ``rate`` is of the samples [Hz].
         """
         length = self._length
         if self._sum is None:
@@ -252,9 +239,7 @@ class Spectrum:
     def _average(self, samples: np.ndarray, length: int, count: int) -> None:
         """Add the periodograms of half overlapping segments, by Welch's method.
 
-        Args:
-            samples: shape (channels, (count + 1) * length / 2).
-            length: of a segment; even.
+        ``samples`` has the shape (channels, (count + 1) * length / 2); ``length`` is even.
         """
         parts = np.lib.stride_tricks.sliding_window_view(samples, length, axis=1)
         parts = parts[:, :: length // 2]

@@ -25,17 +25,16 @@ from rpud_sim.inspection.report.power_flow import FEED_POWERS, INFLOWS, OUTFLOWS
 from rpud_sim.inspection.report.timeline import zero_stamp
 from rpud_sim.inspection.report.topic_survey import TopicSurvey, is_latched, stamp_column
 
-POWERS = (*INFLOWS, *OUTFLOWS)
-"""Fields of a status that the flow of power shows."""
+POWERS = (*INFLOWS, *OUTFLOWS)  # fields of a status that the flow of power shows
 
+# Types and columns with the reacting force of a drill, the better one first.
 FORCES = (
     ("rpud_msgs/msg/Waveform", "reacting_force"),
     ("rpud_msgs/msg/ReactingForce", "force"),
 )
-"""Types and columns with the reacting force of a drill, the better one first."""
 
+# Number of topics that are surveyed; of others the report only shows the bag's index.
 MOST_TOPICS = 200
-"""Number of topics that are surveyed; of others the report only shows the bag's index."""
 
 # Columns that a topic of ours has, since other types may have the same name: the kind of the dtype
 # of numbers, and the kind of other columns.
@@ -56,37 +55,29 @@ _NEEDED = {
 
 @dataclass
 class Survey:
-    """Content of a bag, as far as a report shows it.
-
-    Args:
-        start: log time of its beginning [ns].
-        duration: [s].
-        size: of its files [bytes].
-        left_out: topics that are not surveyed, with the reason.
-        topics: surveyed topics, by name.
-        impacts, segments, waveforms, powers, faults, journals: content of the drill's own
-            topics, by name.
-        periods: segments of each drill between its commands and faults, by namespace.
-        damaged: amount and reason of the damaged parts that were skipped, by topic or record.
-    """
+    """Content of a bag, as far as a report shows it."""
 
     path: str
-    start: int
-    duration: float
-    size: int
+    start: int  # log time of its beginning [ns]
+    duration: float  # [s]
+    size: int  # of its files [bytes]
     message_count: int
     compression: str
     manifests: list[Manifest]
     summaries: tuple[TopicSummary, ...]
-    left_out: dict[str, str]
-    topics: dict[str, TopicSurvey] = field(default_factory=dict)
+    left_out: dict[str, str]  # topics that are not surveyed, with the reason
+    topics: dict[str, TopicSurvey] = field(default_factory=dict)  # surveyed topics, by name
+    # impacts, segments, waveforms, powers, faults, journals: content of the drill's own topics, by
+    # name.
     impacts: dict[str, Impacts] = field(default_factory=dict)
     segments: dict[str, Segments] = field(default_factory=dict)
     waveforms: dict[str, Waveform] = field(default_factory=dict)
     powers: dict[str, Powers] = field(default_factory=dict)
     faults: dict[str, FaultLog] = field(default_factory=dict)
     journals: dict[str, Journal] = field(default_factory=dict)
+    # Segments of each drill between its commands and faults, by namespace.
     periods: dict[str, Periods] = field(default_factory=dict)
+    # Amount and reason of the damaged parts that were skipped, by topic or record.
     damaged: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -106,14 +97,7 @@ class Survey:
 
 
 def survey(bag: BagReader, report: Callable[[int], object] = lambda messages: None) -> Survey:
-    """Read a bag once and return its survey.
-
-    Args:
-        report: called with the number of messages that were read since its last call.
-
-    Raises:
-        BagError: if the bag is damaged.
-    """
+    """Read a bag once and return its survey."""
     damages = Damages(bag)
     seen = Survey(
         str(bag.path),
@@ -183,7 +167,6 @@ def _read_changes(seen: Survey, bag: BagReader, zeros: Mapping[str, int]) -> Non
 
 
 def _force_columns(seen: Survey) -> dict[str, str]:
-    """Return the column of each topic that has the reacting force of a drill, one for a drill."""
     found: dict[str, str] = {}
     for name in seen.impacts:
         for kind, column in FORCES:
@@ -209,7 +192,6 @@ def _choose_topics(seen: Survey, bag: BagReader, zeros: Mapping[str, int]) -> No
 
 
 def namespace(topic: str) -> str:
-    """Return the namespace of a topic."""
     return topic.rpartition("/")[0]
 
 

@@ -26,11 +26,7 @@ _MOST_FAULTS = 60
 
 
 class TimePlots:
-    """Maker of the plots of one run, which all show the same time and marks.
-
-    Args:
-        span: of the time [s].
-    """
+    """Maker of the plots of one run, which all show the same ``span`` of time [s] and marks."""
 
     def __init__(self, span: float, marks: Sequence[Mark]) -> None:
         self._span = max(span, 1e-3)
@@ -54,11 +50,7 @@ class TimePlots:
         ]
 
     def series(self, item: Series, name: str = "") -> Plot:
-        """Return a column of a topic over time.
-
-        Args:
-            name: of the plot; that of the column if empty.
-        """
+        """Return a column of a topic over time; the plot's name is that of the column if empty."""
         name = name or f"{item.column.name.replace('_', ' '):.{_NAME}}"
         scale = _scale(item.column.unit, item.values)
         steps = series_steps(item, scale[0])
@@ -70,11 +62,7 @@ class TimePlots:
         return self._plot(name, item.values, item.envelope, scale, layer)
 
     def weight_on_bit(self, changes: Sequence[Change]) -> Iterator[Plot]:
-        """Yield the weight on bit that was commanded, if the journal says it.
-
-        Args:
-            changes: by commands, in order.
-        """
+        """Yield the weight on bit that was commanded, if the journal says it."""
         known = [(max(c.time, 0.0), c.weight_on_bit) for c in changes if c.time <= self._span]
         if not any(weight is not None for _, weight in known):
             return
@@ -99,7 +87,6 @@ class TimePlots:
         return self._plot(name, timing.delay, timing.delays, scale, layer)
 
     def faults(self) -> Plot:
-        """Return the times in which faults are active."""
         shown = [mark for mark in self._marks if mark.kind == FAULT][:_MOST_FAULTS]
         begin = np.array([mark.time for mark in shown])
         end = np.array([self._span if mark.end is None else mark.end for mark in shown])
@@ -137,11 +124,7 @@ class TimePlots:
 
 
 def closer(waveform: Waveform, name: str) -> TimeColumn:
-    """Return consecutive samples of the three bodies and of the forces.
-
-    Args:
-        name: of the column, unique in the page.
-    """
+    """Return consecutive samples of the three bodies and of the forces as a named column."""
     found = waveform.closer
     begin = float(found["times"][0])
     times = 1e3 * (found["times"] - begin)

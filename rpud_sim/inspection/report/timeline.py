@@ -14,10 +14,9 @@ _OLDEST = 86_400 * SECOND  # greatest age of a latched message; older ones have 
 class Timeline:
     """Conversion of stamps to times since the bag began, also if their clock is set meanwhile.
 
-    Args:
-        begin: log time at which the bag begins [ns].
-        zero: stamp at that time, if another topic of the same clock shows it [ns].
-        latched: whether the first messages may be older than the bag.
+    ``begin`` is the log time at which the bag begins [ns]. ``zero`` is the stamp at that time, if
+    another topic of the same clock shows it [ns]. With ``latched`` the first messages may be older
+    than the bag.
     """
 
     def __init__(self, begin: int, zero: int | None = None, *, latched: bool = False) -> None:
@@ -30,12 +29,7 @@ class Timeline:
         self.jumps = 0  # how often the clock was set, for example by a reset
 
     def elapsed(self, stamps: np.ndarray, log_times: np.ndarray) -> np.ndarray:
-        """Return times since the bag began, shape (n,) [s].
-
-        Args:
-            stamps: in the order of their recording, shape (n,) [ns].
-            log_times: of the same messages, shape (n,) [ns].
-        """
+        """Return times since the bag began [s], of stamps and log times in order [ns]; all (n,)."""
         if not len(stamps):
             return np.empty(0)
         if self._offset is None:
@@ -68,9 +62,8 @@ class Timeline:
 def clock_jumps(steps: np.ndarray, passed: np.ndarray) -> np.ndarray:
     """Return which steps between stamps are jumps of their clock, shape (n,).
 
-    Args:
-        steps: from each stamp to the next one, shape (n,) [ns].
-        passed: time that passed meanwhile, shape (n,) [ns].
+    ``steps`` are from each stamp to the next one, ``passed`` is the time meanwhile; shapes (n,)
+    [ns].
     """
     return (steps < -_BACK) | (steps - passed > _AHEAD)
 
@@ -78,10 +71,7 @@ def clock_jumps(steps: np.ndarray, passed: np.ndarray) -> np.ndarray:
 def zero_stamp(stamps: np.ndarray, log_times: np.ndarray, begin: int) -> int:
     """Return the stamp of a clock at the bag's beginning [ns], from a topic's first message.
 
-    Args:
-        stamps: shape (n,) [ns].
-        log_times: of the same messages, shape (n,) [ns].
-        begin: log time at which the bag begins [ns].
+    ``stamps`` and ``log_times`` have the shape (n,) [ns]; ``begin`` is a log time [ns].
     """
     others = np.flatnonzero(log_times != log_times[0])
     last = int(others[0]) - 1 if len(others) else -1  # a block is logged after its last row

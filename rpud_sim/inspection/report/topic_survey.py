@@ -16,8 +16,7 @@ from rpud_sim.inspection.report.gaps import Gaps
 from rpud_sim.inspection.report.running_statistics import Distribution, Envelope, Intervals, usable
 from rpud_sim.inspection.report.timeline import Timeline
 
-MOST_SERIES = 40
-"""Number of columns of a topic that are surveyed; further ones are only counted."""
+MOST_SERIES = 40  # number of columns of a topic that are surveyed; further ones are only counted
 
 # Fields that number messages, or that only help to read them.
 _NO_SERIES = {"sequence", "sample_period"}
@@ -65,12 +64,9 @@ def is_latched(summary: TopicSummary) -> bool:
 
 
 class TopicSurvey:
-    """Survey of one topic.
+    """Survey of one topic of a bag that begins at a log time [ns] and has a duration [s].
 
-    Args:
-        begin: log time at which the bag begins [ns].
-        duration: of the bag [s].
-        zero: stamp at that time, if another topic of the same clock shows it [ns].
+    ``zero`` is the stamp at its beginning, if another topic of the same clock shows it [ns].
     """
 
     def __init__(
@@ -114,12 +110,10 @@ class TopicSurvey:
 
     @property
     def name(self) -> str:
-        """Name of the topic."""
         return self.summary.topic.name
 
     @property
     def type(self) -> str:
-        """Type of its messages."""
         return self.summary.topic.type
 
     def add(self, batch: Batch) -> np.ndarray:

@@ -31,10 +31,8 @@ def over_time(
 ) -> str:  # fmt: skip
     """Return what a plot over time shows: the range, the mean and the greatest change.
 
-    Args:
-        scale: factor and name of the unit in which it is shown.
-        span: of the time [s].
-        marks: moments at which it may change.
+    ``scale`` is factor and name of the unit in which it is shown, ``span`` is in s, and at
+    ``marks`` it may change.
     """
     factor, unit = scale
     if not values.count:
@@ -50,11 +48,7 @@ def over_time(
 
 
 def of_distribution(name: str, values: Distribution, scale: tuple[float, str]) -> str:
-    """Return what a histogram shows: the middle, where most values lie, and the ends.
-
-    Args:
-        scale: factor and name of the unit in which it is shown.
-    """
+    """Return what a histogram shows in a unit: the middle, where most values lie, the ends."""
     factor, unit = scale
     if not values.count:
         return f"{name}: no values."
@@ -68,9 +62,7 @@ def of_distribution(name: str, values: Distribution, scale: tuple[float, str]) -
 def of_spectrum(name: str, frequencies: np.ndarray, density: np.ndarray) -> str:
     """Return at which frequency a spectrum has most power for its width: frequency times density.
 
-    Args:
-        frequencies: shape (n,) [Hz].
-        density: shape (n,).
+    Both have the shape (n,), frequencies in Hz.
     """
     if not len(frequencies):
         return f"{name}: no power."
@@ -92,7 +84,6 @@ def of_faults(marks: Sequence[Mark]) -> str:
 
 
 def of_lines(lines: Sequence[Line], unit: str) -> str:
-    """Return the range of each line of a plot."""
     texts = []
     for line in lines:
         found = line.y[np.isfinite(line.y)]

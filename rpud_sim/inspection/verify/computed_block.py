@@ -26,11 +26,9 @@ class ComputedBlock:
     ends: np.ndarray  # stamp of the end of each message's block [ns]
 
     def fields(self, number: int) -> Fields:
-        """Return the fields of a message."""
         return self.source.row(number)
 
     def key(self, number: int) -> Key:
-        """Return the key of a message."""
         return computed_key(self.source.row(number, KEY_FIELDS))
 
     def position(self, number: int) -> Position:
@@ -41,12 +39,7 @@ class ComputedBlock:
 def computed_blocks(
     together: Together, codecs: Mapping[str, Codec], stretch: int, origin: int
 ) -> Iterator[tuple[str, ComputedBlock]]:
-    """Yield the messages of each topic that has a codec.
-
-    Args:
-        codecs: of the wanted topics, by their names in the run.
-        origin: stamp of simulation time zero [ns].
-    """
+    """Yield each topic's messages, by its name in the run; ``origin`` is time zero's stamp [ns]."""
     ends = together.ends + origin
     for columns in together.columns:
         if columns.topic in codecs:

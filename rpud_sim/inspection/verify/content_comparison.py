@@ -20,9 +20,8 @@ from rpud_sim.simulation.fields import Fields
 class ContentComparison:
     """Second comparison of a topic whose comparison by run has failed.
 
-    Args:
-        suspects: recorded messages that their run does not give.
-        recorded: all messages of the topic in the bag.
+    ``suspects`` are recorded messages that their run does not give, ``recorded`` are all of the
+    topic.
     """
 
     def __init__(

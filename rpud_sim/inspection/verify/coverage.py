@@ -50,9 +50,6 @@ def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretc
 
     The last second of a recording shows nothing about its end: when a recorder closes, messages of
     some topics are still on their way. If the drill ended first, its last status shows the end.
-
-    Args:
-        codecs: of the topics to look at, by name.
     """
     start = max(0, bag.duration - _END_LENGTH)
     readers = {topic: _StampReader(codec) for topic, codec in codecs.items()}
@@ -73,10 +70,8 @@ def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretc
 def _reached(found: np.ndarray, end: int, ended: bool) -> Position:
     """Return the position that the drill reached while all topics were recorded.
 
-    Args:
-        found: progress at the messages of the end of a bag.
-        end: log time of the last of them [ns].
-        ended: whether the journal has the end of the drill.
+    ``found`` is the progress at the messages of the end of a bag, ``end`` the log time of the last
+    of them [ns], and ``ended`` says whether the journal has the end of the drill.
     """
     counted = found["log_time"] <= max(0, end - _TOPIC_DELAY)
     positions: list[Position] = []
@@ -95,8 +90,6 @@ def _reached(found: np.ndarray, end: int, ended: bool) -> Position:
 
 
 class _StampReader:
-    """Reader of the stamps of one topic."""
-
     def __init__(self, codec: Codec) -> None:
         columns = {column.attribute: column for column in columns_of(codec, "")}
         stamp = columns.get("header.stamp")
@@ -124,7 +117,6 @@ class _StampReader:
 
 
 def _find_begin(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretches) -> Position:
-    """Return the position of the drill when its recorder had subscribed to all topics."""
     for message in bag.messages(codecs.keys(), _TOPIC_DELAY):
         with contextlib.suppress(AttributeError, BagFormatError):
             stamp = codecs[message.topic].decode(message.data).header.stamp

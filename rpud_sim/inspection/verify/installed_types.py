@@ -29,12 +29,7 @@ def is_provable(summary: TopicSummary) -> bool:
 
 
 def proof_codec(summary: TopicSummary) -> Codec:
-    """Return the codec of a topic's messages.
-
-    Raises:
-        UnverifiableError: if its type is neither the one that is installed here nor an earlier
-            version of it.
-    """
+    """Return the codec of a topic whose type is the installed one or an earlier version of it."""
     topic = summary.topic
     expected = _expected_type(topic.name, topic.type)
     if topic.type != expected:
@@ -59,7 +54,6 @@ def fields_not_held(codec: Codec) -> list[str]:
 
 
 def _fields(codec: Codec, type_name: str, path: str = "") -> frozenset[tuple[str, str]]:
-    """Return path and type of each field, of nested messages too."""
     found: set[tuple[str, str]] = set()
     for name, _, (node, described) in codec.fields(type_name):
         inner = f"{path}.{name}" if path else name

@@ -15,18 +15,16 @@ from rpud_sim.bag.cdr import Codec
 from rpud_sim.foundation.time import join_seconds
 from rpud_sim.simulation.fields import Fields, stamp_of
 
+# Stamp [ns] and sequence number: unique within a topic, unless something is wrong.
 Key = tuple[int, int]
-"""Stamp [ns] and sequence number: unique within a topic, unless something is wrong."""
 
+# Fields of a computed message that its key is made of; not every type has the second one.
 KEY_FIELDS = ("header", "sequence")
-"""Fields of a computed message that its key is made of; not every type has the second one."""
 
-UNREADABLE: Key = (-1, -1)
-"""Key of a recorded message that cannot be decoded."""
+UNREADABLE: Key = (-1, -1)  # key of a recorded message that cannot be decoded
 
 
 def computed_key(fields: Fields) -> Key:
-    """Return the key of a computed message."""
     return stamp_of(fields), int(fields.get("sequence", 0))
 
 
@@ -60,9 +58,7 @@ def without_repeats(recorded: Iterator[Message]) -> Iterator[Message]:
 def first_difference(codec: Codec, recorded: bytes, expected: bytes) -> tuple[str, str, str]:
     """Return the first field in which two messages differ, and its value in each, as texts.
 
-    Args:
-        recorded: bytes in the bag; if they cannot be decoded, the field is empty.
-        expected: computed bytes, which differ from them.
+    If the recorded bytes cannot be decoded, the field is empty.
     """
     try:
         found = codec.decode(recorded)

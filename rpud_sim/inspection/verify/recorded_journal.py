@@ -14,11 +14,10 @@ from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.simulation.journal import JournalEntry
 
+# Kinds of entries after which stamps may repeat: each begins a stretch, counted from 0.
 BEGINNINGS = ("begin", "origin")
-"""Kinds of entries after which stamps may repeat: each begins a stretch, counted from 0."""
 
-Position = tuple[int, int]
-"""Progress of the drill: number of the stretch, and the stamp in it [ns]."""
+Position = tuple[int, int]  # progress of the drill: number of the stretch, and the stamp in it [ns]
 
 
 class UnverifiableError(Exception):
@@ -40,11 +39,9 @@ def journal_entries(
 
     Repeated entries are skipped: a recorder repeats them at the beginning of a bag's next file.
     Number zero begins the journal of another start of the node. Both journals may be equal, where
-    the node is its own clock; then their publishing times differ. A bag of a
-    test begins with a later number, of an entry with which a run begins.
-
-    Raises:
-        UnverifiableError: if entries are missing, or one is malformed.
+    the node is its own clock; then their publishing times differ. A bag of a test begins with a
+    later number, of an entry with which a run begins. Missing or malformed entries raise an
+    UnverifiableError.
     """
     expected = 0
     first = (0, b"")
@@ -84,9 +81,6 @@ class Stretches:
     Stamps do not identify a stretch: those of different stretches may be equal. Publishing times
     do: the drill publishes entries and messages in one order. An entry may follow the first
     messages of its stretch shortly, but these never precede the entry before it.
-
-    Args:
-        journal: entries in order, with their messages.
     """
 
     def __init__(self, journal: Iterable[tuple[Message, JournalEntry]]) -> None:

@@ -10,11 +10,10 @@ import numpy as np
 from rpud_sim.bag import BagReader, Message
 from rpud_sim.bag.message_block import MessageBlock, gathered
 
+# Returns how many of some publishing times [ns], at least one, fit from the first on.
 FittingTimes = Callable[[np.ndarray], int]
-"""Returns how many of some publishing times [ns], at least one, fit from the first on."""
 
-_MOST_WAITING = 64 * 2**20
-"""Greatest size of the messages that wait for their turn [bytes]."""
+_MOST_WAITING = 64 * 2**20  # greatest size of the messages that wait for their turn [bytes]
 
 # Messages of at most this size are compared all at once. To put larger ones one behind the other
 # takes longer than to compare them one by one [bytes].
@@ -26,9 +25,6 @@ class RecordedTopics:
 
     A topic that is too far behind or ahead of the others gets a reader of its own. So memory is
     bounded whatever the order of the messages.
-
-    Args:
-        topics: their names.
     """
 
     def __init__(self, bag: BagReader, topics: Collection[str]) -> None:
@@ -40,11 +36,7 @@ class RecordedTopics:
         self._together = bag.blocks(topics)
 
     def next(self, topic: str) -> MessageBlock | None:
-        """Return the next messages of a topic, at least one; None if there are none left.
-
-        Raises:
-            BagFormatError: if the bag is damaged.
-        """
+        """Return the next messages of a topic, at least one; None if there are none left."""
         if topic in self._own:
             return next(self._own[topic], None)
         waiting = self._waiting[topic]
@@ -76,11 +68,7 @@ class RecordedTopics:
 
 
 class RecordedMessages:
-    """Recorded messages of one topic in order, without repeats of the one before.
-
-    Args:
-        topic: its name.
-    """
+    """Recorded messages of one topic in order, without repeats of the one before."""
 
     def __init__(self, source: RecordedTopics, topic: str) -> None:
         self._source = source
@@ -91,7 +79,6 @@ class RecordedMessages:
 
     @property
     def exhausted(self) -> bool:
-        """Whether no message is left."""
         return self._first() is None
 
     def pop(self) -> Message | None:
@@ -107,10 +94,8 @@ class RecordedMessages:
     def pass_equal(self, computed: MessageBlock, first: int, fitting: FittingTimes) -> int:
         """Skip the messages that are computed, bit for bit, and return their number.
 
-        Args:
-            computed: messages that all differ from their neighbours.
-            first: number of the first of them that counts.
-            fitting: how many messages may be these by their publishing times [ns].
+        The computed ones all differ from their neighbours; they count from number ``first`` on.
+        ``fitting`` says how many may be these by their publishing times [ns].
         """
         passed = 0
         while first + passed < len(computed) and (block := self._first()) is not None:

@@ -79,13 +79,8 @@ class TopicComparison:
 
     Either side may lack messages: a recorder began late, ended early or lost some, or messages were
     inserted. Only the messages that follow show whether one is missing or altered, so the
-    comparison always looks at two of each side.
-
-    Args:
-        topic: name of the topic.
-        recorded: its messages in the bag, without repeats.
-        stretches: of the journal; stamps may repeat in the next one.
-        span: part of the runs that the bag covers.
+    comparison always looks at two of each side. ``span`` is the part of the runs that the bag
+    covers.
     """
 
     def __init__(
@@ -271,13 +266,11 @@ class TopicComparison:
         self._add_suspect(recorded.key[0], recorded, "", "a message", None)
 
     def _is_later(self, recorded: _Recorded, computed: _Computed) -> bool:
-        """Whether a recorded message belongs after a computed one."""
         if recorded.key == UNREADABLE:
             return False
         return recorded.key > computed.key or self._may_follow(recorded, computed)
 
     def _may_follow(self, recorded: _Recorded, computed: _Computed) -> bool:
-        """Whether a recorded message may be of a later stretch than a computed one."""
         return recorded.last_stretch > computed.last_stretch
 
     def _add_suspect(

@@ -70,12 +70,8 @@ def verify(
 ) -> Verification:
     """Run the simulations of a bag again and compare every message with those in the bag.
 
-    Args:
-        report: called with the seconds that were simulated since its last call.
-
-    Raises:
-        BagError: if the bag cannot be read.
-        UnverifiableError: if it holds no complete journal, or nothing that the journal could prove.
+    A bag without a complete journal, or with nothing that the journal could prove, raises an
+    UnverifiableError.
     """
     with rpud_sim.bag.open(path) as bag:
         journals = [summary for summary in bag.topics if summary.topic.type == JOURNAL]
@@ -98,8 +94,6 @@ def verify(
 
 
 class _Proof:
-    """Proof of one namespace of a bag."""
-
     def __init__(self, bag: BagReader, journal: TopicSummary) -> None:
         self._bag = bag
         self._journal = journal.topic.name
@@ -172,7 +166,6 @@ class _Proof:
         return codecs
 
     def _compare(self, report: Callable[[float], object]) -> dict[str, TopicComparison]:
-        """Compare each message with those of the run in which it was published."""
         names = {name: self._summaries[name].topic.name for name in self._codecs}
         recorded = RecordedTopics(self._bag, set(names.values()))
         comparisons = {

@@ -15,11 +15,7 @@ FAULT_NUMBER = Quantity("", "the number of a fault", 1, 2**32 - 1, whole=True)
 
 
 def to_number(name: str, value: Any) -> float:
-    """Return a number as a float, which a message needs.
-
-    Raises:
-        ParameterError: if it is not a number.
-    """
+    """Return a number as a float, which a message needs."""
     try:
         return float(value)
     except (TypeError, ValueError, OverflowError):
@@ -27,32 +23,19 @@ def to_number(name: str, value: Any) -> float:
 
 
 def to_text(name: str, value: Any) -> str:
-    """Return a text.
-
-    Raises:
-        ParameterError: if it is none.
-    """
     if not isinstance(value, str):
         raise ParameterError(f"{name} = {shown(value)} is not a text")
     return value
 
 
 def to_duration(name: str, seconds: Any) -> Duration:
-    """Return seconds as a message.
-
-    Raises:
-        ParameterError: if they are not a duration.
-    """
+    """Return seconds as a message."""
     whole, rest = _split(name, seconds)
     return Duration(sec=whole, nanosec=rest)
 
 
 def to_time(name: str, seconds: Any) -> Time:
-    """Return a stamp [s] as a message.
-
-    Raises:
-        ParameterError: if it is not a stamp.
-    """
+    """Return a stamp [s] as a message."""
     whole, rest = _split(name, seconds)
     return Time(sec=whole, nanosec=rest)
 

@@ -20,11 +20,7 @@ class Commands(ClientPart):
     """Commands of a client; each returns when the drill has accepted it."""
 
     def press(self, force: float) -> None:
-        """Command a weight on bit [N].
-
-        Raises:
-            RefusedError: if the drill refuses it.
-        """
+        """Command a weight on bit [N]."""
         force = to_number("force", force)
         self._drill.command(
             "weight_on_bit", WeightOnBit(force=force), {"force": force}, {"weight_on_bit": force}
@@ -33,16 +29,7 @@ class Commands(ClientPart):
     def drive(
         self, enabled: bool = True, voltage: float | None = None, frequency: float | None = None
     ) -> None:
-        """Command the voltage on the piezoelectric stack, or switch it off.
-
-        Args:
-            enabled: whether the actuator is driven.
-            voltage: amplitude [V]; None for the present one.
-            frequency: [Hz]; None for the present one.
-
-        Raises:
-            RefusedError: if the drill refuses it.
-        """
+        """Command amplitude [V] and frequency [Hz], None as they are, or switch the drive off."""
         status = self.status
         present = (status.drive_voltage, status.drive_frequency) if enabled else (0.0, 0.0)
         message = Drive(
@@ -62,13 +49,8 @@ class Commands(ClientPart):
     def feed(self, rate: float | None = None, position: float | None = None) -> None:
         """Command the feed of a drill on an arm: its rate or its position, and not both.
 
-        Args:
-            rate: toward the rock [m/s]; zero holds the mount.
-            position: along the drill axis [m].
-
-        Raises:
-            ParameterError: if not exactly one of them is given.
-            RefusedError: if the drill refuses it.
+        The rate is toward the rock [m/s], where zero holds the mount; the position is along the
+        drill axis [m].
         """
         if (rate is None) == (position is None):
             raise ParameterError("feed takes a rate or a position")
@@ -81,11 +63,7 @@ class Commands(ClientPart):
         self._drill.command("feed", message, {"mode": name, "value": value}, in_status)
 
     def engage(self, on: bool = True) -> None:
-        """Put the drill tool into the rock, or take it out.
-
-        Raises:
-            RefusedError: if the drill refuses it.
-        """
+        """Put the drill tool into the rock, or take it out."""
         response = self._drill.call("engage", SetBool.Request(data=bool(on)), repeat=True)
         if not response.success:
             raise RefusedError(response.message)
@@ -93,11 +71,7 @@ class Commands(ClientPart):
         self._drill.until(lambda: self.status.regime == regime, f"no status said {regime}")
 
     def set_parameters(self, **values: Any) -> None:
-        """Set parameters of the drill, all of them or none.
-
-        Raises:
-            RefusedError: if the drill refuses one.
-        """
+        """Set parameters of the drill, all of them or none."""
         parameters = [Parameter(name, value=value) for name, value in values.items()]
         request = SetParametersAtomically.Request(
             parameters=[parameter.to_parameter_msg() for parameter in parameters]

@@ -16,14 +16,9 @@ class Confirmation:
     """Evidence about one command, from the status and the journal of the drill.
 
     The status counts commands but does not say whose they are. So a command counts as accepted when
-    the counter has risen and its values are in force; if another publisher's command overrides
-    it at once, the journal shows it.
-
-    Args:
-        kind: of the command, ``weight_on_bit``, ``drive`` or ``feed``.
-        values: fields of the command that the journal shows.
-        shown: the same values by the fields of the status.
-        before: the latest status when the command was sent.
+    the counter has risen and its ``values`` are in force, in the status ``shown``; if another
+    publisher's command overrides it at once, the journal shows it. ``before`` is the latest status
+    when the command was sent.
     """
 
     def __init__(
@@ -41,7 +36,6 @@ class Confirmation:
 
     @property
     def accepted(self) -> bool:
-        """Whether the drill has accepted the command."""
         return self._counted and self._in_force
 
     def see_status(self, status: Status) -> None:

@@ -17,8 +17,7 @@ from rpud_sim.ros.client.fault_services import FaultServices
 from rpud_sim.ros.client.simulation_services import SimulationServices
 from rpud_sim.ros.client.telemetry import Telemetry
 
-PATIENCE = 10.0
-"""Time limit of a client, unless it is given another one [s]."""
+PATIENCE = 10.0  # time limit of a client, unless it is given another one [s]
 
 Value = TypeVar("Value")
 
@@ -37,16 +36,7 @@ class DrillClient(Commands, FaultServices, SimulationServices):
 
     The client has one node in a context of its own, and no thread: it takes messages while one of
     its methods waits. Use it from one thread. A drill that does not answer raises a
-    ``NoAnswerError`` after the patience, a missing one a ``NoDrillError``.
-
-    Args:
-        domain_id: ROS domain; None for that of the environment.
-        node_name: name of the client's node.
-        patience: time limit for each answer [s].
-
-    Raises:
-        StartError: if ROS or the node cannot start.
-        ParameterError: if the patience is not a duration.
+    ``NoAnswerError`` after the patience, a missing one a ``NoDrillError``. ``patience`` is in s.
     """
 
     def __init__(
@@ -103,15 +93,8 @@ class DrillClient(Commands, FaultServices, SimulationServices):
     def found(self, patience: float | None = None) -> None:
         """Wait until the drill is found and has published its status.
 
-        Every other method does this first.
-
-        Args:
-            patience: time limit [s]; None for that of the client. A drill that has never run on a
-                machine may compile for a minute.
-
-        Raises:
-            NoDrillError: if there is no such drill, or more than one.
-            NoAnswerError: if it does not answer.
+        Every other method does this first. ``patience`` is in s; None for that of the client. A
+        drill that has never run on a machine may compile for a minute.
         """
         self._drill.find(patience)
 
@@ -129,10 +112,6 @@ class DrillClient(Commands, FaultServices, SimulationServices):
             kind: class of its messages; None for that with which it is published.
             qos: of the subscription; None for what its publishers offer.
             patience: time limit for the topic [s]; None for that of the client.
-
-        Raises:
-            NoAnswerError: if the topic has no publisher, and no type is given.
-            UnknownTypeError: if the type is not installed.
         """
         return self._drill.listen(topic, kind, qos, patience)
 
@@ -144,13 +123,8 @@ class DrillClient(Commands, FaultServices, SimulationServices):
     ) -> Value:
         """Take messages until a condition holds, and return its value.
 
-        Args:
-            condition: looked at after each message.
-            patience: time limit in real time [s]; None for that of the client.
-            what: sentence for the error, without the limit.
-
-        Raises:
-            NoAnswerError: if it does not hold within the time limit.
+        It is looked at after each message. ``patience`` is real time [s]; None for that of the
+        client. ``what`` is a sentence for the error, without the limit.
         """
         self.found()
         return self._drill.until(condition, what, patience)
@@ -165,8 +139,8 @@ class DrillClient(Commands, FaultServices, SimulationServices):
     def telemetry(self, sinks: Mapping[str, Callable[[int, tuple[Any, ...]], object]]) -> Telemetry:
         """Subscribe to fast topics, whose messages are decoded in a few microseconds.
 
-        Args:
-            sinks: by topic, a function of the stamp [ns] and the values, as ``Telemetry`` has them.
+        ``sinks`` has, by topic, a function of the stamp [ns] and the values, as ``Telemetry`` has
+        them.
         """
         return Telemetry(self._drill.listening, sinks)
 

@@ -52,17 +52,7 @@ Value = TypeVar("Value")
 
 
 class DrillConnection:
-    """Publishers, clients and subscriptions of one drill.
-
-    Args:
-        domain_id: ROS domain; None for that of the environment.
-        node_name: name of the client's node.
-        patience: time limit for each answer [s].
-
-    Raises:
-        StartError: if ROS or the node cannot start.
-        ParameterError: if the patience is not a duration.
-    """
+    """Publishers, clients and subscriptions of one drill; it waits ``patience`` for answers [s]."""
 
     def __init__(
         self, namespace: str, domain_id: int | None, node_name: str, patience: float
@@ -78,31 +68,20 @@ class DrillConnection:
 
     @property
     def node(self) -> Node:
-        """Node of the client."""
         return self.listening.node
 
     @property
     def namespace(self) -> str:
-        """Namespace of the drill."""
         return str(self.node.get_namespace())
 
     @property
     def status(self) -> Status:
-        """Latest status of the drill."""
         self.find()
         assert self.watch.status is not None  # a drill that is found has one
         return self.watch.status
 
     def find(self, patience: float | None = None) -> None:
-        """Wait until the drill is found and has published its status.
-
-        Args:
-            patience: time limit [s]; None for that of the connection.
-
-        Raises:
-            NoDrillError: if there is no such drill, or more than one.
-            NoAnswerError: if it does not answer.
-        """
+        """Wait until the drill is found and has published its status, within a patience [s]."""
         if self._found:
             return
         patience = self._patience if patience is None else float(patience)
@@ -128,26 +107,16 @@ class DrillConnection:
     def until(
         self, condition: Callable[[], Value], what: str, patience: float | None = None
     ) -> Value:
-        """Take messages until a condition holds, and return its value.
-
-        Raises:
-            NoAnswerError: if it does not hold within the patience [s].
-        """
         limit = self._patience if patience is None else float(patience)
         return self.listening.until(condition, limit, what)
 
     def command(
         self, name: str, message: Any, values: Mapping[str, Any], shown: Mapping[str, Any]
     ) -> None:
-        """Publish a command, and wait until the drill has accepted it.
+        """Publish a command by its topic, and wait until the drill has accepted it.
 
-        Args:
-            name: ``weight_on_bit``, ``drive`` or ``feed``.
-            values: fields of it that the journal will show.
-            shown: the same values by the fields of the status.
-
-        Raises:
-            RefusedError: if the drill refuses it.
+        ``values`` are its fields that the journal will show, ``shown`` the same by the fields of
+        the status.
         """
         self.find()
         publisher = self._publisher(name)
@@ -174,11 +143,8 @@ class DrillConnection:
     def call(self, name: str, request: Any, repeat: bool = False) -> Any:
         """Call a service of the drill and return its response.
 
-        Args:
-            repeat: whether to send it again and again; not if it must act only once.
-
-        Raises:
-            NoAnswerError: if the drill does not answer, and publishes no status either.
+        With ``repeat`` it is sent again and again; not if it must act only once. While the drill
+        publishes its status it is alive, and the wait goes on.
         """
         self.find()
         return self.listening.call(
@@ -201,7 +167,6 @@ class DrillConnection:
     def listen(
         self, topic: str, kind: Any, qos: QoSProfile | None, patience: float | None
     ) -> list[Any]:
-        """Subscribe to a topic, and return the list that its messages are added to."""
         self.find()
         name = absolute_name(self.node, topic)
         if kind is None:

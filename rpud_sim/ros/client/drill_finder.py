@@ -31,15 +31,7 @@ class FoundDrill:
 
 
 class DrillFinder:
-    """Node that knows the drills of a domain; it never waits. Use it from one thread.
-
-    Args:
-        domain_id: ROS domain; None for that of the environment.
-        node_name: name of its node.
-
-    Raises:
-        StartError: if ROS cannot start.
-    """
+    """Node that knows the drills of a domain; it never waits. Use it from one thread."""
 
     def __init__(self, domain_id: int | None = None, node_name: str = "rpud_watch_list") -> None:
         self._listening = ListeningNode(node_name, "/", domain_id)
@@ -59,15 +51,12 @@ class DrillFinder:
 
     @property
     def domain_id(self) -> int:
-        """The ROS domain."""
         return self._listening.domain_id
 
     def close(self) -> None:
-        """Leave the graph."""
         self._listening.close()
 
     def drills(self) -> list[FoundDrill]:
-        """Return the drills that are known now, by namespace."""
         namespaces = drill_namespaces(self._listening.node)
         for gone in set(self._subscriptions).difference(namespaces):
             self._listening.unsubscribe(self._subscriptions.pop(gone))

@@ -27,11 +27,7 @@ _JOURNAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class DrillWatch:
-    """Latest status and faults of a drill, and the fate of a command.
-
-    Args:
-        listening: node in the drill's namespace.
-    """
+    """Latest status and faults of a drill, and the fate of a command."""
 
     def __init__(self, listening: ListeningNode) -> None:
         self.status: Status | None = None  # the latest, None before the first
@@ -66,11 +62,7 @@ class DrillWatch:
         return max((self._refusals.get(name, (0, "")) for name in self.publishers), default=(0, ""))
 
     def check_alone(self) -> None:
-        """Check that one drill alone is there; one that was killed counts for nothing.
-
-        Raises:
-            NoDrillError: if there are more.
-        """
+        """Check that one drill alone is there; one that was killed counts for nothing."""
         if len(self.publishers) < 2:
             return
         # The middleware remembers a killed drill for 20 s. Only the numbers of living ones go on.
@@ -86,11 +78,7 @@ class DrillWatch:
             self._listening.spin(0.02)
 
     def confirm(self, confirmation: Confirmation, patience: float) -> str | None:
-        """Wait for the fate of a command that was sent; return why it was refused, None if not.
-
-        Raises:
-            NoAnswerError: if the drill neither accepts nor refuses it.
-        """
+        """Wait for the fate of a command that was sent; return why it was refused, None if not."""
         refused_at = 0.0
 
         def decided() -> bool:
@@ -118,8 +106,6 @@ class DrillWatch:
         return None if confirmation.accepted else self._reason(confirmation.refused)
 
     def _reason(self, count: int) -> str:
-        """Return why the drill refused its latest command, when it has refused that many."""
-
         def reasons() -> list[str]:
             known = [self._refusals.get(name, (0, "")) for name in self.publishers]
             return [reason for refused, reason in known if refused >= count and reason]

@@ -10,8 +10,7 @@ class ClientError(RuntimeError):
 class RefusedError(ClientError):
     """Command or request that the drill refused; the text is the drill's own reason.
 
-    Args:
-        result: number of the result, as in ``rpud_msgs/Result``; None where there is none.
+    ``result`` is the number of ``rpud_msgs/Result``; None where there is none.
     """
 
     def __init__(self, reason: str, result: int | None = None) -> None:

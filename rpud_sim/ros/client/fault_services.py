@@ -31,16 +31,11 @@ class FaultServices(ClientPart):
         magnitude: float | None = None,
         duration: float | None = None,
     ) -> int:
-        """Inject a fault and return its number.
+        """Inject a fault, such as ``free_mass_jammed``, and return its number.
 
-        Args:
-            kind: such as ``free_mass_jammed``.
-            channel: relative name of the topic with the faulty signal; empty for the physics.
-            magnitude: in the unit of the kind; None for its default.
-            duration: simulation time after which it ends by itself [s]; None for never.
-
-        Raises:
-            RefusedError: if the drill refuses it.
+        ``channel`` is the relative name of the topic with the faulty signal; empty for the physics.
+        The magnitude is in the unit of the kind; None for its default. After a duration in
+        simulation time [s] it ends by itself; None for never.
         """
         fault = Fault(
             kind=to_text("kind", kind),
@@ -60,14 +55,7 @@ class FaultServices(ClientPart):
         return number
 
     def clear(self, which: int | str = "all") -> list[int]:
-        """End active faults now and return their numbers.
-
-        Args:
-            which: number of a fault, a kind of faults, or ``all``.
-
-        Raises:
-            RefusedError: if no such fault is active.
-        """
+        """End active faults now: ``which`` is a number, a kind or ``all``. Return their numbers."""
         numbers = self._active(which)
         for number in [0] if which == "all" else numbers:
             response = self._drill.call("clear_fault", ClearFault.Request(number=number))
@@ -84,7 +72,6 @@ class FaultServices(ClientPart):
         return self._drill.call("list_faults", ListFaults.Request(), repeat=True)
 
     def _active(self, which: int | str) -> list[int]:
-        """Return the numbers of the active faults that are meant."""
         if not isinstance(which, str):
             return [int(FAULT_NUMBER.check("fault", which))]
         active = self.list_faults().faults

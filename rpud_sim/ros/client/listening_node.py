@@ -31,18 +31,12 @@ class ListeningNode:
 
     Messages and responses are taken only inside `until`, `call` and `settle`, by the thread that
     calls them. Other contexts of the process are not touched.
-
-    Args:
-        domain_id: ROS domain; None for that of the environment.
-
-    Raises:
-        StartError: if ROS or the node cannot start.
     """
 
     def __init__(self, name: str, namespace: str, domain_id: int | None = None) -> None:
         self._subscriptions: list[Subscription] = []
+        # Called while the owner waits; may raise an error, which ends the wait.
         self.check: Callable[[], object] = lambda: None
-        """Called while the owner waits; may raise an error, which ends the wait."""
         self._context = rclpy.Context()
         start_ros(context=self._context, domain_id=domain_id)
         try:
@@ -73,11 +67,9 @@ class ListeningNode:
 
     @property
     def domain_id(self) -> int:
-        """The ROS domain."""
         return int(self._context.get_domain_id())
 
     def close(self) -> None:
-        """Leave the graph."""
         if self._context.ok():
             self._executor.shutdown()
             self.node.destroy_node()
@@ -97,7 +89,6 @@ class ListeningNode:
         return subscription
 
     def unsubscribe(self, subscription: Subscription) -> None:
-        """End a subscription."""
         self._subscriptions.remove(subscription)
         self.node.destroy_subscription(subscription)
 
@@ -112,7 +103,6 @@ class ListeningNode:
         self.settle()
 
     def settle(self) -> None:
-        """Take all messages that have arrived."""
         # An executor returns also where others than messages woke it.
         for subscription in self._subscriptions:
             try:
@@ -128,14 +118,9 @@ class ListeningNode:
                 self.node.get_logger().warning(raised(error))
 
     def until(self, condition: Callable[[], Value], patience: float, what: str) -> Value:
-        """Take messages until a condition holds, and return its value.
+        """Take messages until a condition holds within the patience [s], and return its value.
 
-        Args:
-            condition: looked at after each message, and 50 times a second.
-            patience: time limit [s].
-
-        Raises:
-            NoAnswerError: if it does not hold within the time limit.
+        It is looked at after each message, and 50 times a second.
         """
         deadline = time.monotonic() + patience
         while not (value := condition()):
@@ -154,15 +139,9 @@ class ListeningNode:
     ) -> Any:
         """Call a service and return its response.
 
-        Args:
-            patience: time without a response and without a new sign of life [s].
-            signs: returns another value after each sign of life of the server: some requests take
-                long.
-            repeat: whether to send it again and again: the server drops a response for a client
-                that it has not discovered yet. Not for a request that must act only once.
-
-        Raises:
-            NoAnswerError: if there is no response.
+        It may take the patience [s] after each new value of ``signs`` of life: some requests take
+        long. With ``repeat`` it is sent again and again, since the server drops a response for a
+        client that it has not discovered yet; not for a request that must act only once.
         """
         service = self.node.resolve_service_name(client.srv_name)
         self.until(client.service_is_ready, patience, f"service {service} did not appear")

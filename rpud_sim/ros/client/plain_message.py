@@ -9,8 +9,7 @@ from typing import Any
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.ros.types import message_class
 
-CUT = 128
-"""Elements of an array, or characters of a text, that are shown unless all are wanted."""
+CUT = 128  # elements of an array, or characters of a text, that are shown unless all are wanted
 
 _PART = re.compile(r"([A-Za-z]\w*)((?:\[\d+\])*)")
 _ELEMENT = re.compile(r"sequence<(.+?)(?:, *\d+)?>|(.+)\[\d+\]")
@@ -18,11 +17,7 @@ _MESSAGE = re.compile(r"(\w+)/(\w+)")
 
 
 def to_plain(value: Any, cut: int | None = None) -> Any:
-    """Convert a message or a field to dictionaries, lists, numbers and texts.
-
-    Args:
-        cut: length at which arrays and texts end with ``...``; None for their full length.
-    """
+    """Convert a message or a field to plain values; arrays and texts end at ``cut`` in ``...``."""
     if hasattr(value, "get_fields_and_field_types"):
         return {
             name: to_plain(getattr(value, name), cut) for name in value.get_fields_and_field_types()
@@ -50,11 +45,7 @@ def to_json_value(value: Any) -> Any:
 
 
 class FieldPath:
-    """Path to a field of a message, such as ``header.stamp.sec`` or ``faults[0].kind``.
-
-    Raises:
-        ParameterError: if the message has no such field.
-    """
+    """Path to a field of a message, such as ``header.stamp.sec`` or ``faults[0].kind``."""
 
     def __init__(self, text: str, kind: Any) -> None:
         self._steps: list[str | int] = []

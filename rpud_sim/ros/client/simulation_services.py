@@ -15,65 +15,45 @@ from rpud_sim.ros.client.client_part import ClientPart
 from rpud_sim.ros.client.confirmation import stamp_of
 from rpud_sim.ros.client.errors import RefusedError
 
+# What a reset may restart, by name.
 SCOPES: Mapping[str, int] = {
     "all": ResetSimulation.Request.SCOPE_ALL,
     "time": ResetSimulation.Request.SCOPE_TIME,
     "state": ResetSimulation.Request.SCOPE_STATE,
     "faults": ResetSimulation.Request.SCOPE_SPAWNED,
 }
-"""What a reset may restart, by name."""
 
 
 class SimulationServices(ClientPart):
     """Simulation time of a drill; a call returns when the topic ``status`` shows the change."""
 
     def pause(self) -> None:
-        """Let simulation time stand still; a step that is under way is interrupted.
-
-        Raises:
-            RefusedError: if the drill refuses it.
-        """
+        """Let simulation time stand still; a step that is under way is interrupted."""
         self._set(SimulationState.STATE_PAUSED, Status.STATE_PAUSED)
 
     def play(self) -> None:
-        """Let simulation time pass by itself.
-
-        Raises:
-            RefusedError: if the drill refuses it.
-        """
+        """Let simulation time pass by itself."""
         self._set(SimulationState.STATE_PLAYING, Status.STATE_RUNNING)
 
     def step(self, seconds: float) -> float:
         """Advance a paused drill, and return the stamp that it reached [s].
 
         Its status and all messages of that time that have arrived are taken before this returns.
-
-        Raises:
-            RefusedError: if the drill refuses it.
         """
         duration = to_duration("step", seconds)
         return self._advance("simulation/step", StepSimulation.Request(duration=duration))
 
     def run_to(self, stamp: float) -> float:
-        """Advance a paused drill to a stamp [s], and return the stamp that it reached [s].
-
-        Raises:
-            RefusedError: if the drill refuses it.
-        """
+        """Advance a paused drill to a stamp [s], and return the stamp that it reached [s]."""
         time = to_time("time", stamp)
         return self._advance("simulation/run_to", RunToTime.Request(time=time))
 
     def reset(self, scope: str | int = "all", seed: int | None = None) -> None:
         """Begin again; the drill plays on if it played.
 
-        Args:
-            scope: ``all``, ``time``, ``state``, ``faults``, or the bits of
-                ``rpud_msgs/ResetSimulation``.
-            seed: of the vibration's phase, the scenario and the noise from here on; None for the
-                present one.
-
-        Raises:
-            RefusedError: if the drill refuses it.
+        ``scope`` is ``all``, ``time``, ``state``, ``faults``, or the bits of
+        ``rpud_msgs/ResetSimulation``. ``seed`` is of the vibration's phase, the scenario and the
+        noise from here on; None for the present one.
         """
         if isinstance(scope, str) and scope not in SCOPES:
             raise ParameterError(

@@ -58,11 +58,8 @@ class Telemetry:
     - ``rotation``, ``mount``, ``borehole``: all values
     - ``waveform``: sequence, sample_period, and a tuple of six NumPy arrays
 
-    A message that is too short for its type is ignored: a stranger may publish there too.
-
-    Args:
-        listening: node that takes the messages.
-        sinks: by topic, a function of the stamp [ns] and the values.
+    A message that is too short for its type is ignored: a stranger may publish there too. ``sinks``
+    has, by topic, a function of the stamp [ns] and the values.
     """
 
     def __init__(
@@ -156,7 +153,6 @@ def _header(data: bytes, order: str) -> tuple[int, int]:
 
 
 def _text(data: bytes, order: str, place: int) -> tuple[str, int]:
-    """Return a text, and the place of an eight-byte field that follows it."""
     (length,) = struct.unpack_from(f"{order}I", data, place)
     end = place + 4 + length
     return data[place + 4 : end].rstrip(b"\0").decode(), _aligned(end)

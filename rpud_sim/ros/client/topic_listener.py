@@ -29,15 +29,9 @@ _REFRESH_PERIOD = 0.5  # between looks at the publishers [s]
 class TopicListener:
     """Subscription to a topic, and its messages in the order in which they came.
 
-    Args:
-        listening: node that owns it.
-        topic: name, absolute or relative to the node's namespace.
-        patience: how long to wait for the topic [s].
-
-    Raises:
-        ClientError: if there is no such topic, or it has several types or one that is not
-            installed.
-        StartError: if ROS does not allow the name.
+    The name is absolute or relative to the node's namespace; it waits ``patience`` for the topic
+    [s]. A topic that is missing, or has several types or one that is not installed, is a
+    ClientError.
     """
 
     def __init__(self, listening: ListeningNode, topic: str, patience: float) -> None:
@@ -91,7 +85,6 @@ class TopicListener:
         return kind
 
     def _refresh(self) -> None:
-        """Subscribe again if a publisher has come that the present request does not suit."""
         self._due = time.monotonic() + _REFRESH_PERIOD
         request = listening_qos(offers_of_topic(self._node, self.topic))
         before = self._request

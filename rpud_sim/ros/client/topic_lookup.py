@@ -17,11 +17,7 @@ _DEPTH = 5_000  # messages that may wait for a listener; Fast DDS keeps no more
 
 
 def absolute_name(node: Node, topic: str) -> str:
-    """Return the absolute name of a topic.
-
-    Raises:
-        StartError: if ROS does not allow the name.
-    """
+    """Return the absolute name of a topic."""
     try:
         validate_topic_name(topic)
         return expand_topic_name(topic, node.get_name(), node.get_namespace())

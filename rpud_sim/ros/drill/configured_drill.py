@@ -1,4 +1,4 @@
-"""Configured drill: its publishers, its account, its drilling, and the thread that moves it."""
+"""Configured drill: its publishers, its reporter, its drilling, and the thread that moves it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacing_thread import PacingThread
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.resumption import Start
 from rpud_sim.simulation.topics import offered_topics
@@ -23,15 +23,7 @@ _ACKNOWLEDGEMENT = 1.0  # that the last messages may take to reach their subscri
 class ConfiguredDrill:
     """What a drill node has from its configuration to its clean-up; nothing moves at first.
 
-    Args:
-        node: that owns the publishers.
-        restored: called with the settings to which a reset went back.
-        end: simulation time after which it has finished [ns].
-        sent: counts of the messages, None for no count.
-        start: state in which it begins; None for time zero.
-
-    Raises:
-        ParameterError: if the scenario cannot be used.
+    Its arguments are those of ``Drilling``; ``sent`` counts the messages.
     """
 
     def __init__(
@@ -39,7 +31,7 @@ class ConfiguredDrill:
         node: Node,
         settings: Settings,
         inbox: Inbox,
-        namesakes: Namesakes,
+        namesakes: DuplicateNodes,
         restored: Callable[[Settings], None],
         end: int,
         sent: Counter[str] | None,
@@ -47,10 +39,12 @@ class ConfiguredDrill:
     ) -> None:
         offered = offered_topics(settings.values())
         self.publishers = DrillPublishers(node, settings.publish_clock, sent, offered)
-        self.account = Account(node, settings.telemetry_rate, self.publishers, inbox, namesakes)
+        self.reporter = StatusReporter(
+            node, settings.telemetry_rate, self.publishers, inbox, namesakes
+        )
         try:
             self.drilling = Drilling(
-                node, settings, self.publishers, self.account, inbox, restored, end, start
+                node, settings, self.publishers, self.reporter, inbox, restored, end, start
             )
         except Exception:
             self.publishers.destroy()  # or the next configuration would have each topic twice
@@ -63,11 +57,7 @@ class ConfiguredDrill:
         return self.drilling.run.origin + self.drilling.run.time
 
     def activate(self, settings: Settings) -> None:
-        """Let commands act; simulation time begins, with these settings, if it has not.
-
-        Raises:
-            ParameterError: if the scenario cannot be used.
-        """
+        """Let commands act; simulation time begins, with these settings, if it has not."""
         if self.pacing.started:
             self._activate_control(True)
         else:

@@ -20,12 +20,7 @@ _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 class DrillParameters:
     """Parameters of the drill node, and the settings that they hold.
 
-    Args:
-        node: that owns them.
-        changed: called with the settings after each change of a parameter of the drill.
-
-    Raises:
-        ParameterError: if a value cannot be used.
+    ``changed`` is called with the settings after each change of a parameter of the drill.
     """
 
     def __init__(self, node: Node, changed: Callable[[Settings], None]) -> None:
@@ -37,7 +32,6 @@ class DrillParameters:
 
     @property
     def settings(self) -> Settings:
-        """Settings that the parameters hold now."""
         return self._settings
 
     def restore(self, settings: Settings) -> None:
@@ -51,7 +45,6 @@ class DrillParameters:
         )
 
     def _check(self, changes: list[Parameter]) -> SetParametersResult:
-        """Check values that are about to be set, all together."""
         try:
             self._settings.replace(
                 {change.name: change.value for change in changes if change.name in CHANGEABLE}
@@ -72,11 +65,8 @@ class DrillParameters:
 def declare_settings(node: Node) -> Settings:
     """Declare all parameters on the node and return the settings that they hold.
 
-    A whole number is accepted for a number, as in ``weight_on_bit: 20``. All but
-    ``CHANGEABLE`` are read-only once the node runs.
-
-    Raises:
-        ParameterError: if a value cannot be used.
+    A whole number is accepted for a number, as in ``weight_on_bit: 20``. All but ``CHANGEABLE`` are
+    read-only once the node runs.
     """
     values: dict[str, Any] = {"regime": _declare(node, "regime", "drilling")}
     defaults = to_settings(values).values()
@@ -99,7 +89,6 @@ def _declare(node: Node, name: str, default: Any) -> Any:
 
 
 def _unknown(node: Node) -> dict[str, Any]:
-    """Return the values that the node was started with under names that it does not declare."""
     return {
         name: parameter.value
         for name, parameter in node._parameter_overrides.items()
@@ -108,7 +97,6 @@ def _unknown(node: Node) -> dict[str, Any]:
 
 
 def _to_numbers(changes: list[Parameter]) -> list[Parameter]:
-    """Convert whole numbers to the floating-point numbers that the parameters are declared as."""
     return [
         Parameter(change.name, value=float(change.value))
         if change.type_ == Parameter.Type.INTEGER and _is_number(change.name)
@@ -128,7 +116,6 @@ def _description(quantity: Quantity) -> str:
 
 
 def _describe(node: Node, declaration: Declaration, value: Any) -> None:
-    """Set a declared parameter to its checked value, with its final descriptor."""
     allowed = declaration.allowed
     descriptor = ParameterDescriptor(
         name=declaration.name,

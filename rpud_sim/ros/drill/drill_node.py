@@ -37,7 +37,6 @@ from rclpy.parameter import Parameter
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
-from rpud_sim.ros.drill.account import REPORT_PERIOD
 from rpud_sim.ros.drill.configured_drill import ConfiguredDrill
 from rpud_sim.ros.drill.declaration import DrillParameters
 from rpud_sim.ros.drill.drilling import Drilling
@@ -45,10 +44,11 @@ from rpud_sim.ros.drill.fault_services import FaultServices
 from rpud_sim.ros.drill.gate import Gate
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.managed_node import ManagedNode, log_exceptions
-from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.report import Report
 from rpud_sim.ros.drill.simulation_services import SimulationServices
 from rpud_sim.ros.drill.standard_services import StandardServices
+from rpud_sim.ros.drill.status_reporter import REPORT_PERIOD
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import quick_switches, serve
 from rpud_sim.ros.starting import StartError, start_ros
@@ -68,16 +68,8 @@ class DrillNode(ManagedNode):
     """A drill in soft real time: a managed node that activates itself by default.
 
     Drive and weight on bit are zero unless it is active. Simulation time begins when it is first
-    activated, and ends when it is cleaned up.
-
-    Args:
-        duration: simulation time after which it has finished [s]; None for never.
-        start: state in which it begins, with the settings of the parameters; None for time zero.
-            The duration counts from there.
-        options: keyword arguments of ``rclpy.node.Node``.
-
-    Raises:
-        ParameterError: if a parameter has a value that cannot be used.
+    activated, at ``start`` if it is given, with the settings of the parameters. It ends after
+    ``duration`` [s] from there, or when it is cleaned up.
     """
 
     def __init__(
@@ -90,7 +82,7 @@ class DrillNode(ManagedNode):
         begin = start.run.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
-        self._namesakes = Namesakes(self)
+        self._namesakes = DuplicateNodes(self)
         self._drill: ConfiguredDrill | None = None
         self._quit = False
         self._sent: Counter[str] | None = None
@@ -105,7 +97,6 @@ class DrillNode(ManagedNode):
 
     @property
     def settings(self) -> Settings:
-        """Settings that its parameters hold."""
         return self._drill_parameters.settings
 
     @property
@@ -116,12 +107,12 @@ class DrillNode(ManagedNode):
     @property
     def report(self) -> Report | None:
         """The latest report, None before the first."""
-        return self._drill.account.last if self._drill else None
+        return self._drill.reporter.last if self._drill else None
 
     @property
     def totals(self) -> Statistics:
         """Statistics since the start; to be read when it has stopped."""
-        return self._drill.account.totals if self._drill else Statistics()
+        return self._drill.reporter.totals if self._drill else Statistics()
 
     @property
     def faults(self) -> tuple[FaultRecord, ...]:
@@ -130,7 +121,6 @@ class DrillNode(ManagedNode):
 
     @property
     def finished(self) -> bool:
-        """Whether there is nothing left to do."""
         return self._quit or (self._drill is not None and self._drill.pacing.finished)
 
     @property
@@ -156,34 +146,20 @@ class DrillNode(ManagedNode):
             self._drill.publishers.sent = self._sent
 
     def request(self, action: Callable[[Drilling], Any]) -> Any:
-        """Have something done between two blocks; return what it returns, raise what it raises.
-
-        Raises:
-            StoppedError: if the node has not been activated, or the drilling has ended.
-        """
+        """Have something done between two blocks; return what it returns, raise what it raises."""
         if self._drill is None:
             raise StoppedError("the node has not been activated")
         return self._drill.pacing.request(action)
 
     def quit(self) -> None:
-        """End the node."""
         self._quit = True
 
     def prepare(self) -> None:
-        """Configure, with ``autostart`` and unless it has: its topics are there then.
-
-        Raises:
-            RuntimeError: if it cannot.
-        """
+        """Configure, with ``autostart`` and unless it has: its topics are there then."""
         if self.settings.autostart and self._drill is None:
             self.complete(self.trigger_configure)
 
     def start(self) -> None:
-        """Configure and activate, with ``autostart``.
-
-        Raises:
-            RuntimeError: if it cannot.
-        """
         self.prepare()
         if self.settings.autostart:
             self.complete(self.trigger_activate)
@@ -233,7 +209,6 @@ class DrillNode(ManagedNode):
 
     @log_exceptions
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End the drilling, and remove its publishers."""
         self._gate.open(False)
         drill, self._drill = self._drill, None  # or its end would be the end of the process
         if drill is not None:
@@ -248,7 +223,6 @@ class DrillNode(ManagedNode):
 
     @log_exceptions
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End the drilling and the node."""
         self._gate.open(False)
         self._quit = True
         return TransitionCallbackReturn.SUCCESS
@@ -259,7 +233,6 @@ class DrillNode(ManagedNode):
         super().destroy_node()
 
     def refuse_request(self, reason: str) -> None:
-        """Count a request that is refused, and log why."""
         self._inbox.refuse_request(reason)
 
     def _report_before_start(self) -> None:
@@ -287,16 +260,7 @@ class DrillNode(ManagedNode):
 
 
 def drill(ros_arguments: Sequence[str]) -> None:
-    """Run a drill until SIGINT, SIGTERM or the end of its node.
-
-    Args:
-        ros_arguments: command line of ROS, with name, namespace and parameters of the node.
-
-    Raises:
-        ParameterError: if a parameter has a value that cannot be used.
-        StartError: if ROS or the node cannot start with the arguments.
-        RuntimeError: if the drill cannot start, or fails.
-    """
+    """Run a drill with a command line of ROS until SIGINT, SIGTERM or the end of its node."""
     with StopRequest() as stop:
         try:
             start_ros(ros_arguments)
@@ -316,14 +280,7 @@ def spin(
     stop: StopRequest,
     show: Callable[[Report | None], None] = lambda report: None,
 ) -> None:
-    """Drill until the stop is requested or the node has finished.
-
-    Args:
-        show: called several times a second with the latest report.
-
-    Raises:
-        RuntimeError: if the drill cannot start, or fails.
-    """
+    """Drill until the stop is requested or the node has finished; ``show`` gets reports."""
     executor = MultiThreadedExecutor(_THREADS)
     executor.add_node(node)
     try:

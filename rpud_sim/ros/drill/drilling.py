@@ -11,11 +11,11 @@ from concurrent.futures import Future
 from rclpy.node import Node
 
 from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.paced_run import PacedRun
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.ros.drill.time_control import TimeControl
 from rpud_sim.ros.drill.time_source import TimeSource
 from rpud_sim.simulation.checkpoints import Checkpoints
@@ -24,23 +24,15 @@ from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.resumption import Start
 from rpud_sim.simulation.run import Beginning, Run
 
-FORK = "fork"
-"""Checkpoint of a fork at its instant, to which a reset goes back."""
+FORK = "fork"  # checkpoint of a fork at its instant, to which a reset goes back
 
 
 class Drilling:
     """One drill, from its activation to its end: its run, and those after resets.
 
     Every method is for the pacing thread; others reach it by ``PacingThread.request``. Requests act
-    between two blocks.
-
-    Args:
-        restored: called with the settings to which a reset went back.
-        end: simulation time after which it has finished [ns].
-        start: state in which it begins; None for time zero.
-
-    Raises:
-        ParameterError: if the scenario cannot be used.
+    between two blocks. It begins in the state ``start``, is over at ``end`` in simulation time
+    [ns], and calls ``restored`` with the settings to which a reset went back.
     """
 
     def __init__(
@@ -48,7 +40,7 @@ class Drilling:
         node: Node,
         settings: Settings,
         publishers: DrillPublishers,
-        account: Account,
+        reporter: StatusReporter,
         inbox: Inbox,
         restored: Callable[[Settings], None],
         end: int = sys.maxsize,
@@ -58,7 +50,7 @@ class Drilling:
         self._seed = settings.seed
         self._journal: Journal | None = None
         self._publishers = publishers
-        self._account = account
+        self._reporter = reporter
         self._inbox = inbox
         self._restored = restored
         self._end = end
@@ -70,18 +62,16 @@ class Drilling:
         self._source = TimeSource(node, settings.publish_clock)
         pacer = Pacer(settings.telemetry_rate, schedule=self._source.schedule)
         planned = start.planned if start else ()
-        self._paced = PacedRun(run, publishers, account, inbox, pacer, self._logger, planned)
+        self._paced = PacedRun(run, publishers, reporter, inbox, pacer, self._logger, planned)
         if start is not None:
             self._paced.resume(self._copy(start, Journal()), 0, active=True)
 
     @property
     def run(self) -> Run:
-        """The present run."""
         return self._paced.run
 
     @property
     def settings(self) -> Settings:
-        """Settings in force."""
         return self._settings
 
     @property
@@ -107,15 +97,11 @@ class Drilling:
     def announce(self) -> None:
         """Publish status and diagnostics of a drilling that has not started."""
         self.run.place(self._source.return_to(self.run.time))
-        self._account.report("inactive", self.run)
-        self._account.publish_diagnostics()
+        self._reporter.report("inactive", self.run)
+        self._reporter.publish_diagnostics()
 
     def begin(self, settings: Settings) -> None:
-        """Begin, active and with a journal, with settings that may have changed.
-
-        Raises:
-            ParameterError: if the scenario cannot be used.
-        """
+        """Begin, active and with a journal, with settings that may have changed."""
         if self._start is not None:
             self._begin_in_state(self._start, settings)
             return
@@ -133,7 +119,7 @@ class Drilling:
         self._logger.info(_first_line(self._settings.configuration))
         self._source.wait(stop, serve)
         self.run.place(self._source.return_to(self.run.time))
-        self._account.finish()
+        self._reporter.finish()
         if self._source.follows or not self._settings.start_paused:
             self.play()
         else:
@@ -149,7 +135,7 @@ class Drilling:
     def finish(self) -> None:
         """Publish what is left, and the last status."""
         self._paced.flush("end")
-        self._account.finish()
+        self._reporter.finish()
         self._paced.report("stopped")
 
     def close(self) -> None:
@@ -191,11 +177,7 @@ class Drilling:
             self._paced.report()
 
     def save(self, name: str) -> tuple[int, tuple[str, ...]]:
-        """Keep the present state as a checkpoint; return its stamp [ns] and all names.
-
-        Raises:
-            CheckpointError: if the name cannot be one, or there are too many.
-        """
+        """Keep the present state as a checkpoint; return its stamp [ns] and all names."""
         self._checkpoints.save(name, self.run)
         self._saved[name] = self._settings, self._seed
         self.run.note("save", name=name)
@@ -205,11 +187,7 @@ class Drilling:
     def restore(self, name: str, *, continues: bool = False) -> int:
         """Go back to a checkpoint; return the stamp at which it goes on [ns].
 
-        Args:
-            continues: whether stamps continue even where the node is the source of ``/clock``.
-
-        Raises:
-            CheckpointError: if there is none of this name.
+        With ``continues`` stamps continue even where the node is the source of ``/clock``.
         """
         old, new = self.run, self._checkpoints.find(name)
         settings, self._seed = self._saved[name]
@@ -223,22 +201,16 @@ class Drilling:
         now = old.origin + old.time - new.time
         origin = self._source.return_to(new.time, now if continues else new.origin)
         self._paced.resume(new, origin, old.control.active)
-        self._account.begin()
+        self._reporter.begin()
         self._restored(self._settings)
         self._pace()
         return origin + new.time
 
     def reset(self, time: bool, state: bool, seed: int | None = None) -> None:
-        """Begin again; a fork goes back to its instant.
+        """Begin again; a fork goes back to its instant, and cannot have another seed.
 
-        Args:
-            time: whether stamps begin again.
-            state: whether the drill begins again: its motion, commands, faults, and parameters as
-                they were when it started, but for its pace.
-
-        Raises:
-            ParameterError: if the scenario cannot be used, or a fork shall have another seed;
-                nothing changes then.
+        ``time`` says whether stamps begin again. ``state`` is the motion, commands, faults, and
+        parameters as they were when it started, but for its pace. A ParameterError changes nothing.
         """
         if state and self._start is not None:
             if seed not in (None, self._seed):
@@ -258,14 +230,13 @@ class Drilling:
         self._paced.flush()
         if new is not None:
             self._paced.replace(new, self._source.begin(None if time else old.origin + old.time))
-            self._account.begin()
+            self._reporter.begin()
             self._restored(settings)
         elif time:
             old.place(self._source.begin() - old.time)
         self._pace()
 
     def _begin_in_state(self, start: Start, settings: Settings) -> None:
-        """Begin with the journal of a fork, and keep its state for resets."""
         self._journal = start.next_journal()
         run = self._copy(start, self._journal)
         self._seed = run.beginning.seed
@@ -279,7 +250,7 @@ class Drilling:
         self._paced.resume(run, self.run.origin, active=True)
 
     def _copy(self, start: Start, journal: Journal) -> Run:
-        return start.run.copy(journal, self._publishers.wanted, self._account.add)
+        return start.run.copy(journal, self._publishers.wanted, self._reporter.add)
 
     def _pace(self) -> None:
         factor = 1.0 if self._source.follows else self._settings.real_time_factor
@@ -288,7 +259,7 @@ class Drilling:
 
     def _new_run(self, seed: int, settings: Settings, active: bool) -> Run:
         beginning = Beginning.drawn(settings, seed)
-        return Run(beginning, self._journal, self._publishers.wanted, active, self._account.add)
+        return Run(beginning, self._journal, self._publishers.wanted, active, self._reporter.add)
 
 
 def _first_line(configuration: Configuration) -> str:

@@ -24,11 +24,7 @@ from rpud_sim.simulation.topics import TOPICS
 
 
 class FaultServices:
-    """Services ``inject_fault``, ``clear_fault``, ``list_faults`` and ``engage``.
-
-    Args:
-        node: that owns them.
-    """
+    """Services ``inject_fault``, ``clear_fault``, ``list_faults`` and ``engage``."""
 
     def __init__(self, node: Node, host: DrillHost) -> None:
         self._node = node

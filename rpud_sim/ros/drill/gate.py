@@ -30,10 +30,7 @@ _FEED_MODES = {FeedMessage.MODE_RATE: RATE, FeedMessage.MODE_POSITION: POSITION}
 class Gate:
     """Subscriptions to the commands; an invalid command is rejected with a reason.
 
-    Args:
-        node: that owns them.
-        inbox: for accepted commands, and the count of rejected ones.
-        now: stamp of a command that is given now [ns].
+    ``now`` gives the stamp of a command that is given now [ns].
     """
 
     def __init__(

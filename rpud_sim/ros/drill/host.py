@@ -21,11 +21,7 @@ class DrillHost(Protocol):
         """Drilling, to be read; None until the node has been activated."""
 
     def request(self, action: Callable[[Drilling], Any]) -> Any:
-        """Have something done between two blocks; return what it returns, raise what it raises.
-
-        Raises:
-            StoppedError: if the node has not been activated, or the drilling has ended.
-        """
+        """Have something done between two blocks; return what it returns, raise what it raises."""
 
     def refuse_request(self, reason: str) -> None:
         """Count a request that is refused, and log why."""

@@ -56,14 +56,12 @@ class Inbox:
         self.last_refusal = ""
 
     def begin_delays(self) -> None:
-        """Count delays from zero."""
         self.delays = Lateness()
 
     def accept(self, command: Command, arrived: int | None = None) -> None:
         """Queue a command for the next block boundary.
 
-        Args:
-            arrived: when the middleware received it, on the monotonic clock [ns]; None for now.
+        ``arrived`` is when the middleware received it, on the monotonic clock [ns]; None for now.
         """
         self._waiting.append((time.monotonic_ns() if arrived is None else arrived, command))
         self._notify()
@@ -91,7 +89,6 @@ class Inbox:
         self._notify()
 
     def _log(self, text: str) -> None:
-        """Log a refusal, but at most ten in a second."""
         second = int(time.monotonic())
         if second != self._second:
             self._second = second

@@ -22,9 +22,6 @@ def to_feed(message: JointState) -> Feed | None:
     The hardware interface names every joint of its system, and gives values only of those with a
     command interface: a list of values may be shorter than the names. A command interface that no
     controller has claimed is NaN, which is no command. Joints of others are ignored.
-
-    Raises:
-        ParameterError: if it cannot be used.
     """
     names = list(message.name)
     if FEED_JOINT not in names:

@@ -46,11 +46,7 @@ class ManagedNode(LifecycleNode):
         super().destroy_node()
 
     def complete(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
-        """Do a transition.
-
-        Raises:
-            RuntimeError: if it fails.
-        """
+        """Do a transition; a RuntimeError says that it failed."""
         if trigger() != TransitionCallbackReturn.SUCCESS:
             raise RuntimeError("the drill cannot be started; the log says why")
 

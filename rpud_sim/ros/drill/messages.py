@@ -38,9 +38,6 @@ def message_to_fault(message: FaultMessage) -> Fault:
 
     A magnitude of zero, which an unfilled message holds, stands for the kind's default unless the
     kind permits zero.
-
-    Raises:
-        FaultError: if there is no such fault.
     """
     kind = KINDS.get(message.kind)
     unfilled = message.magnitude == 0.0 and kind is not None and not kind.takes_zero
@@ -48,5 +45,4 @@ def message_to_fault(message: FaultMessage) -> Fault:
 
 
 def record_to_fault(record: FaultRecord, origin: int) -> FaultMessage:
-    """Convert one record of the ledger."""
     return filled(FaultMessage(), fields.fault_fields(record, origin))

@@ -1,4 +1,4 @@
-"""Namesakes: other nodes of the drill's name, which would answer the same requests."""
+"""Duplicate nodes: other nodes of the drill's name, which would answer the same requests."""
 
 from __future__ import annotations
 
@@ -22,16 +22,12 @@ class NameHold:
     """Hold of a node's name on this machine, which ends with the process at the latest.
 
     Discovery takes seconds on a busy machine; this knows at once. It is an abstract Unix socket,
-    which receives nothing and leaves no file. Only Linux has them: elsewhere no name is ever
-    taken.
-
-    Args:
-        name: full name of the node.
+    which receives nothing and leaves no file. Only Linux has them: elsewhere no name is ever taken.
     """
 
     def __init__(self, name: str, domain: int) -> None:
+        # Whether a living process of this machine holds the name, in the same domain.
         self.taken = False
-        """Whether a living process of this machine holds the name, in the same domain."""
         self._socket: socket.socket | None = None
         if sys.platform != "linux":
             return
@@ -44,18 +40,13 @@ class NameHold:
             self.release()
 
     def release(self) -> None:
-        """Let others hold the name."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
 
-class Namesakes:
-    """Count of the other nodes of a node's name, with a warning if there are some.
-
-    Args:
-        node: that has the name; it holds the name from now on.
-    """
+class DuplicateNodes:
+    """Count of the other nodes of a node's name, which it holds; it warns if there are some."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -64,7 +55,6 @@ class Namesakes:
         self._hold = NameHold(node.get_fully_qualified_name(), node.context.get_domain_id())
 
     def close(self) -> None:
-        """Hold the name no longer."""
         self._hold.release()
 
     def count(self) -> int:
@@ -84,9 +74,6 @@ class NamesakeSearch:
     """Search for a living drill of a name, before one of that name is made.
 
     It holds the name from now on, so of two that search at the same time one finds the other.
-
-    Args:
-        namespace: of that node.
     """
 
     def __init__(self, name: str, namespace: str) -> None:
@@ -104,7 +91,6 @@ class NamesakeSearch:
 
     @property
     def name(self) -> str:
-        """The name with its namespace."""
         name, namespace = self._name
         return f"{namespace.rstrip('/')}/{name}"
 
@@ -122,7 +108,6 @@ class NamesakeSearch:
             self._node.destroy_node()
 
     def close(self) -> None:
-        """Hold the name no longer."""
         self._hold.release()
 
     def _answers(self) -> bool:

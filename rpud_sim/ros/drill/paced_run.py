@@ -14,10 +14,10 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER, SECOND
-from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.ros.drill.time_control import TimeControl
 from rpud_sim.ros.scheduling import schedule_thread
 from rpud_sim.simulation.changes import Planned, apply_change
@@ -31,17 +31,15 @@ _PART = 0.0002  # that a part of other work between two deadlines takes [s]
 class PacedRun:
     """Moves a run under its time control, publishes its messages, and reports on it.
 
-    Commands act at the end of the block in which they come. For use by one thread.
-
-    Args:
-        planned: changes that come by themselves; delays count from simulation time zero.
+    Commands act at the end of the block in which they come. For use by one thread. ``planned``
+    changes come by themselves; their delays count from simulation time zero.
     """
 
     def __init__(
         self,
         run: Run,
         publishers: DrillPublishers,
-        account: Account,
+        reporter: StatusReporter,
         inbox: Inbox,
         pacer: Pacer,
         logger: RcutilsLogger,
@@ -49,7 +47,7 @@ class PacedRun:
     ) -> None:
         self.time_control = TimeControl()
         self._publishers = publishers
-        self._account = account
+        self._reporter = reporter
         self._inbox = inbox
         self._pacer = pacer
         self._logger = logger
@@ -61,7 +59,6 @@ class PacedRun:
 
     @property
     def run(self) -> Run:
-        """The present run."""
         return self._run
 
     def replace(self, run: Run, origin: int) -> None:
@@ -77,10 +74,9 @@ class PacedRun:
     def pace(self, factor: float, priority: int, due: int | None = None) -> None:
         """Begin a schedule if time goes on by itself, hold it otherwise; report.
 
-        Args:
-            factor: simulated time over elapsed time; 0 for as fast as possible.
-            priority: of the thread while it has deadlines in real time or slower.
-            due: when the present simulation time is due on the pacer's schedule [ns]; None for now.
+        ``factor`` is simulated over elapsed time, 0 for as fast as possible. The priority is for
+        deadlines in real time or slower. ``due`` is when the present time is on the pacer's
+        schedule [ns]; None is now.
         """
         self._publish_rest()
         playing = self.time_control.playing
@@ -90,7 +86,7 @@ class PacedRun:
             self._pacer.stop()
         # A drill in a hurry takes all that it can get, and others must have their share.
         punctual = playing and 0.0 < factor <= 1.0
-        self._account.scheduling = schedule_thread(priority if punctual else 0)
+        self._reporter.scheduling = schedule_thread(priority if punctual else 0)
         self.report()
 
     def advance(self) -> float:
@@ -102,7 +98,7 @@ class PacedRun:
             self._stand_still()
             return _STANDSTILL_PERIOD
         elif (idle := self._pacer.idle(until)) > 0.0:
-            if self._account.due():
+            if self._reporter.due():
                 self.report()
             self._fill_time(until)
             return idle
@@ -130,12 +126,11 @@ class PacedRun:
         if not state:
             state = self.time_control.state if self._run.control.active else "inactive"
         self._publishers.publish(self._run.changes())
-        self._account.report(state, self._run, self._pacer)
+        self._reporter.report(state, self._run, self._pacer)
         if not later:
-            self._account.publish_diagnostics()
+            self._reporter.publish_diagnostics()
 
     def _advance_to(self, until: int) -> None:
-        """Compute a block, publish it at its deadline, and let commands act at its end."""
         entries = list(self._run.advance_to(until, self._streams.append))
         messages = self._publishers.encode(entries)
         # Without deadlines its subscribers set the pace.
@@ -148,7 +143,7 @@ class PacedRun:
         self._pacer.finish(until)
         if self._pacer.paces:
             struck = [time for time, name, _ in entries if name == "contact_force"]
-            self._account.add_impact_delays(map(self._pacer.delay_since, struck))
+            self._reporter.add_impact_delays(map(self._pacer.delay_since, struck))
         changed = self._apply_planned() | self._apply_commands()
         if not self._pacer.ahead:
             self._publish_rest()
@@ -168,17 +163,16 @@ class PacedRun:
         each block, and one that has waited for two is finished: so their number is bounded.
         """
         if self._pacer.remaining(until) > _PART:
-            self._account.publish_diagnostics()
+            self._reporter.publish_diagnostics()
         if len(self._streams) > 1:
             self._publish_part()
         while self._streams and (len(self._streams) > 2 or self._pacer.remaining(until) > _PART):
             self._publish_part()
 
     def _publish_rest(self) -> None:
-        """Publish everything that has waited for time between deadlines."""
         while self._streams:
             self._publish_part()
-        self._account.publish_diagnostics()
+        self._reporter.publish_diagnostics()
 
     def _publish_part(self) -> None:
         for entry in self._streams[0]:
@@ -193,7 +187,7 @@ class PacedRun:
         In a step it is at every second of simulation time: what is published must not depend on
         the speed of the machine.
         """
-        return time % SECOND == 0 if self.time_control.stepping else self._account.due()
+        return time % SECOND == 0 if self.time_control.stepping else self._reporter.due()
 
     @property
     def _next_planned(self) -> int:
@@ -221,14 +215,14 @@ class PacedRun:
         for command in commands:
             self._run.control.apply(command)
         changed = self._run.control.act()
-        return bool(commands) or changed or self._account.refused_more()
+        return bool(commands) or changed or self._reporter.refused_more()
 
     def _stand_still(self) -> None:
-        if self._apply_commands() or self._account.due():
+        if self._apply_commands() or self._reporter.due():
             self.report()
         now = time.monotonic()
         if now >= self._clock_due:
-            changed = self._account.publishers_changed()
+            changed = self._reporter.publishers_changed()
             if self._publishers.delivery_changed() or changed:  # a test waits for it
                 self.report()
             self._publishers.publish_clock(self._run.origin + self._run.time)

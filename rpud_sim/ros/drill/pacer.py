@@ -35,18 +35,12 @@ NO_TIMING = Timing(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # before the start
 
 
 class Pacer:
-    """Deadlines of simulation times, on an absolute schedule.
+    """Deadlines of simulation times, on an absolute schedule of blocks at a whole rate [Hz].
 
     From a start on, simulation time t is due t / factor after it, whatever happened before, so that
-    it never drifts. A block that is late is made up for by the ones after it, without a pause.
-
-    Args:
-        rate: blocks per second of simulation time, a whole number [Hz].
-        factor: simulated time over elapsed time; 0 for as fast as possible.
-        clock: monotonic time [ns].
-        schedule: the time that the schedule follows [ns]; None for the monotonic one. With another
-            one, which goes in steps, a block is due at the step that brings its end.
-        sleep: waits for some seconds.
+    it never drifts; 0 is as fast as possible. A block that is late is made up for by the ones after
+    it, without a pause. Another ``schedule`` [ns] than the monotonic ``clock`` [ns] goes in steps:
+    a block is due at the step that brings its end.
     """
 
     def __init__(

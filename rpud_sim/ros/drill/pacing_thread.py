@@ -29,12 +29,10 @@ class PacingThread:
 
     @property
     def started(self) -> bool:
-        """Whether the drilling has begun."""
         return self._thread.ident is not None
 
     @property
     def finished(self) -> bool:
-        """Whether it has ended, for whatever reason."""
         return self._finished.is_set()
 
     @property
@@ -43,11 +41,7 @@ class PacingThread:
         return self._failure
 
     def start(self, settings: Settings) -> None:
-        """Begin, active, with settings that may have changed: simulation time zero is now.
-
-        Raises:
-            ParameterError: if the scenario cannot be used.
-        """
+        """Begin, active, with settings that may have changed: simulation time zero is now."""
         self._drilling.begin(settings)
         self._thread.start()
 
@@ -59,11 +53,7 @@ class PacingThread:
             self._thread.join()
 
     def request(self, action: Callable[[Drilling], Any]) -> Any:
-        """Have something done between two blocks; see ``Requests.do``.
-
-        Raises:
-            StoppedError: if the drilling has not begun, or has ended.
-        """
+        """Have something done between two blocks; see ``Requests.do``."""
         if not self.started:
             raise StoppedError("the node has not been activated")
         return self._requests.do(lambda: action(self._drilling))

@@ -33,13 +33,7 @@ Encoded = tuple[str, bytes]  # topic and serialized message
 
 
 class DrillPublishers:
-    """All publishers of the drill node.
-
-    Args:
-        node: that owns them.
-        publish_clock: whether the node is the source of ``/clock``.
-        offered: topics of the node's namespace by name.
-    """
+    """All publishers of the drill node; with ``publish_clock`` also of ``/clock``."""
 
     def __init__(
         self,
@@ -121,7 +115,6 @@ class DrillPublishers:
         self.send(self.encode(entries))
 
     def send(self, messages: Iterable[Encoded]) -> None:
-        """Publish serialized messages."""
         for name, message in messages:
             self._send(name, message)
 
@@ -131,7 +124,6 @@ class DrillPublishers:
             self.publish([(stamp, "/clock", {"clock": time_fields(stamp)})])
 
     def publish_diagnostics(self, diagnostics: DiagnosticArray) -> None:
-        """Publish diagnostics."""
         self._send("/diagnostics", serialize_message(diagnostics))
 
     def wait_for_subscribers(self, seconds: float = _LONGEST_WAIT) -> None:
@@ -143,7 +135,6 @@ class DrillPublishers:
                 publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
 
     def destroy(self) -> None:
-        """Destroy the publishers."""
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         self._publishers.clear()
@@ -175,7 +166,6 @@ class DrillPublishers:
         self._awaits_status = self._publishers["status"].wait_for_all_acked(wait)
 
     def _await(self, name: str) -> None:
-        """Let reliable subscribers catch up before the oldest messages would be overwritten."""
         if self._unacknowledged[name] >= self._offered[name].depth:
             # For all at once: waiting for the subscribers of one topic takes as long as for all.
             self.wait_for_subscribers()

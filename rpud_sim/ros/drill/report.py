@@ -31,11 +31,9 @@ class Delays:
 
     @staticmethod
     def of(delays: Lateness) -> Delays:
-        """Return the delays of a histogram."""
         return Delays(delays.count, delays.quantile(0.5), delays.quantile(0.99), delays.greatest)
 
     def values(self, name: str) -> dict[str, object]:
-        """Return them as values of a diagnostic."""
         return {
             f"{name}_delay_p50 [s]": f"{self.p50:.6f}",
             f"{name}_delay_p99 [s]": f"{self.p99:.6f}",

@@ -37,21 +37,12 @@ def open_drill(
     allow_duplicate: bool = False,
     start: Start | None = None,
 ) -> Iterator[DrillNode]:
-    """Start ROS and a drill node in this process; shut both down at the end.
+    """Start ROS and a drill node in this process, neither configured nor active; shut both down.
 
-    Args:
-        values: parameters by name.
-        duration: simulation time after which it has finished [s]; None for never.
-        allow_duplicate: whether to drill beside a drill of the same name.
-        start: state in which it begins, whose settings are ``values``; None for time zero.
-
-    Yields:
-        The node, neither configured nor active.
-
-    Raises:
-        ParameterError: if a parameter has a value that cannot be used.
-        StartError: if ROS cannot start, or the namespace is none of ROS.
-        NamesakeError: if a drill of the same name runs already.
+    ``values`` are parameters by name. After ``duration`` in simulation time [s] it has finished;
+    None for never. With ``allow_duplicate`` it drills beside a drill of the same name, which is a
+    NamesakeError otherwise. ``start`` is a state to begin in, whose settings are ``values``; None
+    for time zero.
     """
     settings = to_settings(values)
     try:

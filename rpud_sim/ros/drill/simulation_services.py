@@ -45,9 +45,6 @@ class SimulationServices:
     """Services of the namespace ``simulation``: states, steps, resets and checkpoints.
 
     States, results and refusals are those of the ``simulation_interfaces`` standard.
-
-    Args:
-        node: that owns them.
     """
 
     def __init__(self, node: Node, host: DrillHost) -> None:
@@ -82,11 +79,7 @@ class SimulationServices:
         return self.answer(response, lambda: self._set_state(int(request.state.state)))
 
     def reset(self, scope: int, seed: int | None = None) -> None:
-        """Restart the time, the state or both.
-
-        Raises:
-            RefusedError: if that is not possible.
-        """
+        """Restart the time, the state or both."""
         whole = ResetSimulation.Request
         known = whole.SCOPE_TIME | whole.SCOPE_STATE | whole.SCOPE_SPAWNED
         bits = known if scope in (whole.SCOPE_DEFAULT, whole.SCOPE_ALL) else scope
@@ -109,12 +102,8 @@ class SimulationServices:
     def step_until(self, until_of: Callable[[Drilling], int]) -> int:
         """Step to a simulation time [ns]; return the stamp that was reached.
 
-        Args:
-            until_of: returns that time, called between two blocks; may raise ``RefusedError``.
-
-        Raises:
-            RefusedError: if that is not possible.
-            InterruptedStepError: if it ends before its time.
+        ``until_of`` returns that time between two blocks, and may raise a RefusedError. A step that
+        ends before its time is an InterruptedStepError.
         """
         drilling = self._controlled()
         if drilling.follows_clock:

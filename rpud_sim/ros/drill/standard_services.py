@@ -52,12 +52,8 @@ class StandardServices:
     ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
     ``step_simulation``, ``reset_simulation`` and ``simulate_steps``; states, results and refusals
     are those of the drill's own services. A step is a telemetry period; the first of several goes
-    to the next boundary of one.
-
-    Args:
-        node: that owns them.
-        services: the drill's own, which do the work.
-        rate: telemetry periods per second [Hz].
+    to the next boundary of one. ``services``, the drill's own, do the work. ``rate`` is that of
+    telemetry periods [Hz].
     """
 
     def __init__(self, node: Node, services: SimulationServices, rate: int) -> None:

@@ -10,10 +10,7 @@ class InterruptedStepError(RuntimeError):
 
 
 class TimeControl:
-    """State of simulation time: paused at first.
-
-    One thread changes it; any thread may read it.
-    """
+    """State of simulation time: paused at first. One thread changes it; any may read it."""
 
     def __init__(self) -> None:
         self._playing = False
@@ -23,7 +20,6 @@ class TimeControl:
 
     @property
     def playing(self) -> bool:
-        """Whether time goes on by itself."""
         return self._playing
 
     @property
@@ -38,7 +34,6 @@ class TimeControl:
 
     @property
     def stepping(self) -> bool:
-        """Whether a step is under way."""
         return self._goal is not None
 
     @property

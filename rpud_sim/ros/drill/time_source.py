@@ -13,9 +13,8 @@ from rclpy.node import Node
 class TimeSource:
     """Stamp of simulation time zero, and the schedule of what comes after it.
 
-    Args:
-        node: whose clock it is; with its parameter ``use_sim_time`` it follows ``/clock``.
-        publishes: whether the node itself is the source of ``/clock``.
+    The node's clock follows ``/clock`` with its parameter ``use_sim_time``. With ``publishes`` the
+    node itself is the source of ``/clock``.
     """
 
     def __init__(self, node: Node, publishes: bool) -> None:
@@ -53,11 +52,7 @@ class TimeSource:
         self._notify = notify
 
     def wait(self, stop: threading.Event, serve: Callable[[], None]) -> int:
-        """Wait until there is a time, and return the stamp of simulation time zero, now [ns].
-
-        Args:
-            serve: called repeatedly meanwhile.
-        """
+        """Wait, serving, until there is a time; return the stamp of simulation time zero [ns]."""
         if self._follows and self._now() == 0:
             self._logger.info("waiting for /clock, as use_sim_time is set")
             while self._now() == 0 and not stop.wait(0.01):
@@ -67,8 +62,7 @@ class TimeSource:
     def begin(self, origin: int | None = None) -> int:
         """Begin again, and return the stamp of simulation time zero [ns].
 
-        Args:
-            origin: that stamp; now if None, which is zero where the node is the source.
+        That is ``origin``; without one it is now, which is zero where the node is the source.
         """
         self._went_back.clear()
         if origin is None:
@@ -79,9 +73,8 @@ class TimeSource:
     def return_to(self, time: int, origin: int = 0) -> int:
         """Go on at a simulation time [ns], and return the stamp of simulation time zero [ns].
 
-        Args:
-            time: that has the stamp of now.
-            origin: the stamp to return where the node is the source; ``time`` goes with it.
+        ``time`` has the stamp of now. Where the node is the source, the stamp to return is
+        ``origin``, which belongs to ``time``.
         """
         return self.begin(origin if self._publishes else self._now() - time)
 
@@ -90,11 +83,9 @@ class TimeSource:
         return self._origin + time if self._follows else None
 
     def went_back(self) -> bool:
-        """Whether the time has gone back since it began."""
         return self._went_back.is_set()
 
     def close(self) -> None:
-        """Stop listening."""
         if self._jumps is not None:
             self._jumps.unregister()
             self._jumps = None

@@ -13,11 +13,7 @@ _CHECK_PERIOD = 0.1  # of the free space [s]
 
 
 class DiskRoom:
-    """Limit of a bag: by its size and by the free space of its disk.
-
-    Args:
-        limit: bytes that the whole bag may have; None for no limit.
-    """
+    """Limit of a bag: by its size [bytes], None for none, and by the free space of its disk."""
 
     def __init__(self, path: Path, limit: int | None) -> None:
         self._path = path
@@ -27,14 +23,7 @@ class DiskRoom:
         self._size = 0  # the bag's at that time
 
     def refusal(self, closed_size: int, size: int) -> str:
-        """Return why there is no room for a message, empty if there is.
-
-        Args:
-            closed_size: bytes of the bag if it were closed now.
-
-        Raises:
-            BagError: if the disk cannot be read.
-        """
+        """Return why there is no room for a message in a bag of this closed size [bytes], or ""."""
         if self._limit is not None and closed_size + size > self._limit:
             return f"it has reached --max-disk {self._limit} bytes"
         now = time.monotonic()

@@ -31,12 +31,8 @@ class DrillInquiry:
 
     A drill is a node that publishes a Status; a restarted one is queried again. Its scenario comes
     from its journal: no file is read, as a stranger could name any. The node needs no executor:
-    ``poll`` reads the answers that have come.
-
-    Args:
-        node: that asks.
-        wants: whether the drill that publishes on a topic belongs to the recording.
-        command: command line of the recorder.
+    ``poll`` reads the answers that have come. ``wants`` says whether the drill that publishes on a
+    topic belongs to the recording. ``command`` is the command line of the recorder.
     """
 
     def __init__(
@@ -120,8 +116,6 @@ class _Question:
 
 
 class _Questions:
-    """Questions to one node: names of parameters, their values, and the scenario if it has one."""
-
     def __init__(self, node: Node, name: str) -> None:
         self.name = name
         self.parameters: dict[str, Any] | None = None
@@ -166,7 +160,6 @@ class _Questions:
         return True
 
     def close(self) -> None:
-        """Stop asking and listening."""
         self._stop_asking()
         if self._journal is not None:
             self._node.destroy_subscription(self._journal)
@@ -198,5 +191,4 @@ class _Questions:
 
 
 def _plain(value: Any) -> Any:
-    """Return an array as a list, as JSON has it."""
     return value if value is None or isinstance(value, bool | int | float | str) else list(value)

@@ -30,7 +30,6 @@ class Intake:
 
     @property
     def paused(self) -> bool:
-        """Whether messages are discarded."""
         return self._paused
 
     def declare(self, declaration: Declaration) -> None:
@@ -46,7 +45,6 @@ class Intake:
             self._write(message)
 
     def pause(self) -> None:
-        """Discard messages from now on."""
         self._paused = True
 
     def resume(self) -> None:

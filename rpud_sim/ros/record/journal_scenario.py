@@ -13,10 +13,8 @@ from rpud_sim.foundation.time import SECOND
 def scenario_text(content: str) -> str:
     """Return the scenario of a journal's entry ``begin`` as the text of a file, all faults drawn.
 
-    The text is one JSON object, which YAML reads too; it is empty if no fault was planned.
-
-    Raises:
-        ValueError: if the content is not that of such an entry.
+    The text is one JSON object, which YAML reads too; it is empty if no fault was planned. Other
+    content raises a ValueError.
     """
     try:
         faults = [_planned(entry) for entry in json.loads(content)["faults"]]

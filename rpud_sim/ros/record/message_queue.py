@@ -37,10 +37,8 @@ Item = Message | Declaration | NamedRecord | Split
 class MessageQueue:
     """Queue from the one thread that receives messages to the one that writes them.
 
-    Each counter belongs to one of the two threads, so that neither waits for the other.
-
-    Args:
-        capacity: bytes of messages that may wait; a message that does not fit is dropped.
+    Each counter belongs to one of the two threads, so that neither waits for the other. At most
+    ``capacity`` bytes of messages wait; a message that does not fit is dropped.
     """
 
     def __init__(self, capacity: int = RecordOptions.max_cache_size) -> None:
@@ -67,19 +65,13 @@ class MessageQueue:
         self._items.put(record)
 
     def split(self) -> None:
-        """Append the end of a file."""
         self._items.put(Split())
 
     def close(self) -> None:
-        """Append the end."""
         self._items.put(None)
 
     def get(self, timeout: float) -> Item | None:
-        """Return the next item, None at the end.
-
-        Raises:
-            queue.Empty: if there is none within the timeout [s].
-        """
+        """Return the next item, None at the end; ``queue.Empty`` if none in the timeout [s]."""
         item = self._items.get(timeout=max(0.0, timeout))
         if isinstance(item, Message):
             self._got_bytes += len(item.data)

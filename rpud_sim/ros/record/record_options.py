@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+# Names of the writer's compressions; repeated, because the writer takes long to load.
 COMPRESSIONS = ("none", "lz4", "zstd")
-"""Names of the writer's compressions; repeated, because the writer takes long to load."""
 
 
 @dataclass(frozen=True)

@@ -28,13 +28,7 @@ class RecordProgress:
         return time.monotonic() >= self._shown + _PERIOD
 
     def text(self, count: int, size: int, losses: Mapping[str, Losses], paused: bool) -> str:
-        """Return the progress so far, with rates since the last text.
-
-        Args:
-            size: of the bag so far [bytes].
-            losses: of each topic.
-            paused: whether the recording is paused.
-        """
+        """Return the progress so far, with rates since the last text; ``size`` in bytes."""
         now = time.monotonic()
         period = max(now - self._shown, 1e-9)
         parts = [
@@ -73,7 +67,6 @@ def summary(node: Recorder, bag: BagWriter, seconds: float) -> str:
 
 
 def lost_text(name: str, losses: Losses) -> str:
-    """Return the number of lost messages of a topic, by cause."""
     parts = {
         "on the way": losses.transport,
         "for which the queue (--max-cache-size) had no room": losses.queue,
@@ -87,9 +80,8 @@ def lost_text(name: str, losses: Losses) -> str:
 def late_text(exposure: float, max_loss: float) -> str:
     """Return a warning if data reached the disk too late; empty if it did not.
 
-    Args:
-        exposure: longest time from the receipt of a message to the disk [s].
-        max_loss: the bound that was requested [s].
+    ``exposure`` is the longest time from the receipt of a message to the disk [s], ``max_loss`` the
+    bound that was requested [s].
     """
     if exposure <= max_loss:
         return ""

@@ -79,11 +79,7 @@ class RecordedTopic:
         return False
 
     def accept(self, data: bytes, info: dict[str, Any], *, counts: bool) -> Message | None:
-        """Return the message that came with this information; None for a damaged or repeated one.
-
-        Args:
-            counts: whether a gap before it is a loss.
-        """
+        """Return the message, None if damaged or repeated; ``counts`` makes a gap a loss."""
         log_time = info["received_timestamp"] or time.time_ns()
         publish_time = info["source_timestamp"]
         if is_damaged(data, log_time, publish_time):
@@ -98,7 +94,6 @@ class RecordedTopic:
         return Message(self.name, log_time, publish_time, data)
 
     def _is_repeated(self, publish_time: int, number: int | None) -> bool:
-        """Return whether a latched message came before, to an earlier subscription."""
         if self.request.durability != DurabilityPolicy.TRANSIENT_LOCAL:
             return False
         if (publish_time, number) in self._latest:

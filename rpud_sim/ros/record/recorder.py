@@ -31,8 +31,8 @@ from rpud_sim.ros.record.writing_thread import WritingThread
 from rpud_sim.ros.starting import StartError, name_error, start_ros
 from rpud_sim.ros.stopping import StopRequest
 
+# Metadata record of topics that could not be recorded, with the reasons.
 SKIPPED_RECORD = "rpud_skipped"
-"""Metadata record of topics that could not be recorded, with the reasons."""
 
 _POLL_PERIOD = 0.005  # s; messages carry the time at which the middleware received them
 _GRAPH_PERIOD = 0.25  # s
@@ -120,8 +120,6 @@ def _wait_for_eof(stop: StopRequest) -> None:
 
 
 class _Collection:
-    """Loop that collects messages, follows the graph and serves requests, until the end."""
-
     def __init__(
         self,
         node: Recorder,
@@ -142,12 +140,7 @@ class _Collection:
         self._losses = node.losses
 
     def run(self, duration: float | None, show: Callable[[str], None]) -> None:
-        """Record for a duration [s] or until the stop is requested.
-
-        Args:
-            duration: from when it is ready [s]; None for no limit.
-            show: called with a line about the progress, once a second.
-        """
+        """Record for a duration [s] from when it is ready, or until the stop is requested."""
         self._collect(duration, show)
         _drain(self._node)
         self._node.finish()
@@ -186,7 +179,6 @@ class _Collection:
                 self._stop.wait(_POLL_PERIOD)
 
     def _signal_ready(self) -> None:
-        """Write one line to the process that waits for this one, if there is any."""
         if self._ready_fd is not None:
             with suppress(OSError):  # that process may have ended
                 os.write(self._ready_fd, b"recording\n")
@@ -204,7 +196,6 @@ class _Collection:
 
 
 def _drain(node: Recorder) -> None:
-    """Collect what the middleware had received at the stop, or receives right after it."""
     time.sleep(_DRAIN_TIME)
     _take_all(node)
 

@@ -75,13 +75,11 @@ class Recorder(Node):
 
     @property
     def losses(self) -> dict[str, Losses]:
-        """Lost messages of each topic."""
         refused = self._intake.refused
         return {name: item.losses(refused[name]) for name, item in self._recordings.items()}
 
     @property
     def renewals(self) -> dict[str, int]:
-        """Number of renewed subscriptions by topic, of topics that have some."""
         return {name: item.renewals for name, item in self._recordings.items() if item.renewals}
 
     @property
@@ -90,7 +88,6 @@ class Recorder(Node):
         return sorted(name for name, item in self._recordings.items() if item.further_types)
 
     def wants(self, name: str) -> bool:
-        """Return whether the topic with this absolute name is to be recorded."""
         return self._selection.wants(name, self._prefix)
 
     def wants_drill(self, name: str) -> bool:

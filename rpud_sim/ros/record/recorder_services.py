@@ -87,10 +87,7 @@ class RecorderServices:
 
 
 def service_type(kind: str) -> Any:
-    """Return the type of a service of rosbag2, or its substitute if that is not installed.
-
-    None if neither is installed.
-    """
+    """Return the type of a rosbag2 service, or its substitute; None if neither is installed."""
     for package in ("rosbag2_interfaces", "rpud_msgs"):
         with suppress(ImportError, AttributeError):
             return getattr(importlib.import_module(f"{package}.srv"), kind)

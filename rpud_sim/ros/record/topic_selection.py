@@ -23,12 +23,7 @@ class TopicSelection:
         return bool(self.topics) and self.regex is None and not self.everything
 
     def wants(self, name: str, prefix: str) -> bool:
-        """Return whether to record a topic.
-
-        Args:
-            name: absolute; those of ``topics`` must be absolute too.
-            prefix: of the names of the namespace.
-        """
+        """Return whether to record a topic; absolute names, ``prefix`` those of the namespace."""
         if self.exclude is not None and self.exclude.search(name):
             return False
         if name in self.topics:

@@ -32,12 +32,6 @@ class TopicSubscriber:
         self._drain = drain
 
     def subscribe(self, name: str, type_name: str) -> RecordedTopic:
-        """Subscribe to a topic.
-
-        Raises:
-            UnknownTypeError: if the type is not installed.
-            RuntimeError: if the middleware does not permit it.
-        """
         message = message_class(type_name)
         endpoints = self._publishers(name, type_name)
         # Before the first publisher its subscribers show what it will have to offer.

@@ -16,12 +16,8 @@ class WritingThread(threading.Thread):
     """Writes the queue until its end, and flushes it to the disk in time.
 
     A message waits for others in its chunk for half of ``max_loss``; the rest is left for the disk.
-    The bag itself is for others to close when the thread has ended.
-
-    Args:
-        max_loss: time within which messages are on the disk [s].
-        on_end: called once when there is an error or a refusal.
-        room: of the disk; None for no check.
+    The bag itself is for others to close when the thread has ended. ``on_end`` is called once when
+    there is an error or a refusal. Without ``room`` the disk is not checked.
     """
 
     def __init__(

@@ -61,9 +61,7 @@ class Plan:
 class Playback:
     """Publishes messages on a timeline that can be paused, stepped, sped up and moved.
 
-    Args:
-        read: opens the messages from a time of the bag [ns] on.
-        clock: monotonic time [ns].
+    ``read`` opens the messages from a time of the bag [ns] on. ``clock`` is monotonic [ns].
     """
 
     def __init__(
@@ -88,7 +86,6 @@ class Playback:
 
     @property
     def paused(self) -> bool:
-        """Whether it stands still."""
         return self._timeline.paused
 
     @property
@@ -168,29 +165,21 @@ class Playback:
         self._stopped = True
 
     def close(self) -> None:
-        """End reading."""
         if self._messages is not None:
             self._messages.close()
 
     def pause(self) -> None:
-        """Pause, unless it is paused."""
         self._hold()
         self._timeline = self._timeline.pause(self._clock())
 
     def resume(self) -> None:
-        """Resume, if it is paused."""
         self._timeline = self._timeline.resume(self._clock())
 
     def toggle_paused(self) -> None:
-        """Pause or resume."""
         self.resume() if self.paused else self.pause()
 
     def set_rate(self, rate: float) -> None:
-        """Set bag time over real time.
-
-        Raises:
-            RefusedError: if it is outside the range of ``RATE``.
-        """
+        """Set bag time over real time, in the range of ``RATE``."""
         try:
             RATE.check("rate", rate)
         except ParameterError as error:
@@ -199,11 +188,7 @@ class Playback:
         self._timeline = self._timeline.with_rate(self._clock(), rate)
 
     def seek(self, position: int) -> None:
-        """Go to a time of the bag [ns], or to the first that is played if that is later.
-
-        Raises:
-            RefusedError: if it is after the last that is played.
-        """
+        """Go to a time of the bag [ns], not before the first and not after the last message."""
         first, last = self._plan.first, self._plan.last
         if position > last:
             raise RefusedError(
@@ -214,11 +199,7 @@ class Playback:
         self._timeline = self._timeline.seek(self._clock(), position)
 
     def play_next(self) -> None:
-        """Publish the next message now; its time is the position then.
-
-        Raises:
-            RefusedError: if it is not paused, or there is no next message.
-        """
+        """Publish the next message of a paused playback; its time is the position then."""
         if not self.paused:
             raise RefusedError("the replay is not paused")
         if self._next is None:
@@ -230,11 +211,7 @@ class Playback:
         self._publish_next()
 
     def burst(self, count: int) -> int:
-        """Publish the next messages now, all for a count of 0; return how many.
-
-        Raises:
-            RefusedError: if it is not paused.
-        """
+        """Publish the next messages of a paused playback, all for a count of 0; return how many."""
         if not self.paused:
             raise RefusedError("the replay is not paused")
         before = self.published
@@ -268,7 +245,6 @@ class Playback:
         self._next = self._take()
 
     def _hold(self) -> None:
-        """Move the timeline back to the next message, if that is late."""
         now = self._clock()
         position = self.position
         if position < self._timeline.position_at(now):

@@ -17,11 +17,7 @@ _SHORTEST_SLEEP = 2e-4  # s; messages of less than this come together, and wake 
 
 
 class PlaybackThread:
-    """Thread that plays; other threads reach the playback by ``do``.
-
-    Args:
-        priority: of real-time scheduling, where permitted; 0 for none.
-    """
+    """Thread that plays, by real-time priority unless 0; others reach the playback by ``do``."""
 
     def __init__(self, playback: Playback, priority: int = 0) -> None:
         self._playback = playback
@@ -32,24 +28,17 @@ class PlaybackThread:
         self._thread = threading.Thread(target=self._run, name="playback", daemon=True)
 
     def start(self) -> None:
-        """Start to play."""
         self._thread.start()
 
     @property
     def running(self) -> bool:
-        """Whether it is still playing."""
         return self._thread.is_alive()
 
     def do(self, action: Callable[[Playback], Result]) -> Result:
-        """Have something done between two messages; return its result, raise what it raises.
-
-        Raises:
-            StoppedError: if the playback has ended.
-        """
+        """Have something done between two messages; return its result, raise what it raises."""
         return self._requests.do(lambda: action(self._playback))
 
     def stop(self) -> None:
-        """End the playback."""
         self._playback.stop()
         self._wake.set()
 

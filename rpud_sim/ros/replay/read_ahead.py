@@ -34,7 +34,6 @@ class ReadAhead:
         self._full.wait()
 
     def __iter__(self) -> ReadAhead:
-        """Return the iterator itself."""
         return self
 
     def __next__(self) -> Message:

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 
 from rpud_sim.foundation.quantities import Quantity
 
+# Allowed rates of a replay; publishing is slower than the greatest.
 RATE = Quantity("", "speed of a replay, in times real time", 0.0, 1e6, exclusive=True)
-"""Allowed rates of a replay; publishing is slower than the greatest."""
+# Allowed rates of ``/clock``; its messages come before all others.
 CLOCK_RATE = Quantity("Hz", "rate of /clock", 0.0, 1e4, exclusive=True)
-"""Allowed rates of ``/clock``; its messages come before all others."""
-DEFAULT_CLOCK_RATE = 40.0
-"""Rate of ``/clock`` where ``--clock`` names none [Hz]."""
+DEFAULT_CLOCK_RATE = 40.0  # rate of ``/clock`` where ``--clock`` names none [Hz]
+# Time that a replay waits for subscribers by default [s]; Fast DDS announces itself every 3 s.
 DISCOVERY_TIME = 3.5
-"""Time that a replay waits for subscribers by default [s]; Fast DDS announces itself every 3 s."""
 
 
 @dataclass(frozen=True)

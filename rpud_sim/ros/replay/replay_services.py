@@ -48,12 +48,7 @@ class ReplayServices:
     ``seek``, ``play_next``, ``burst``, ``stop`` and ``play``, of the types of rosbag2_interfaces.
     Without that package the types are std_srvs/Trigger and those of rpud_msgs, which also return
     the reason of a refusal. There is no ``play`` then: a running replay refuses it, and the program
-    ends with its replay.
-
-    Args:
-        node: that owns them.
-        thread: that plays.
-        failed: called with one line if a request raises an error.
+    ends with its replay. ``failed`` is called with one line if a request raises an error.
     """
 
     def __init__(self, node: Node, thread: PlaybackThread, failed: Callable[[str], None]) -> None:
@@ -85,7 +80,6 @@ class ReplayServices:
 
 
 def service_types() -> dict[str, Any]:
-    """Return the types of the services by name, of the installed packages."""
     if rosbag2 := _installed("rosbag2_interfaces.srv"):
         return {name: getattr(rosbag2, _type_name(name)) for name in _ACTIONS}
     types = dict.fromkeys(("pause", "resume", "toggle_paused", "play_next", "stop"), Trigger)

@@ -50,17 +50,7 @@ class ReplayError(RuntimeError):
 
 
 def replay(options: ReplayOptions, ros_arguments: Sequence[str], make_bar: MakeBar) -> str:
-    """Replay to the end of the bag or until a signal stops it, and return a summary.
-
-    Args:
-        make_bar: returns the bar that shows the progress.
-
-    Raises:
-        BagError: if the bag cannot be read.
-        OptionError: if the options do not fit the bag.
-        ReplayError: if no topic of the bag can be replayed.
-        StartError: if ROS cannot start.
-    """
+    """Replay to the end of the bag or until a signal stops it, and return a summary."""
     with StopRequest() as stop, rpud_sim.bag.open(options.bag) as bag:
         topics = _chosen_topics(bag, options)
         try:
@@ -73,7 +63,6 @@ def replay(options: ReplayOptions, ros_arguments: Sequence[str], make_bar: MakeB
 
 
 def _chosen_topics(bag: BagReader, options: ReplayOptions) -> list[TopicSummary]:
-    """Check the options against the bag, and return the topics that have messages to replay."""
     duration = bag.duration / SECOND
     if options.start > duration:
         raise OptionError(
@@ -194,7 +183,6 @@ def _await_subscribers(node: Replayer, stop: StopRequest, *, patient: bool) -> N
 
 @contextmanager
 def _spinning(node: Replayer) -> Iterator[None]:
-    """Spin a node in a thread, so that its services answer during the replay."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     ended = threading.Event()

@@ -31,11 +31,8 @@ class Replayer(Node):
     topic is skipped with a warning if its name is invalid in ROS, if its type is not installed or
     not the only one, or if it would share its name with a topic of another type.
 
-    Services: those of ``ReplayServices``.
-
-    Args:
-        with_clock: whether to publish ``/clock``.
-        remappings: other names of topics, as ``OLD:=NEW``.
+    Services: those of ``ReplayServices``. ``remappings`` are other names of topics, as
+    ``OLD:=NEW``.
     """
 
     def __init__(
@@ -118,7 +115,6 @@ class Replayer(Node):
 
     @property
     def failures(self) -> int:
-        """Number of requests that raised an error."""
         return self._failures
 
     def count_failure(self, reason: str) -> None:
@@ -128,7 +124,6 @@ class Replayer(Node):
 
     @property
     def topic_names(self) -> list[str]:
-        """Names of the replayed topics."""
         return list(self._replayed)
 
     @property

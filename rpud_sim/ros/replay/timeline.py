@@ -18,7 +18,6 @@ class Timeline:
     paused: bool = False  # whether it stands still
 
     def position_at(self, now: int) -> int:
-        """Return the position at a time of the clock."""
         if self.paused:
             return self.position
         return self.position + round(max(0, now - self.since) * self.rate)
@@ -30,7 +29,6 @@ class Timeline:
         return self.since + (position - self.position) / self.rate
 
     def seek(self, now: int, position: int) -> Timeline:
-        """Return a timeline that is at a position now."""
         return replace(self, position=position, since=now)
 
     def pause(self, now: int) -> Timeline:
@@ -38,11 +36,9 @@ class Timeline:
         return replace(self._held(now), paused=True)
 
     def resume(self, now: int) -> Timeline:
-        """Return a timeline that moves from now on."""
         return replace(self._held(now), paused=False)
 
     def with_rate(self, now: int, rate: float) -> Timeline:
-        """Return a timeline that moves at another rate from now on."""
         return replace(self._held(now), rate=rate)
 
     def _held(self, now: int) -> Timeline:

@@ -40,13 +40,10 @@ _NONE = np.empty(0)
 
 
 def bag_application(view: BagView) -> Callable[[Document], None]:
-    """Return the function that fills a document with the page of a bag."""
     return lambda document: _Page(view, document).show()
 
 
 class _Page:
-    """One browser tab with the page."""
-
     def __init__(self, view: BagView, document: Document) -> None:
         self._view = view
         self._document = document
@@ -202,7 +199,6 @@ class _Page:
         return min(max(int(told.get("inner_width") or _WIDTH), 100), _MOST_WIDTH)
 
     def _moved(self) -> None:
-        """Ask for the new range once both of its ends have arrived."""
         if not self._pending:
             self._pending = True
             self._document.add_next_tick_callback(self._ask_now)
@@ -226,7 +222,6 @@ class _Page:
         self._publish()
 
     def _look(self) -> None:
-        """Show how far the bag was read, and what happened to it."""
         complete = self._view.overview.progress.complete
         if not self._stale or not complete:
             self._fill_timeline(self._timeline)
@@ -350,7 +345,6 @@ def _detail(answer: Answer | None) -> str:
 
 
 def _element(root: Any) -> Markup:
-    """Return the element into which Bokeh embeds a root of the document."""
     html = Markup('<div id="{}" data-root-id="{}" style="display: contents"></div>')
     return html.format(root.elementid, root.id)
 

@@ -18,9 +18,6 @@ class BagView:
 
     When it is made it has read a sample of the bag, so that a page can stand at once. Questions of
     pages go first: the thread waits meanwhile.
-
-    Raises:
-        BagError: if the bag cannot be read.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -40,7 +37,6 @@ class BagView:
         self._thread = threading.Thread(target=self._read_on, name="read the bag", daemon=True)
 
     def start(self) -> None:
-        """Begin to read the rest of the bag."""
         self._thread.start()
 
     def close(self) -> None:
@@ -114,8 +110,7 @@ class BagView:
 class Answerer:
     """Thread of one page that answers its newest request; older ones are dropped.
 
-    Args:
-        deliver: called in the thread with each answer, and whether it is the last one.
+    ``deliver`` is called in the thread with each answer, and whether it is the last one.
     """
 
     def __init__(self, view: BagView, deliver: Callable[[Answer], object]) -> None:

@@ -11,8 +11,8 @@ import numpy as np
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.inspection.report.timeline import clock_jumps
 
+# Stamps and log times of messages in the order of their log times, each of shape (n,) [ns].
 Series = tuple[np.ndarray, np.ndarray]
-"""Stamps and log times of messages in the order of their log times, each of shape (n,) [ns]."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,7 @@ class Clock:
         return self.zero + sum(jump.step for jump in self.jumps if jump.log_time <= log_time)
 
     def elapsed(self, stamps: np.ndarray, log_times: np.ndarray) -> np.ndarray:
-        """Return times since the bag began [s], shape (n,).
-
-        Args:
-            stamps: shape (n,) [ns].
-            log_times: of the same messages, shape (n,) [ns].
-        """
+        """Return times since the bag began [s], of stamps and log times [ns]; all (n,)."""
         if self.zero is None:
             return (log_times - self.begin) / SECOND
         if not self.jumps:
@@ -56,17 +51,11 @@ class Clock:
         return (stamps - self.zero - steps[np.searchsorted(times, log_times, "right")]) / SECOND
 
     def knows(self, jumps: Sequence[Jump]) -> bool:
-        """Return whether it has all of these jumps."""
         return {jump.log_time for jump in jumps} <= {jump.log_time for jump in self.jumps}
 
 
 def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
-    """Return the jumps in a series of messages, in the order of their log times.
-
-    Args:
-        stamps: shape (n,) [ns].
-        log_times: of the same messages, shape (n,) [ns].
-    """
+    """Return the jumps in a series of messages, in the order of log times; shapes (n,), [ns]."""
     steps, passed = np.diff(stamps), np.maximum(np.diff(log_times), 0)
     return [
         Jump(int(log_times[place + 1]), int(steps[place] - passed[place]))
@@ -75,11 +64,7 @@ def find_jumps(stamps: np.ndarray, log_times: np.ndarray) -> list[Jump]:
 
 
 class JumpSearch:
-    """Search for jumps between parts of a bag that were read, by reading a few parts more.
-
-    Args:
-        most: parts that it may read, for all clocks together.
-    """
+    """Search for jumps between parts of a bag that were read, by reading ``most`` parts more."""
 
     def __init__(self, most: int) -> None:
         self._left = most
@@ -89,9 +74,8 @@ class JumpSearch:
     ) -> tuple[Jump, ...]:
         """Return the jumps of one clock, in their order.
 
-        Args:
-            parts: numbers of parts and their series, which are not empty.
-            series: returns the series of a further part.
+        ``parts`` are numbered series, which are not empty; ``series`` returns that of a further
+        part.
         """
         jumps = [jump for _, found in parts for jump in find_jumps(*found)]
         for before, after in pairwise(parts):
@@ -101,7 +85,6 @@ class JumpSearch:
     def _between(
         self, before: tuple[int, Series], after: tuple[int, Series], series: Callable[[int], Series]
     ) -> list[Jump]:
-        """Return the jumps after one part and before another."""
         (first, (stamps, logs)), (last, (later, later_logs)) = before, after
         ends = np.array([stamps[-1], later[0]]), np.array([logs[-1], later_logs[0]])
         jumps = find_jumps(*ends)

@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from rpud_sim.watch.recorded.recording import Recording
 from rpud_sim.watch.recorded.signals import IMPACTS, Signal
 
-CHOSEN = 2
-"""Plots whose signal the reader chooses."""
-
+CHOSEN = 2  # plots whose signal the reader chooses
 _MOST_OTHERS = 6  # plots of a bag without a drill
 _OURS = "rpud_msgs/"
 _STATUS = "rpud_msgs/msg/Status"
@@ -130,9 +128,7 @@ def contents(
 ) -> tuple[Content, ...]:
     """Return the plots of a drill, or of any other namespace, with those to choose last.
 
-    Args:
-        drill: namespace.
-        has: whether anything of a signal can be drawn; others are not chosen at first.
+    ``has`` says whether anything of a signal can be drawn; others are not chosen at first.
     """
     signals = [signal for signal in recording.signals if signal.drill == drill]
     found = [*_drill_plots(recording, drill, signals)]

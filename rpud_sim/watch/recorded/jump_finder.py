@@ -9,11 +9,7 @@ from rpud_sim.watch.recorded.recording import Recording
 
 
 class JumpFinder:
-    """Finder of all jumps of the clocks of a recording, part by part from its beginning.
-
-    Args:
-        recording: that it reads.
-    """
+    """Finder of all jumps of the clocks of a recording, part by part from its beginning."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording

@@ -8,9 +8,7 @@ from rpud_sim.watch.recorded.signals import Rows
 
 _MOST_PARTS = 200
 _MOST_VALUES = 4_000_000  # numbers in the rows of all kept parts
-
-PieceRows = dict[str, Rows]
-"""Rows of one part of a bag, by topic."""
+PieceRows = dict[str, Rows]  # rows of one part of a bag, by topic
 
 
 class KeptRows:
@@ -21,7 +19,6 @@ class KeptRows:
         self._values = 0
 
     def find(self, number: int) -> PieceRows | None:
-        """Return the rows of a part; None if they are not kept."""
         if number not in self._rows:
             return None
         self._rows.move_to_end(number)

@@ -18,11 +18,8 @@ from rpud_sim.watch.recorded.signals import namespace
 
 JOURNAL, FAULTS = "rpud_msgs/msg/JournalEntry", "rpud_msgs/msg/Faults"
 
-MOST_MARKS = 500
-"""Number of marks of a kind; further ones are counted."""
-
-AT_ONCE = 64
-"""Parts with marks that are read before the page stands."""
+MOST_MARKS = 500  # number of marks of a kind; further ones are counted
+AT_ONCE = 64  # parts with marks that are read before the page stands
 
 # Entries that the drill writes for itself, and that change nothing.
 _QUIET = ("flush", "stop", "origin", "save")
@@ -43,11 +40,7 @@ class _FaultKey:
 
 
 class Marks:
-    """Marks that were found so far; several threads may read them.
-
-    Args:
-        recording: that is read.
-    """
+    """Marks that were found so far; several threads may read them."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
@@ -157,7 +150,6 @@ class Marks:
 
 
 def _entry_text(kind: str, content: str) -> str:
-    """Return what an entry of the journal says, in a few words."""
     if kind in _TEXTS:
         return _TEXTS[kind]
     try:

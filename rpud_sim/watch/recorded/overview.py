@@ -13,11 +13,8 @@ from rpud_sim.watch.recorded.recording import Recording
 from rpud_sim.watch.recorded.signals import Signal
 from rpud_sim.watch.recorded.trace import EMPTY, GAP, Trace, envelope, usual
 
-BINS = 2**18
-"""Greatest number of bins of a signal."""
-
-MEMORY = 256 * 2**20
-"""Greatest size of the bins of all signals [bytes]."""
+BINS = 2**18  # greatest number of bins of a signal
+MEMORY = 256 * 2**20  # greatest size of the bins of all signals [bytes]
 
 _LEAST_BINS = 2**10
 _LEAST_GAP = 0.1  # s
@@ -36,7 +33,6 @@ class Progress:
 
     @property
     def complete(self) -> bool:
-        """Whether the whole bag was read."""
         return self.read >= self.total
 
     @property
@@ -50,12 +46,6 @@ class Overview:
 
     ``sample`` fills them from parts that are spread over the bag, ``read_next`` one part after the
     other. They hold at most ``MEMORY``. A time that exceeds the bins doubles their width.
-
-    Args:
-        recording: that is read.
-
-    Attributes:
-        width: of a bin [s].
     """
 
     def __init__(self, recording: Recording) -> None:
@@ -73,7 +63,6 @@ class Overview:
 
     @property
     def progress(self) -> Progress:
-        """How much it has seen."""
         with self._lock:
             ahead = sum(1 for number in self._sampled if number >= self._read)
             return Progress(self._read, ahead, len(self._recording.pieces), self._until)
@@ -137,7 +126,6 @@ class Overview:
         return envelope(times, least[used], greatest[used], joined * width, known)
 
     def has(self, signal: Signal) -> bool:
-        """Return whether anything of a signal was read so far."""
         least, greatest = self.extremes(signal, 0.0, self.end)
         return least <= greatest
 
@@ -173,7 +161,7 @@ class Overview:
         duration = max(self._recording.duration, 1e-3)
         if self._recording.pieces:
             duration = max(duration, self._recording.end_of(len(self._recording.pieces) - 1))
-        self.width = duration * _SPARE / self._bins
+        self.width = duration * _SPARE / self._bins  # of a bin [s]
         shape = len(self._signals), self._bins
         self._least = np.full(shape, np.inf)
         self._greatest = np.full(shape, -np.inf)

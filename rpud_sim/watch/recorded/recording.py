@@ -27,11 +27,11 @@ from rpud_sim.watch.recorded.signals import (
     topic_readers,
 )
 
+# Parts that are read before the page stands; of the others it has not seen anything yet.
 SAMPLED = 48
-"""Parts that are read before the page stands; of the others it has not seen anything yet."""
 
+# Longest time from the stamp of a message to that of others that are logged before it [s].
 LATE = 0.5
-"""Longest time from the stamp of a message to that of others that are logged before it [s]."""
 
 _PROBED = 64  # further parts that are read to find jumps of clocks
 
@@ -42,43 +42,27 @@ class Recording:
     """Open bag.
 
     All methods may be called by several threads; one part is read at a time. Parts are numbered in
-    the order of their beginnings. A damaged part is empty, and counted.
-
-    Args:
-        path: of the bag; also of one that is still being recorded, or was not closed.
-
-    Attributes:
-        path: of the bag.
-        begin: log time of its beginning [ns].
-        duration: from the first to the last log time [s].
-        message_count: of all topics.
-        size: of its files [bytes].
-        unclosed: whether a file was not closed.
-        readers: of topics, by their names.
-        left_out: reasons why topics have no signals, by their names.
-        damages: reasons why parts are not read, by their numbers.
-        pieces: parts of the bag.
-
-    Raises:
-        BagError: if there is no bag at ``path``, or it cannot be read.
+    the order of their beginnings. A damaged part is empty, and counted. The bag may still be being
+    recorded, or not closed.
     """
 
     def __init__(self, path: str | Path) -> None:
         self._bag = rpud_sim.bag.open(path, unclosed=True)
         try:
             self.path = Path(path)
-            self.begin = self._bag.start_time
-            self.duration = self._bag.duration / SECOND
-            self.message_count = self._bag.message_count
-            self.size = self._bag.size
-            self.unclosed = bool(self._bag.unclosed)
+            self.begin = self._bag.start_time  # log time of its beginning [ns]
+            self.duration = self._bag.duration / SECOND  # from the first to the last log time [s]
+            self.message_count = self._bag.message_count  # of all topics
+            self.size = self._bag.size  # of its files [bytes]
+            self.unclosed = bool(self._bag.unclosed)  # whether a file was not closed
             self._sizes = {file: file.stat().st_size for file in self._bag.files}
+            # By topic: readers, and reasons why there are no signals.
             self.readers, self.left_out = topic_readers(self._bag)
             self.pieces = self._bag.pieces()
         except BaseException:
             self._bag.close()
             raise
-        self.damages: dict[int, str] = {}
+        self.damages: dict[int, str] = {}  # reasons why parts are not read, by their numbers
         self._lock = threading.Lock()
         self._kept = KeptRows()
         self._topics = frozenset(
@@ -106,7 +90,6 @@ class Recording:
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """All signals, by topic."""
         return tuple(signal for reader in self.readers.values() for signal in reader.signals)
 
     def trajectory(self, drill: str) -> str | None:
@@ -193,14 +176,12 @@ class Recording:
         return max(ends, default=0.0)
 
     def set_jumps(self, drill: str, jumps: Sequence[Jump]) -> None:
-        """Replace the jumps of a drill's clock."""
         clock = self.clocks[drill]
         with self._lock:
             self.clocks[drill] = Clock(clock.zero, clock.begin, tuple(jumps))
             self._spans[drill].clear()
 
     def close(self) -> None:
-        """Release the files."""
         with self._lock:
             self._bag.close()
 
@@ -308,7 +289,6 @@ class Recording:
         return self.pieces[number].end_time
 
     def _find_clocks(self) -> None:
-        """Set the clocks from the sampled parts, and search between these where a clock jumped."""
         search = JumpSearch(_PROBED)
         for drill, topics in self._clock_topics.items():
             if not topics:

@@ -9,8 +9,7 @@ from rpud_sim.watch.recorded.bag_page import bag_application
 from rpud_sim.watch.recorded.bag_view import BagView
 from rpud_sim.watch.server import PageServer, Place, serve
 
-PATH = "/bag"
-"""Path of the page on the server."""
+PATH = "/bag"  # path of the page on the server
 
 
 def serve_bag(
@@ -18,13 +17,7 @@ def serve_bag(
 ) -> None:
     """Serve the page of a bag until SIGINT or SIGTERM; it reads the bag meanwhile.
 
-    Args:
-        place: where to listen.
-        announce: called once, when the server listens; prints ``server.url(PATH)``.
-
-    Raises:
-        BagError: if the bag cannot be read.
-        ServerError: if the server cannot listen there.
+    ``announce`` is called once the server listens, and prints ``server.url(PATH)``.
     """
     with BagView(os.fspath(bag)) as view:
         view.start()

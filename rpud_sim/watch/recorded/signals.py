@@ -15,11 +15,8 @@ from rpud_sim.bag.tables import compiled
 from rpud_sim.inspection.report.running_statistics import usable
 from rpud_sim.inspection.report.topic_survey import is_latched, stamp_column
 
-MOST_SIGNALS = 64
-"""Greatest number of signals of a bag."""
-
-MOST_TOPICS = 100
-"""Greatest number of topics with signals."""
+MOST_SIGNALS = 64  # greatest number of signals of a bag
+MOST_TOPICS = 100  # greatest number of topics with signals
 
 IMPACTS = "rpud_msgs/msg/ContactForce"
 TRAJECTORY = "rpud_msgs/msg/Trajectory"
@@ -55,12 +52,10 @@ class Signal:
 
     @property
     def drill(self) -> str:
-        """Namespace of the topic."""
         return namespace(self.topic)
 
 
 def namespace(topic: str) -> str:
-    """Return the namespace of a topic."""
     return topic.rpartition("/")[0]
 
 

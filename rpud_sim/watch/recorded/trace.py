@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-GAP = 3.0
-"""Distance of two points, in usual ones, from which on there is a gap between them."""
+GAP = 3.0  # distance of two points, in usual ones, from which on there is a gap between them
 
 
 @dataclass(frozen=True)
@@ -56,12 +55,8 @@ def usual(steps: np.ndarray) -> float:
 def thinned(times: np.ndarray, values: np.ndarray, most: int) -> Trace:
     """Return the least and the greatest value of equal parts of the points, at their own times.
 
-    So no peak is lost, and every point is one of those given.
-
-    Args:
-        times: in ascending order, shape (n,) [s].
-        values: shape (n,); without NaN.
-        most: points of the result; fewer given ones are all in it.
+    So no peak is lost, and every point is one of those given. ``times`` ascend [s] and ``values``
+    have no NaN, both of shape (n,). The result has at most ``most`` points.
     """
     if len(times) <= most:
         return Trace(times, values)
@@ -84,13 +79,9 @@ def envelope(
 ) -> Trace:
     """Return a line through the least and the greatest value of parts of the time.
 
-    Args:
-        times: beginnings of the parts that hold values, shape (n,) [s].
-        least: of their values, shape (n,).
-        greatest: of their values, shape (n,).
-        width: of a part [s].
-        known: time up to which no values are missing [s]; no line joins parts after it that do not
-            touch each other.
+    ``times`` are the beginnings of the parts that hold values [s], ``width`` is that of a part [s];
+    arrays have the shape (n,). After ``known`` [s] values may be missing: no line joins parts there
+    that do not touch each other.
     """
     if not len(times):
         return EMPTY

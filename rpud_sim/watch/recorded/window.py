@@ -21,21 +21,18 @@ from rpud_sim.watch.recorded.recording import Recording
 from rpud_sim.watch.recorded.signals import IMPACTS, TRAJECTORY, Signal
 from rpud_sim.watch.recorded.trace import EMPTY, Trace, held, thinned, with_gaps
 
-OVERVIEW, MESSAGES, WAVEFORM = "overview", "messages", "waveform"
-"""What an answer was made of."""
+OVERVIEW, MESSAGES, WAVEFORM = "overview", "messages", "waveform"  # what an answer was made of
+MESSAGES_RANGE = 10.0  # longest range of time that is drawn from the messages themselves [s]
+WAVEFORM_RANGE = 0.05  # longest range of time that is drawn from the rebuilt waveform [s]
 
-MESSAGES_RANGE = 10.0
-"""Longest range of time that is drawn from the messages themselves [s]."""
-
-WAVEFORM_RANGE = 0.05
-"""Longest range of time that is drawn from the rebuilt waveform [s]."""
-
+# Samples of a rebuilt waveform, before those that no screen can show are left out.
 SAMPLES = 100_000
 """Samples of a rebuilt waveform, before those that no screen can show are left out."""
 
 HIGHEST_RATE = 1_000_000_000
 """Greatest rate of a rebuilt waveform [Hz], that of ``rpud export --rate``."""
 
+HIGHEST_RATE = 1_000_000_000  # greatest rate of a rebuilt waveform [Hz], that of ``rpud rebuild``
 _MOST_PIECES = 80  # parts of the bag that one answer reads
 _PER_PIXEL = 2  # points of a line
 
@@ -130,12 +127,8 @@ class Windows:
     ) -> Waveform:
         """Return the exact samples between two times since the bag began [s].
 
-        Args:
-            drill: namespace of the trajectory.
-            start: of the range [s].
-            end: of the range [s].
-            rate: whole [Hz]; None for one that gives about ``SAMPLES``.
-            numbers: of the parts to read, if they are known.
+        ``rate`` is whole [Hz]; None for one that gives about ``SAMPLES``. ``numbers`` are those of
+        the parts to read, if they are known.
         """
         if rate is None:
             rate = int(min(max(SAMPLES / max(end - start, 1e-9), 1.0), HIGHEST_RATE))
@@ -203,7 +196,6 @@ class Windows:
     def _series(
         self, wanted: set[Signal], numbers: Sequence[int], start: float, end: float
     ) -> dict[Signal, tuple[np.ndarray, np.ndarray]]:
-        """Return times and values of signals in a range, with one value on either side of it."""
         parts: dict[Signal, list[tuple[np.ndarray, np.ndarray]]] = {each: [] for each in wanted}
         for number in numbers:
             for topic, rows in self._recording.rows(number).items():
@@ -230,10 +222,7 @@ class Windows:
     def _stretches(
         self, drill: str, topic: str, numbers: Sequence[int]
     ) -> Iterator[tuple[float, np.ndarray]]:
-        """Yield stretches of a trajectory without a gap, each with the time of its simulation zero.
-
-        That time is since the bag began [s].
-        """
+        """Yield gapless stretches of a trajectory, and when in the bag their time zero was [s]."""
         clock = self._recording.clocks[drill]
         held: list[TrajectoryPiece] = []
         zero = 0.0

@@ -10,7 +10,7 @@ import pytest
 import rclpy
 
 from rpud_sim.ros.drill.drill_node import DrillNode
-from rpud_sim.ros.drill.namesakes import NameHold, Namesakes, NamesakeSearch
+from rpud_sim.ros.drill.namesakes import DuplicateNodes, NameHold, NamesakeSearch
 
 NAME = "/a_namespace/a_node"
 DOMAIN = 7
@@ -101,7 +101,7 @@ def test_a_system_without_such_sockets_leaves_it_to_discovery(monkeypatch):
 
 def test_nodes_of_one_process_may_share_a_name(ros):
     node = rclpy.create_node("a_node", namespace="/a_namespace")
-    first, second = Namesakes(node), Namesakes(node)
+    first, second = DuplicateNodes(node), DuplicateNodes(node)
     domain = node.context.get_domain_id()
     second.close()
     assert NameHold(NAME, domain).taken  # by the first
@@ -125,7 +125,7 @@ def test_the_domain_is_that_of_the_node_s_own_context():
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=DOMAIN)
     node = rclpy.create_node("a_node", namespace="/a_namespace", context=context)
-    namesakes = Namesakes(node)
+    namesakes = DuplicateNodes(node)
     assert NameHold(NAME, DOMAIN).taken
     namesakes.close()
     node.destroy_node()

@@ -4,12 +4,12 @@ import pytest
 import rclpy
 from manual_clock import SECOND, ManualClock
 
-from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.paced_run import PacedRun
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.run import Beginning, Run
@@ -52,17 +52,17 @@ class Publishers(DrillPublishers):
 
 
 class Drill:
-    """A run under an account, an inbox and a pacer whose clock is moved by hand."""
+    """A run under an reporter, an inbox and a pacer whose clock is moved by hand."""
 
     def __init__(self, node, factor, schedule=None):
         self.clock = ManualClock(START)
         self.inbox = Inbox(node.get_logger())
         self.publishers = Publishers(node, self.clock)
-        self.account = Account(node, 100, self.publishers, self.inbox, Namesakes(node))
+        self.reporter = StatusReporter(node, 100, self.publishers, self.inbox, DuplicateNodes(node))
         self.pacer = Pacer(100, 1.0, self.clock, schedule, self.clock.sleep)
-        run = Run(Beginning(Settings()), wanted=self.publishers.wanted, on_block=self.account.add)
+        run = Run(Beginning(Settings()), wanted=self.publishers.wanted, on_block=self.reporter.add)
         self.paced = PacedRun(
-            run, self.publishers, self.account, self.inbox, self.pacer, node.get_logger()
+            run, self.publishers, self.reporter, self.inbox, self.pacer, node.get_logger()
         )
         self.factor = factor
 
@@ -140,8 +140,8 @@ def test_a_command_that_comes_while_a_block_waits_acts_at_its_end(drill):
     assert drill.advance() == 2 * PERIOD
     assert seen == [before]
     assert drill.weight_on_bit == 33.0
-    assert drill.account.last.status["weight_on_bit"] == 33.0
-    assert drill.account.last.time == 2 * PERIOD
+    assert drill.reporter.last.status["weight_on_bit"] == 33.0
+    assert drill.reporter.last.time == 2 * PERIOD
 
 
 def test_a_command_between_two_blocks_acts_at_the_next_end(drill):
@@ -220,9 +220,9 @@ def test_impacts_are_published_within_a_period_of_their_stamps(drill):
     drill.play()
     for _ in range(20):
         drill.advance()
-    drill.account.finish()
+    drill.reporter.finish()
     drill.paced.report()
-    delays = drill.account.last.impact_delays
+    delays = drill.reporter.last.impact_delays
     assert delays.count == drill.paced.run.simulation.impact_count > 0
     assert 0.0 < delays.p50 <= delays.p99 <= delays.greatest <= PERIOD / SECOND
 
@@ -261,7 +261,7 @@ def test_a_step_waits_for_no_deadline_and_stops_at_its_goal(drill):
     assert (drill.paced.run.time, step.done()) == (PERIOD, False)
     assert drill.paced.advance() == 0.0
     assert step.result(0.0) == drill.paced.run.time == PERIOD + PERIOD // 2
-    assert drill.account.last.status["state"] == "paused"
+    assert drill.reporter.last.status["state"] == "paused"
     assert (drill.clock.slept, drill.clock.now) == ([], START)
     drill.play()
     assert drill.advance() == 2 * PERIOD

@@ -6,12 +6,12 @@ import pytest
 import rclpy
 from support import until
 
-from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacing_thread import PacingThread
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.ros.drill.time_control import InterruptedStepError
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.simulation.configuration import Settings
@@ -31,8 +31,10 @@ def start():
         settings = Settings().replace(values)
         inbox = Inbox(node.get_logger())
         publishers = DrillPublishers(node, settings.publish_clock)
-        account = Account(node, settings.telemetry_rate, publishers, inbox, Namesakes(node))
-        drillings.append(Drilling(node, settings, publishers, account, inbox, restored, end))
+        reporter = StatusReporter(
+            node, settings.telemetry_rate, publishers, inbox, DuplicateNodes(node)
+        )
+        drillings.append(Drilling(node, settings, publishers, reporter, inbox, restored, end))
         threads.append(PacingThread(drillings[-1]))
         if begin:
             threads[-1].start(settings)

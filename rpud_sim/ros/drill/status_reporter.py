@@ -1,4 +1,4 @@
-"""Account of a drilling: statistics, and the reports of them."""
+"""Status reporter: statistics of a drilling, and the reports of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rclpy.node import Node
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import NO_TIMING, Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
 from rpud_sim.ros.drill.report import NO_DELAYS, Delays, Report, report_to_diagnostics
@@ -29,13 +29,8 @@ _COMMAND_TOPICS = (
 )
 
 
-class Account:
-    """Statistics and reports, every second and on demand.
-
-    Args:
-        node: for its name, its clock and the graph.
-        telemetry_rate: of the node [Hz].
-    """
+class StatusReporter:
+    """Statistics and reports, every second and on demand; ``telemetry_rate`` is in Hz."""
 
     def __init__(
         self,
@@ -43,7 +38,7 @@ class Account:
         telemetry_rate: int,
         publishers: DrillPublishers,
         inbox: Inbox,
-        namesakes: Namesakes,
+        namesakes: DuplicateNodes,
     ) -> None:
         self.scheduling = "time-sharing"  # how the system schedules the pacing thread
         self._node = node
@@ -87,7 +82,6 @@ class Account:
         self._due = 0
 
     def add(self, block: Block) -> None:
-        """Add a block."""
         self._blocks.append(block)
         if len(self._blocks) >= _BATCH_SIZE:
             self._count()
@@ -124,11 +118,9 @@ class Account:
         self._due = 0
 
     def report(self, state: str, run: Run, pacer: Pacer | None = None) -> None:
-        """Publish the status; diagnostics of it wait for ``publish_diagnostics``.
+        """Publish the status, with one of its STATE constants; ``pacer`` is None before the start.
 
-        Args:
-            state: one of the STATE constants of ``rpud_msgs/Status``.
-            pacer: None before the start.
+        Diagnostics of it wait for ``publish_diagnostics``.
         """
         now = time.monotonic_ns()
         if self._last is None or now >= self._due or pacer is None:

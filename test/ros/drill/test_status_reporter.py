@@ -5,11 +5,11 @@ import rclpy
 from rclpy.parameter import Parameter
 from support import until
 
-from rpud_sim.ros.drill.account import Account
 from rpud_sim.ros.drill.inbox import Inbox
-from rpud_sim.ros.drill.namesakes import Namesakes
+from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
+from rpud_sim.ros.drill.status_reporter import StatusReporter
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.run import Beginning, Run
@@ -20,20 +20,20 @@ MILLISECOND = 1_000_000
 
 
 class Drill:
-    """What an account is kept of, and the account."""
+    """What an reporter is kept of, and the reporter."""
 
     def __init__(self, node):
         self.node = node
         self.inbox = Inbox(node.get_logger())
         self.outputs = DrillPublishers(node, publish_clock=False)
         self.blocks = []
-        self.account = Account(node, 100, self.outputs, self.inbox, Namesakes(node))
+        self.reporter = StatusReporter(node, 100, self.outputs, self.inbox, DuplicateNodes(node))
         self.run = Run(Beginning(Settings(telemetry_rate=1, block_duration=1.0)), on_block=self.add)
         self.pacer = Pacer(100)
 
     def add(self, block):
         self.blocks.append(block)
-        self.account.add(block)
+        self.reporter.add(block)
 
     def advance(self, time):
         list(self.run.advance_to(time))
@@ -41,8 +41,8 @@ class Drill:
         return self.blocks[-1]
 
     def report(self):
-        self.account.report("running", self.run, self.pacer)
-        return self.account.last
+        self.reporter.report("running", self.run, self.pacer)
+        return self.reporter.last
 
 
 @pytest.fixture
@@ -62,13 +62,13 @@ def figures(*blocks):
 
 
 def test_the_first_report_comes_before_the_start(drill):
-    assert drill.account.last is None
-    assert not drill.account.refused_more()
-    drill.account.report("inactive", drill.run)
-    report = drill.account.last
+    assert drill.reporter.last is None
+    assert not drill.reporter.refused_more()
+    drill.reporter.report("inactive", drill.run)
+    report = drill.reporter.last
     assert (report.status["state"], report.time) == ("inactive", 0)
     assert report.timing.blocks == 0
-    assert drill.account.refused_more() is False
+    assert drill.reporter.refused_more() is False
 
 
 def test_a_report_tells_of_the_drill(drill):
@@ -86,22 +86,22 @@ def test_a_report_tells_of_the_drill(drill):
 
 def test_figures_are_those_since_the_full_report_before_and_totals_those_of_all(drill):
     first = drill.advance(SECOND)
-    assert drill.account.due()
+    assert drill.reporter.due()
     assert drill.report().figures == figures(first)
-    assert not drill.account.due()
+    assert not drill.reporter.due()
     second = drill.advance(2 * SECOND)
     # On demand, before the second is over: nothing new to average, but the present state.
     report = drill.report()
     assert report.figures == figures(first)
     assert report.timing.blocks == 1
     assert report.time == 2 * SECOND
-    drill.account.finish()
-    assert drill.account.due()
+    drill.reporter.finish()
+    assert drill.reporter.due()
     report = drill.report()
     assert report.figures == figures(second)
     assert report.timing.blocks == 2
     third = drill.advance(3 * SECOND)
-    totals = drill.account.totals.figures()
+    totals = drill.reporter.totals.figures()
     expected = figures(first, second, third)
     assert totals == pytest.approx(expected)
 
@@ -110,21 +110,21 @@ def test_commands_are_counted_and_refusals_call_for_a_report(drill):
     drill.report()
     drill.inbox.accept(WeightOnBit(1.0))
     drill.inbox.drain()
-    assert not drill.account.refused_more()
+    assert not drill.reporter.refused_more()
     drill.inbox.refuse("for a reason")
-    assert drill.account.refused_more()
+    assert drill.reporter.refused_more()
     report = drill.report()
     assert (report.bookkeeping.commands_accepted, report.bookkeeping.commands_rejected) == (1, 1)
-    assert not drill.account.refused_more()
+    assert not drill.reporter.refused_more()
 
 
 def test_a_new_beginning_counts_from_zero(drill):
     drill.advance(SECOND)
     drill.report()
     drill.inbox.refuse("for a reason")
-    drill.account.begin()
-    assert drill.account.due()
-    assert drill.account.totals.figures()["events"] == 0
+    drill.reporter.begin()
+    assert drill.reporter.due()
+    assert drill.reporter.totals.figures()["events"] == 0
     assert drill.report().bookkeeping.commands_rejected == 0
 
 
@@ -157,12 +157,12 @@ def test_publishers_are_counted_for_each_command(drill):
 
     for kind, topic in ((WeightOnBitMessage, "weight_on_bit"), (Drive, "drive")):
         drill.node.create_subscription(kind, f"command/{topic}", lambda _: None, 1)
-    account = Drill(drill.node).account
-    assert account.publishers_changed()  # since there was no call
-    assert not account.publishers_changed()
+    reporter = Drill(drill.node).reporter
+    assert reporter.publishers_changed()  # since there was no call
+    assert not reporter.publishers_changed()
     publisher = drill.node.create_publisher(Drive, "command/drive", 1)
-    until(account.publishers_changed)
-    assert account.publishers_heard() == {"command/weight_on_bit": 0, "command/drive": 1}
+    until(reporter.publishers_changed)
+    assert reporter.publishers_heard() == {"command/weight_on_bit": 0, "command/drive": 1}
     drill.node.destroy_publisher(publisher)
 
 

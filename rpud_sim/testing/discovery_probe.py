@@ -12,15 +12,13 @@ _REPETITION = 0.05  # of a request, whose response the node may drop [s]
 _PATIENCE = 5.0  # with a node that does not answer, or has no such service [s]
 
 
-class Introduction:
+class DiscoveryProbe:
     """Request to a node that is made after the subscriptions.
 
     Discovery announces the readers of a process in the order in which they were made. So a node
     whose response has come knows all readers from before: it will not publish past them. A node
-    without the services of parameters gets some time instead.
-
-    Args:
-        name: full name of the node under test; empty if it has none.
+    without the services of parameters gets some time instead. The node under test may have no name,
+    which is empty then.
     """
 
     def __init__(self, node: Node, name: str) -> None:
@@ -52,7 +50,6 @@ class Introduction:
         return False
 
     def close(self) -> None:
-        """Remove the client."""
         if self._client is not None:
             self._node.destroy_client(self._client)
             self._client = None
