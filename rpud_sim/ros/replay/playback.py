@@ -188,7 +188,7 @@ class Playback:
         self._timeline = self._timeline.with_rate(self._clock(), rate)
 
     def seek(self, position: int) -> None:
-        """Go to a time of the bag [ns], not before the first and not after the last message."""
+        """Go to a time of the bag [ns], or the first played if later; after the last is refused."""
         first, last = self._plan.first, self._plan.last
         if position > last:
             raise RefusedError(
