@@ -43,7 +43,6 @@ COMMANDS = (
     "dataset",
     "sensitivity",
     "fit",
-    "reproduce",
     "precompile",
 )
 
