@@ -93,6 +93,10 @@ dist: install/.package ## Build wheels of both packages into dist/, for each CPy
 bench: install/.package install/.kernels ## Run the benchmarks, or those of BENCH_ARGS
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
 
+.PHONY: validation
+validation: install/.package install/.kernels ## Run the paper's numbers and write docs/explanation/validation.md
+	@$(WITH_ENV) python -m validation
+
 .PHONY: measure-setup
 measure-setup: ## Clone into a new folder and print the time of each stage from there to the first impact
 	@toolchain/measure_setup.sh

@@ -60,7 +60,7 @@ setup(
         "web": [*WEB, "scipy"],  # watch, report, compare, test: whatever writes or serves a page
         "report": WEB,  # the same by its former name
         "export": EXPORT,
-        "studies": STUDIES,  # sweep, dataset, sensitivity, fit, reproduce
+        "studies": STUDIES,  # sweep, dataset, sensitivity, fit
         "cluster": [*STUDIES, "distributed"],
         "dataset": [*STUDIES, "changepoynt"],  # the second baseline of dataset --evaluate
         "test": ["pytest", *WEB],  # what the plugin needs; a failed test leaves a report

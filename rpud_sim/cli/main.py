@@ -50,7 +50,6 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "dataset": (_STUDY, "dataset"),
     "sensitivity": (_STUDY, "sensitivity"),
     "fit": (_STUDY, "fit"),
-    "reproduce": (_STUDY, "reproduce"),
 }
 """Commands in the order of the help: the group of each, and its module in this package."""
 

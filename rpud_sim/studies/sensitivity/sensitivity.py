@@ -15,7 +15,7 @@ from rpud_sim.simulation.ensemble import compile_members
 from rpud_sim.simulation.members import QuietRuns
 from rpud_sim.simulation.statistics import Statistics
 from rpud_sim.simulation.versions import engine_versions, version_of
-from rpud_sim.studies.reproduction.jobs import Track, gather, silent
+from rpud_sim.studies.jobs import Track, gather, silent
 from rpud_sim.studies.sensitivity.sobol_study import Indices, design, find_indices
 from rpud_sim.studies.sensitivity.specification import SensitivityError, Specification
 

@@ -1,13 +1,13 @@
-"""A single contact against the engine and against itself."""
+"""A single contact against the engine."""
 
 import numpy as np
 import pytest
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import CONTACT_MODELS
+from rpud_sim.model.single_contact import single_contact
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.studies.reproduction.single_contact import contact_history, single_contact
 
 
 @pytest.mark.parametrize("model", CONTACT_MODELS)
@@ -23,13 +23,3 @@ def test_an_undisturbed_impact_of_the_engine_is_a_single_contact(model):
     assert np.count_nonzero(undisturbed) > 0.5 * len(impacts)
     forces = np.array([contact.peak_force for contact in contacts])[undisturbed]
     np.testing.assert_allclose(impacts["peak_force"][undisturbed], forces, rtol=1e-6)
-
-
-def test_a_contact_begins_and_ends_at_rest_and_peaks_as_it_says():
-    parameters = preset("drilling")
-    contact = single_contact(parameters, 5.0)
-    displacement, force = contact_history(parameters, 5.0, np.linspace(0.0, contact.duration, 1001))
-
-    assert displacement[[0, -1]] == pytest.approx(0.0, abs=1e-12)
-    assert displacement.max() == pytest.approx(contact.peak_displacement, rel=1e-5)
-    assert force.max() == pytest.approx(contact.peak_force, rel=1e-5)

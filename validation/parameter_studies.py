@@ -14,12 +14,10 @@ import dataclasses
 import numpy as np
 from scipy import stats
 
-from rpud_sim.foundation.time import SECOND
-from rpud_sim.simulation import EngineError, Parameters
+from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import whole_configuration
-from rpud_sim.simulation.members import QuietRuns
-from rpud_sim.simulation.statistics import Statistics
-from rpud_sim.studies.reproduction.jobs import Track, gather
+from rpud_sim.studies.fit.measures import Measure, measure
+from rpud_sim.studies.jobs import Track, gather
 
 VALUES = {
     "actuator_restitution": np.linspace(0.5, 1.0, 9),
@@ -63,20 +61,24 @@ class Study:
 
     parameter: str  # its name
     values: np.ndarray  # of the parameter, shape (n,), SI units
-    # outputs of the members at each value, by output, shape (n, members); NaN for a stalled
-    # member
-    members: dict[str, np.ndarray]
+    members: dict[str, np.ndarray]  # outputs at each value, by output, shape (n, members)
 
     def mean(self, output: str) -> np.ndarray:
         """Return the mean at each value, shape (n,)."""
-        return np.nanmean(self.members[output], axis=1)
+        return self.members[output].mean(axis=1)
 
     def half_interval(self, output: str) -> np.ndarray:
         """Return half the 95 % interval of each mean by Student's t, shape (n,)."""
         members = self.members[output]
-        count = np.count_nonzero(np.isfinite(members), axis=1)
-        error = np.nanstd(members, axis=1, ddof=1) / np.sqrt(count)
+        count = members.shape[1]
+        error = np.std(members, axis=1, ddof=1) / np.sqrt(count)
         return error * stats.t.ppf(0.975, count - 1)
+
+    def slope(self, output: str) -> tuple[float, float]:
+        """Return slope of an output over the parameter, and half its 95 % interval."""
+        members = self.members[output]
+        line = stats.linregress(np.repeat(self.values, members.shape[1]), members.ravel())
+        return float(line.slope), float(stats.t.ppf(0.975, members.size - 2) * line.stderr)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,63 +88,51 @@ class Trend:
     parameter: str  # that is varied
     output: str  # that depends on it
     verdict: str  # rises, falls or flat
-    tau: float  # Kendall's tau over all members
     p_value: float  # corrected by Holm's method over all trends
     change: float  # from the first to the last value, as a share of the mean
     change_interval: float  # half its 95 % interval
-    turns: bool  # whether the output turns back by more than ``LITTLE`` on the way
 
 
 def run_studies(
-    base: Parameters, members: int, duration: float, points: int, seed: int, track: Track
+    base: Parameters, members: int, duration: float, seed: int, track: Track
 ) -> list[Study]:
     """Return the four studies of a drill.
 
     Args:
-        members: number of members of the ensemble at each point.
+        members: number of runs at each point.
         duration: of each run, after it has settled [s].
-        points: greatest number of ``VALUES`` of each parameter, chosen evenly.
     """
     random = np.random.default_rng(seed)
-    chosen = {
-        name: values[np.unique(np.linspace(0, len(values) - 1, points).round().astype(int))]
-        for name, values in VALUES.items()
-    }
+    measures = [Measure(output, SETTLING, SETTLING + duration) for output in OUTPUTS]
     jobs = [
-        (base.replace(**{name: float(value)}), float(phase), duration)
-        for name, values in chosen.items()
+        (base.replace(**{name: float(value)}), float(phase))
+        for name, values in VALUES.items()
         for value in values
         for phase in random.random(members)
     ]
-    results = iter(gather(lambda job: _run(*job), jobs, "studies", track))
+    rows = iter(
+        gather(
+            lambda job: measure(whole_configuration(job[0]), job[1], measures),
+            jobs,
+            "studies",
+            track,
+        )
+    )
     studies = []
-    for name, values in chosen.items():
-        table = np.array([[next(results) for _ in range(members)] for _ in values])
+    for name, values in VALUES.items():
+        table = np.array([[next(rows) for _ in range(members)] for _ in values])
         columns = {output: table[:, :, i] for i, output in enumerate(OUTPUTS)}
         studies.append(Study(name, values, columns))
     return studies
 
 
-def _run(parameters: Parameters, phase: float, duration: float) -> list[float]:
-    run = QuietRuns(whole_configuration(parameters), (phase,))
-    statistics = Statistics()
-    try:
-        run.advance_to(round(SETTLING * SECOND))
-        run.advance_to(round((SETTLING + duration) * SECOND), statistics)
-    except EngineError:
-        return [np.nan] * len(OUTPUTS)
-    figures = statistics.figures()
-    return [np.nan if figures[name] is None else float(figures[name] or 0.0) for name in OUTPUTS]
-
-
 def find_trends(studies: list[Study]) -> list[Trend]:
     """Return the verdict on each output of each study."""
     cases = [(study, output) for study in studies for output in OUTPUTS]
-    tests = [_kendall(study, output) for study, output in cases]
-    adjusted = holm([p_value for _, p_value in tests])
+    adjusted = holm([_kendall(study, output) for study, output in cases])
     return [
-        _verdict(study, output, tau, p_value)
-        for (study, output), (tau, _), p_value in zip(cases, tests, adjusted, strict=True)
+        _verdict(study, output, p_value)
+        for (study, output), p_value in zip(cases, adjusted, strict=True)
     ]
 
 
@@ -156,22 +146,18 @@ def holm(p_values: list[float]) -> list[float]:
     return adjusted
 
 
-def _kendall(study: Study, output: str) -> tuple[float, float]:
+def _kendall(study: Study, output: str) -> float:
     members = study.members[output]
-    values = np.broadcast_to(study.values[:, None], members.shape)
-    valid = np.isfinite(members)
-    result = stats.kendalltau(values[valid], members[valid])
-    return float(result.statistic), float(result.pvalue)
+    values = np.repeat(study.values, members.shape[1])
+    return float(stats.kendalltau(values, members.ravel()).pvalue)
 
 
-def _verdict(study: Study, output: str, tau: float, p_value: float) -> Trend:
+def _verdict(study: Study, output: str, p_value: float) -> Trend:
     mean, half = study.mean(output), study.half_interval(output)
     scale = float(mean.mean())
     change = float(mean[-1] - mean[0]) / scale
     interval = float(np.hypot(half[-1], half[0])) / scale
-    ends = sorted((mean[0], mean[-1]))
-    beyond = max(float(mean.max()) - ends[1], ends[0] - float(mean.min())) / scale
     verdict = "flat"
     if p_value < SIGNIFICANCE and abs(change) > LITTLE:
         verdict = "rises" if change > 0.0 else "falls"
-    return Trend(study.parameter, output, verdict, tau, p_value, change, interval, beyond > LITTLE)
+    return Trend(study.parameter, output, verdict, p_value, change, interval)
