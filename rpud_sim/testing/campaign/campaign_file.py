@@ -43,7 +43,7 @@ _KEYS = (
     "expectations",
 )
 _SCENARIO_KEYS = ("faults", "duration", "parameters")
-_DURATION = Quantity("s", "simulation time of a run", 0.0, 1e5, exclusive=True)
+_TIME = Quantity("s", "simulation time of a run", 0.0, 1e5, exclusive=True)
 _MOST_RUNS = 100_000
 
 
@@ -112,7 +112,7 @@ def _expectations(
 
 
 def _runs(entries: Mapping[Any, Any], folder: Path) -> tuple[CampaignRun, ...]:
-    duration = number("duration", entries["duration"], _DURATION, ("duration",))
+    duration = number("duration", entries["duration"], _TIME, ("duration",))
     drill = _drill(entries.get("drill", {}), folder)
     seeds = _seeds(entries.get("seeds", [0]))
     scenarios = mapping("scenarios", entries["scenarios"], ("scenarios",))
@@ -134,7 +134,7 @@ def _runs(entries: Mapping[Any, Any], folder: Path) -> tuple[CampaignRun, ...]:
         entry = mapping(f"scenario {name}", content or {}, place)
         check_keys(entry, _SCENARIO_KEYS, place)
         own = _own(entry, drill, varied, place)
-        length = number("duration", entry.get("duration", duration), _DURATION, (*place, "duration"))
+        length = number("duration", entry.get("duration", duration), _TIME, (*place, "duration"))
         scenario: CampaignScenario | None = None
         for point in points:
             for seed in seeds:

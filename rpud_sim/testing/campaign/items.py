@@ -30,11 +30,11 @@ class CampaignFile(pytest.File):
         for run in campaign.runs:
             yield CampaignItem.from_parent(self, name=run.name, run=run, campaign=campaign)
 
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException]) -> Any:
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Return a mistake in the file as one line."""
         if isinstance(excinfo.value, ParameterError):
             return str(excinfo.value)
-        return super().repr_failure(excinfo)
+        return super().repr_failure(excinfo, style)
 
 
 class CampaignItem(pytest.Item):

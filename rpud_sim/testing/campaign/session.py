@@ -80,9 +80,7 @@ class CampaignSession:
 
         folder = self._config.getoption("rpud_artefacts")
         for file in dict.fromkeys(each["file"] for each in self._reports.values()):
-            reports = {
-                test: each for test, each in self._reports.items() if each["file"] == file
-            }
+            reports = {test: each for test, each in self._reports.items() if each["file"] == file}
             place = Path(self._config.rootpath, folder)
             results = results_from_reports(Path(file), reports.values(), place)
             name = next(iter(reports)).partition("::")[0].replace("/", "-")
