@@ -24,7 +24,7 @@ def flown(campaign, change=lambda run: {}):
     return results_of(
         campaign,
         [
-            FlownRun(run, outcome(campaign, **change(run)), 1.0, f"{run.number} {run.name}/bag")
+            FlownRun(run, outcome(campaign, **change(run)), 1.0, f"{run.name}/bag")
             for run in campaign.runs
         ],
     )

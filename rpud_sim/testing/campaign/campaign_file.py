@@ -133,7 +133,7 @@ def _runs(entries: Mapping[Any, Any], folder: Path) -> tuple[CampaignRun, ...]:
         place: Place = ("scenarios", str(name))
         entry = mapping(f"scenario {name}", content or {}, place)
         check_keys(entry, _SCENARIO_KEYS, place)
-        own = _own(entry, drill, varied, place)
+        own = _own(entry.get("parameters", {}), varied, (*place, "parameters"))
         length = number("duration", entry.get("duration", duration), _TIME, (*place, "duration"))
         scenario: CampaignScenario | None = None
         for point in points:
@@ -145,7 +145,7 @@ def _runs(entries: Mapping[Any, Any], folder: Path) -> tuple[CampaignRun, ...]:
                 scenario = scenario or CampaignScenario(
                     one_line("scenario", str(name), place), _phrases(setup), length
                 )
-                runs.append(CampaignRun(len(runs) + 1, scenario, point, setup))
+                runs.append(CampaignRun(scenario, point, setup))
     return tuple(runs)
 
 
@@ -165,34 +165,34 @@ def _drill(content: Any, folder: Path) -> dict[str, Any]:
     return options
 
 
-def _own(
-    entry: Mapping[Any, Any], drill: Mapping[str, Any], varied: Mapping[str, Any], place: Place
-) -> dict[str, Any]:
-    inner = (*place, "parameters")
-    values = mapping("parameters", entry.get("parameters", {}), inner)
+def _parameters(content: Any, place: Place) -> dict[str, Any]:
+    values = mapping("parameters", content, place)
     for name in values:
-        if name in varied:
-            raise CampaignError(f"{shown(name)} is varied by the campaign", (*inner, str(name)))
         if name not in PARAMETERS:
             hint = did_you_mean(name, PARAMETERS)
-            raise CampaignError(f"{shown(name)} is no parameter; {hint}", (*inner, str(name)))
-    return {str(name): _to_value(str(name), value) for name, value in values.items()}
+            raise CampaignError(f"{shown(name)} is no parameter; {hint}", (*place, str(name)))
+    return dict(values)
+
+
+def _own(content: Any, varied: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    values = _parameters(content, place)
+    for name in values:
+        if name in varied:
+            raise CampaignError(f"{shown(name)} is varied by the campaign", (*place, name))
+    return {name: _to_value(name, value) for name, value in values.items()}
 
 
 def _varied(content: Any) -> dict[str, list[Any]]:
-    place: Place = ("parameters",)
     found: dict[str, list[Any]] = {}
-    for name, values in mapping("parameters", content, place).items():
-        inner = (*place, str(name))
-        if name not in PARAMETERS:
-            raise CampaignError(
-                f"{shown(name)} is no parameter; {did_you_mean(name, PARAMETERS)}", inner
-            )
+    for name, values in _parameters(content, ("parameters",)).items():
+        place = ("parameters", name)
         if not isinstance(values, list) or not values:
-            raise CampaignError(f"{name} = {shown(values)} is no list of values", inner)
-        found[str(name)] = [_to_value(str(name), value) for value in values]
-        if len({repr(value) for value in found[str(name)]}) < len(values):
-            raise CampaignError(f"{name} has a value twice", inner)
+            raise CampaignError(
+                f"{name} = {shown(values)} is no list of values", ("parameters", name)
+            )
+        found[name] = [_to_value(name, value) for value in values]
+        if len({repr(value) for value in found[name]}) < len(values):
+            raise CampaignError(f"{name} has a value twice", place)
     return found
 
 

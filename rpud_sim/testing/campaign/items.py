@@ -26,15 +26,12 @@ class CampaignFile(pytest.File):
 
     def collect(self) -> Iterator[CampaignItem]:
         """Return an item for each run."""
-        campaign = read_campaign(self.path)
+        try:
+            campaign = read_campaign(self.path)
+        except ParameterError as error:
+            raise self.CollectError(str(error)) from None
         for run in campaign.runs:
             yield CampaignItem.from_parent(self, name=run.name, run=run, campaign=campaign)
-
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return a mistake in the file as one line."""
-        if isinstance(excinfo.value, ParameterError):
-            return str(excinfo.value)
-        return super().repr_failure(excinfo, style)
 
 
 class CampaignItem(pytest.Item):
@@ -43,18 +40,18 @@ class CampaignItem(pytest.Item):
     def __init__(self, run: CampaignRun, campaign: CampaignSpecification, **options: Any) -> None:
         super().__init__(**options)
         self._run, self._campaign = run, campaign
-        self.outcome: RunOutcome | None = None
+        self.rpud_outcome: RunOutcome | None = None
 
     def runtest(self) -> None:
         """Fly the run; a failed verdict fails the test, an undecided one does not."""
         system = self._campaign.system
         try:
             drill = take_drill(self, self._run.setup, system.folder)
-            self.outcome = fly(drill, self._run, system, self._campaign.expectations)
+            self.rpud_outcome = fly(drill, self._run, system, self._campaign.expectations)
         except (DrillError, LostMessagesError, ParameterError) as error:
-            self.outcome = outcome_of(BROKEN, 0.0, str(error))
+            self.rpud_outcome = outcome_of(BROKEN, 0.0, str(error))
             raise
-        if failures := self.outcome.failures:
+        if failures := self.rpud_outcome.failures:
             raise RunFailedError("\n".join(failures))
 
     def teardown(self) -> None:

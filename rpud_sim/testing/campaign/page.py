@@ -71,17 +71,11 @@ if the run ends before.</p>
 {% endfor %}</pre>
 {% endfor %}
 {% endif %}
-<h2>Margins</h2>
-{% if margins %}
+{% if plots %}
+<h2>Margins and reaction times</h2>
 <p>A margin says by how much an expectation holds; below zero it failed. The runs have the numbers
 of the table below.</p>
-{{ grid("margins", margins, 20) }}
-{% else %}
-<p class="none">No verdict has a margin.</p>
-{% endif %}
-{% if reactions %}
-<h2>Times to react</h2>
-{{ grid("reactions", reactions, 20) }}
+{{ grid("plots", plots, 20) }}
 {% endif %}
 <h2>Runs</h2>
 <div class="wide" tabindex="0" role="region" aria-label="Runs"><table>
@@ -131,8 +125,7 @@ def campaign_page(results: CampaignResults) -> str:
             }
             for flown in failed[:_MOST_FAILURES]
         ],
-        margins=_plots(results, "margin", min),
-        reactions=_plots(results, "reaction_time", max),
+        plots=_plots(results, "margin", min) + _plots(results, "reaction_time", max),
         runs=[_run(number, flown) for number, flown in enumerate(results.runs, 1)],
     )
 

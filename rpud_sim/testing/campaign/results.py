@@ -121,15 +121,7 @@ class CampaignResults:
         return {
             "campaign": self.campaign.name,
             "counts": self.counts,
-            "requirements": [
-                {
-                    "requirement": each.identifier,
-                    "text": each.text,
-                    "expectations": list(each.expectations),
-                    "outcome": each.outcome,
-                }
-                for each in self.requirements
-            ],
+            "requirements": {each.identifier: each.outcome for each in self.requirements},
             "runs": [each.to_dict() for each in self.runs],
         }
 
@@ -145,26 +137,14 @@ def results_from_reports(
     """
     campaign = read_campaign(file)
     found = {report["name"]: report for report in reports}
-    return results_of(
-        campaign,
-        [
-            FlownRun(
-                run,
-                outcome_from_json(found[run.name]["outcome"]),
-                found[run.name]["wall_time"],
-                *(_relative(found[run.name].get(f"rpud_{kind}"), place) for kind in _ARTEFACTS),
-            )
-            for run in campaign.runs
-            if run.name in found
-        ],
-    )
-
-
-_ARTEFACTS = ("bag", "report")
-
-
-def _relative(path: str | None, place: Path) -> str:
-    return "" if path is None else Path(path).relative_to(place).as_posix()
+    runs = []
+    for run in campaign.runs:
+        if report := found.get(run.name):
+            files = (report.get(name, "") for name in ("rpud_bag", "rpud_report"))
+            relative = [file and Path(file).relative_to(place).as_posix() for file in files]
+            outcome = outcome_from_json(report["outcome"])
+            runs.append(FlownRun(run, outcome, report["wall_time"], *relative))
+    return results_of(campaign, runs)
 
 
 def results_of(campaign: CampaignSpecification, runs: Sequence[FlownRun]) -> CampaignResults:

@@ -18,7 +18,7 @@ from rpud_sim.foundation.whole_folder import whole_file
 if TYPE_CHECKING:
     from rpud_sim.testing.campaign.results import CampaignResults
 
-SUFFIXES = (".yaml", ".yml")
+_SUFFIXES = (".yaml", ".yml")
 NAME = "rpud_campaigns"
 """Name of the plugin, by which its results are found."""
 
@@ -43,7 +43,7 @@ class CampaignSession:
         self, file_path: Path, parent: pytest.Collector
     ) -> pytest.Collector | None:
         """Collect a campaign file."""
-        if file_path.suffix not in SUFFIXES or not _is_campaign(file_path):
+        if file_path.suffix not in _SUFFIXES or not _is_campaign(file_path):
             return None
         from rpud_sim.testing.campaign.items import CampaignFile
 
@@ -55,8 +55,8 @@ class CampaignSession:
     ) -> Generator[None, Any, None]:
         """Add the outcome of a run to its report, which may come from another process."""
         result = yield
-        outcome = getattr(item, "outcome", None)
-        if call.when == "call" and outcome is not None and item.path.suffix in SUFFIXES:
+        outcome = getattr(item, "rpud_outcome", None)
+        if call.when == "call" and outcome is not None:
             result.get_result().rpud_run = {
                 "file": str(item.path),
                 "name": item.name,

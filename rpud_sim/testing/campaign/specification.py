@@ -60,7 +60,6 @@ class CampaignScenario:
 class CampaignRun:
     """One run of a campaign."""
 
-    number: int  # of the run in its campaign, from 1 on
     scenario: CampaignScenario
     parameters: Mapping[str, Any]  # values of the parameters that the campaign varies
     setup: DrillSetup  # of the drill

@@ -7,7 +7,7 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -124,27 +124,26 @@ def _answers(content: Any) -> tuple[str, ...]:
     if not found:
         raise CampaignError("answers names no topic: a step would not wait for the system", place)
     for index, name in enumerate(found):
-        hint = suggestion(name, COMMANDS)
         if name in TOPICS:
             raise CampaignError(f"answers: {name} is a topic of the drill itself", (*place, index))
-        if name not in COMMANDS and (hint or name.startswith("command/")):
-            raise CampaignError(
-                f"answers: the drill has no topic {shown(name)}; {did_you_mean(name, COMMANDS)}",
-                (*place, index),
-            )
+        if suggestion(name, COMMANDS) or name.startswith("command/"):
+            _check_known("answers", name, COMMANDS, index)
     return found
 
 
 def _hears(content: Any) -> tuple[str, ...]:
-    place = (*_PLACE, "hears")
-    found = texts("hears", content, place)
+    found = texts("hears", content, (*_PLACE, "hears"))
     for index, name in enumerate(found):
-        if name not in TOPICS:
-            raise CampaignError(
-                f"hears: the drill publishes no topic {shown(name)}; {did_you_mean(name, TOPICS)}",
-                (*place, index),
-            )
+        _check_known("hears", name, TOPICS, index)
     return found
+
+
+def _check_known(entry: str, name: str, known: Collection[str], index: int) -> None:
+    if name not in known:
+        raise CampaignError(
+            f"{entry}: the drill has no topic {shown(name)}; {did_you_mean(name, known)}",
+            (*_PLACE, entry, index),
+        )
 
 
 def _ready(content: Any) -> str:

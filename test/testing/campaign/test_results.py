@@ -70,7 +70,7 @@ def test_the_page_escapes_names_and_links_to_bags(campaign):
     page = campaign_page(flown(named))
     assert "<script>alert" not in page
     assert "&lt;script&gt;alert(1)" in page
-    assert 'href="1%20nominal' in page
+    assert 'href="nominal%20' in page
 
 
 def test_the_page_names_runs_that_failed_and_plots_their_margins_apart(campaign):
