@@ -108,6 +108,7 @@ def pytest_runtest_makereport(
         report.sections.append(("rpud_sim", artefacts.text))
 
 
+@pytest.hookimpl(trylast=True)  # after the teardown of a test that was interrupted
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """End the drills, and wait for the report pages."""
     pool = session.config.stash.get(_Stash.pool, None)

@@ -4,8 +4,6 @@ import json
 from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
 pytest_plugins = ["pytester"]
 
 SUPERVISORS = Path(__file__).resolve().parents[1]
@@ -91,21 +89,18 @@ def test_a_drill_that_fails_says_nothing_about_the_system_under_test(pytester):
     )
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_other_yaml_files_are_not_collected(pytester):
+    texts = (
         "system: {a: 1}\nscenarios: [b]\n",
         CAMPAIGN.replace("answers", "topics"),
         "# system:\n# scenarios:\nversion: 2\n",
         "\xff: [",
         "",
-    ],
-)
-def test_another_yaml_file_is_not_collected(pytester, text):
-    (pytester.path / "other.yaml").write_text(text, encoding="latin-1")
+    )
+    for number, text in enumerate(texts):
+        (pytester.path / f"other_{number}.yaml").write_text(text, encoding="latin-1")
     pytester.makepyfile("def test_a(): pass")
-    result = run(pytester)
-    result.assert_outcomes(passed=1)
+    run(pytester).assert_outcomes(passed=1)
     assert not (pytester.path / "left").exists()
 
 
