@@ -72,6 +72,8 @@ def _test_campaign(arguments: argparse.Namespace) -> int:
             raise CommandError(f"--{name} is for bags", ExitCode.USAGE)
     import pytest
 
+    # Where a package is missing, this fails in one line, and pytest would not.
+    import rpud_sim.testing.campaign.items  # noqa: F401
     from rpud_sim.testing.campaign.campaign_file import read_campaign
     from rpud_sim.testing.campaign.session import NAME
 
