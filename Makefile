@@ -103,8 +103,7 @@ measure-setup: ## Clone into a new folder and print the time of each stage from 
 
 .PHONY: campaign
 campaign: install/.package ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
-	@$(WITH_ENV) python test/busy.py -- rpud test config/campaign.yaml --only '^jammed actuator_restitution=1.0 seed=1' \
-	  --repeat $(RUNS) --again --out build/campaign
+	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python test/busy.py -- python -m pytest test/testing/campaign/test_repeat.py
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each

@@ -113,7 +113,10 @@ def execute(words: Sequence[str]) -> int:
 
 
 def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
-    arguments = parser.parse_args(words)
+    arguments, further = parser.parse_known_args(words)
+    if further and not hasattr(arguments, "further"):
+        parser.error(f"unrecognized arguments: {' '.join(further)}")
+    arguments.further = further
     code: int = arguments.run(arguments)
     return code
 
