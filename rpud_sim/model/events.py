@@ -150,10 +150,6 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
         impacts[count] = impact
         count += 1
         state.impact_open = 0
-    if state.impact_open and drill.strike_pair:
-        # The actuator struck both: the contact goes on.
-        impact.impulse += collisions.impulse
-        impact.energy_transferred += collisions.energy_transferred
     if impacted:
         open_impact(drill, state, impact, collisions)
         if not state.impact_open:

@@ -140,11 +140,6 @@ class Parameters(ParameterGroup):
         1e-3,
         1e12,
     )
-    strike_pair: bool = flag(
-        False,
-        "whether the actuator that strikes the free mass during a contact in the rock strikes the "
-        "drill tool with it, as one body",
-    )
     regime: str = choice(
         "drilling", REGIMES, "free is before drilling, drilling is in the rock", changeable=True
     )

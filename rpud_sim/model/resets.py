@@ -5,8 +5,7 @@
         actuator and free mass collide by eqs. (4)-(7)
         free mass and drill tool collide by eqs. (11)-(13), or share their momentum by eq. (21) in
         the rock
-    a jammed free mass that touches the drill tool is one body with it; so is one in contact in the
-    rock when the actuator strikes it, if strike_pair is set
+    a jammed free mass that touches the drill tool is one body with it
     keep the contacts that would close again at once, if their forces then push
 
 A free mass that chatters comes to rest in finite time. That is recognised when its next bounce
@@ -77,17 +76,6 @@ def close_gaps(state, met, turn):
 
 
 @compiled
-def is_struck_as_pair(drill, state, closed):
-    """Whether the actuator now strikes free mass and drill tool, in contact in the rock, as one."""
-    return (
-        drill.strike_pair
-        and drill.in_rock
-        and state.contact == CONTACT_DRILL_TOOL
-        and closed == CONTACT_BOTH
-    )
-
-
-@compiled
 def exchange_momentum(drill, state, closed, turn):
     """Apply all collisions among the touching bodies; only velocities change.
 
@@ -110,8 +98,7 @@ def exchange_momentum(drill, state, closed, turn):
     transferred = 0.0
     struck_mass = drill.free_mass
     wedged = drill.jammed and closed & CONTACT_DRILL_TOOL
-    paired = is_struck_as_pair(drill, state, closed)
-    if wedged or paired:
+    if wedged:
         struck_mass += drill.tool_mass
         if state.v_fm < state.v_dt:
             state.v_fm = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
@@ -127,10 +114,6 @@ def exchange_momentum(drill, state, closed, turn):
             v_ut, state.v_fm = collide(mass, v_ut, struck_mass, state.v_fm, restitution)
             given += mass * (arriving - v_ut)
             if wedged:
-                state.v_dt = state.v_fm
-            elif paired:
-                impulse += drill.tool_mass * (state.v_fm - state.v_dt)
-                transferred += 0.5 * drill.tool_mass * (state.v_fm**2 - state.v_dt**2)
                 state.v_dt = state.v_fm
         if closed & CONTACT_DRILL_TOOL and state.v_fm - state.v_dt > SAME_VELOCITY:
             approaching = True
