@@ -6,9 +6,6 @@ import math
 
 from rpud_sim.drilling.bit import BitParameters
 
-# Packed flutes resist in proportion to f / (1 - f), as if they were never fuller than this.
-FULLEST = 0.98
-
 
 class Cuttings:
     """Volume of cuttings in the flutes of the tool.
@@ -56,13 +53,10 @@ class Cuttings:
     def torque(self, depth: float, clogged: float = 0.0) -> float:
         """Return the torque that resists the rotation [N m].
 
-        It is proportional to the depth of the tool in the hole [m], and to f / (1 - f) of the
-        filling f: equal to ``flute_torque`` times depth with half-full flutes (assumed).
+        It is proportional to the depth of the tool in the hole [m] and to the filling: equal to
+        ``flute_torque`` times depth with half-full flutes (assumed).
         """
-        full = self.filling(depth, clogged)
-        if full > FULLEST:
-            full = FULLEST
-        return self._bit.flute_torque * depth * full / (1.0 - full)
+        return 2.0 * self._bit.flute_torque * depth * self.filling(depth, clogged)
 
     def step(
         self,

@@ -6,7 +6,7 @@ import dataclasses
 from typing import NamedTuple
 
 from rpud_sim.drilling.bit import BitParameters
-from rpud_sim.drilling.borehole import AMBIENT_TEMPERATURE, Borehole, BoreholeState
+from rpud_sim.drilling.borehole import Borehole, BoreholeState
 from rpud_sim.drilling.feed import Motion
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountParameters, MountState
@@ -35,7 +35,6 @@ class DrillingParameters:
     bit: BitParameters = dataclasses.field(default_factory=BitParameters)
     # where there are no strata; area of the hole
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
-    ambient_temperature: float = AMBIENT_TEMPERATURE  # of bit, rock and surroundings at first [K]
 
     @property
     def layers(self) -> Strata | None:
@@ -103,8 +102,7 @@ class Process:
             rate = surroundings.load_spring_rate
             self._mount = Mount(parameters.mount, rate, surroundings.has_rock)
         if (layers := parameters.layers) is not None:
-            ambient = parameters.ambient_temperature
-            self._borehole = Borehole(parameters.bit, layers, parameters.rock, ambient)
+            self._borehole = Borehole(parameters.bit, layers, parameters.rock)
         self._follows_rock = parameters.strata.found is None
         self._time = 0  # of the last step [ns]
 
@@ -175,7 +173,7 @@ class Process:
             if borehole:
                 resistance = borehole.resistance(weight, percussion.in_rock, disturbances)
             ratio = percussion.amplitude_ratio
-            turned = self._rotor.step(interval, ratio, resistance, disturbances)
+            turned = self._rotor.step(interval, ratio, resistance)
         bottom = surroundings.depth
         if borehole:
             position = mount.position if mount else None

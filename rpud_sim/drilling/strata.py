@@ -44,7 +44,6 @@ class Layer(ParameterGroup):
         0.0, "J", "energy of an impact below which it breaks nothing", 0.0, 1e3
     )
     abrasiveness: float = number(0.0, "", "CERCHAR abrasiveness index", 0.0, 10.0)
-    density: float = number(2360.0, "kg/m^3", "mass of one unit of volume", 10.0, 1e5)
     friction: float = number(0.5, "", "coefficient of friction of the wear flat", 0.0, 2.0)
 
     def __post_init__(self) -> None:
@@ -132,7 +131,7 @@ def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
     """
     if not (isinstance(rock, str) and rock in ROCKS):
         raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
-    return Layer(name=rock, depth_from=depth_from, **ROCKS[rock].properties)
+    return Layer(name=rock, depth_from=depth_from, **ROCKS[rock])
 
 
 @functools.lru_cache(maxsize=64)
@@ -145,7 +144,7 @@ def inclusion_in(layer: Layer, strength: float) -> Layer:
     Args:
         strength: of the stone [Pa].
     """
-    basalt = ROCKS["basalt"].properties
+    basalt = ROCKS["basalt"]
     threshold = basalt["threshold_energy"] * strength / basalt["strength"]
     return dataclasses.replace(
         layer,

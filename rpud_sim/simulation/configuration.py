@@ -69,7 +69,6 @@ class Configuration(ParameterGroup):
             self.strata,
             self.bit,
             self.rock,
-            self.actuator.ambient_temperature,
         )
 
     @property

@@ -22,11 +22,11 @@ ROTATION_JOINT = "rpud_rotation"
 
 # Fields of each topic: attributes of the part of the state that has the topic's name.
 _FIELDS: Mapping[str, tuple[str, ...]] = {
-    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled", "slipping"),
+    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled"),
     "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
     "borehole": (
         *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
-        *("bit_wear", "bit_temperature", "rock_temperature", "side_offset"),
+        *("bit_wear", "side_offset"),
     ),
 }
 PROCESS_TOPICS = tuple(_FIELDS)

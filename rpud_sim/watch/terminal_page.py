@@ -173,7 +173,7 @@ def _arm(picture: Picture) -> list[Line]:
         value = f"{_feed_text(picture.status)} at {1e3 * mount['feed']:.2f} mm"
         lines.append(_row("feed", value, text))
     if rotation := picture.latest.get("rotation"):
-        said = "stalled" if rotation["stalled"] else "slipping" if rotation["slipping"] else ""
+        said = "stalled" if rotation["stalled"] else ""
         text = f"torque {1e3 * rotation['torque']:.2f} mN m"
         text += f"   drive {1e3 * rotation['drive_torque']:.2f} mN m"
         style = ALARM if rotation["stalled"] else PLAIN
@@ -182,7 +182,6 @@ def _arm(picture: Picture) -> list[Line]:
     if hole := picture.latest.get("borehole"):
         layer = printable(str(hole["layer"])) or "broken through"
         text = f"cuttings {1e9 * hole['packed_cuttings']:.0f} mm3   wear {hole['bit_wear']:.2f}"
-        text += f"   bit {hole['bit_temperature']:.1f} K"
         if hole["side_offset"]:
             text += f"   walked {1e3 * hole['side_offset']:.2f} mm"
         lines.append(_row("rock", layer, text))

@@ -292,7 +292,7 @@ def made_on_an_arm(tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
     content = yaml.safe_load((CONFIG / "dataset_on_an_arm.yaml").read_text())
     rocks = ("limestone", "sandstone", "sandstone_on_hard_sandstone")
-    kinds = ("binding", "feed_stall", "arm_slip", "gravel_in_flutes")
+    kinds = ("binding", "feed_stall", "arm_slip", "corkscrewing")
     content |= {
         "duration": 2.5,
         "settling": 0.5,
@@ -321,7 +321,7 @@ def test_the_example_on_an_arm_at_small_size_prints_the_table(
     assert lines[0] == NOTICE
     results = {line.split()[0]: line.split()[1:] for line in lines[2:4]}
     assert [results[name][0] for name in ("threshold", "changepoynt")] == ["4", "4"]
-    assert int(results["threshold"][1]) >= 2  # torque of binding and gravel is seven-fold
+    assert int(results["threshold"][1]) >= 2  # torque of binding is seven-fold
     assert "not installed" not in table.stdout
 
 
