@@ -75,10 +75,9 @@ class BitParameters(ParameterGroup):
 
 
 class Cut(NamedTuple):
-    """Forces and torques of a bit on the bottom of its hole, immutable."""
+    """Cut and torques of a bit on the bottom of its hole, immutable."""
 
     depth: float = 0.0  # of the cut in one turn, if the tool turns [m]
-    cutting_force: float = 0.0  # part of the weight on bit that the cutting edges bear [N]
     cutting_torque: float = 0.0  # that cuts the rock [N m]
     friction_torque: float = 0.0  # of the wear flats on the rock [N m]
 
@@ -125,7 +124,6 @@ def cut(
     friction_force = weight_on_bit - cutting_force
     return Cut(
         depth,
-        cutting_force,
         0.5 * layer.specific_energy * hardness * radius**2 * depth,
         0.5 * layer.friction * bit.bit_shape_factor * radius * friction_force,
     )

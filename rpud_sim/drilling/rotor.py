@@ -107,7 +107,7 @@ class Rotor:
         self._flutes += flutes * turned
         self._faults += faults * turned
         resisted = math.fsum((self._cutting, self._friction, self._flutes, self._faults))
-        return Turned(turned, self._torque, self._friction, resisted)
+        return Turned(turned, self._friction, resisted)
 
     def _drive_torque_at(self, amplitude_ratio: float, rate: float) -> float:
         return self._stall_torque * amplitude_ratio - self._slope * rate

@@ -69,7 +69,6 @@ class Turned(NamedTuple):
     """Rotation in one step as the borehole sees it, immutable."""
 
     angle: float = 0.0  # of the step [rad]
-    torque: float = 0.0  # of rock and cuttings on the drill tool, against the rotation [N m]
     friction: float = 0.0  # work of the wear flat on the rock since time zero [J]
     resisted: float = 0.0  # work against everything that resists the rotation since time zero [J]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import dataclasses
 import functools
 import json
@@ -97,13 +96,6 @@ class Strata:
     def __deepcopy__(self, memo: dict[int, object]) -> Strata:
         """Return itself: copies of a run share what cannot change."""
         return self
-
-    def number_at(self, depth: float) -> int:
-        """Return the number of the layer at a depth [m], from 0; a boundary belongs to the lower.
-
-        At and below the bottom it is that of the last layer.
-        """
-        return bisect.bisect_right(self.layers, depth, key=lambda layer: layer.depth_from) - 1
 
     def end_of(self, number_: int) -> float:
         """Return the depth at which a layer ends [m]; infinite for the last one without bottom."""
