@@ -17,9 +17,6 @@ class BitParameters(ParameterGroup):
 
     The paper names no bit: all values are assumed unless docs/explanation/drilling.md gives a
     source. The bit has the area of the hole, ``hole_area``.
-
-    Raises:
-        ParameterError: if a value is outside its range.
     """
 
     bit_thrust_ratio: float = number(
@@ -53,7 +50,7 @@ class BitParameters(ParameterGroup):
         0.1, "m", "depth at which friction on the wall halves the rise of the cuttings", 1e-4, 1e3
     )
     flute_torque: float = number(
-        0.05, "N m/m", "torque of half-full flutes for each metre in the hole", 0.0, 1e4
+        0.05, "N m/m", "torque of full flutes for each metre in the hole", 0.0, 1e4
     )
     cuttings_bulking: float = number(
         1.8, "", "volume of the cuttings over that of the rock they come from", 1.0, 5.0
@@ -106,9 +103,7 @@ def cut(
     beyond it more weight cuts deeper (II).
 
     Args:
-        radius: of the bit [m].
         weight_on_bit: toward the rock [N]; without it there is no cut.
-        wear_flat: area of the wear flats [m^2].
         hardness: factor on specific energy and strength of the rock.
     """
     if not weight_on_bit > 0.0:

@@ -72,15 +72,15 @@ PITCHES = (400_000, 20 * MILLISECOND, MILLISECOND)
 LIBRARY = "69a70c2a73408780"
 EXPECTED = {
     "rotation alone": "16b0851b58129cd6",
-    "rotation in one rock": "ce9be57e6d4dff8e",
+    "rotation in one rock": "55e49962c3905598",
     "strata without rotation": "08b9f3ee3b0d75db",
-    "rotation in strata": "b7386fdc3e37c4c6",
-    "arm": "7a54576cc342f1a6",
+    "rotation in strata": "c6ba9bfd37cfc27e",
+    "arm": "2f80fc28c88df389",
     "arm before drilling": "f7dd8fbbf2a40dab",
-    "rigid arm": "7878ac35ae767090",
-    "slipping arm": "8b55832d5abab8d3",
-    "resonance": "f030b84be885638b",
-    "weak rotor": "60f8641d16df9b4d",
+    "rigid arm": "6e2a44ea9cd5db79",
+    "slipping arm": "9821c92400111322",
+    "resonance": "88aa1952c3fcd25f",
+    "weak rotor": "6efce92c768c1a71",
 }
 
 
