@@ -35,9 +35,6 @@ class Borehole:
     Percussion deepens it as ``Progress`` does, by the energy of impacts above the threshold of the
     layer; rotation by the depth of its cut in each turn (``bit.cut``). Cuttings in the flutes hold
     both up (``cuttings``).
-
-    Args:
-        rock: area of the hole, and share of an impact's energy that breaks the rock.
     """
 
     def __init__(self, bit: BitParameters, strata: Strata, rock: RockParameters) -> None:
@@ -83,12 +80,7 @@ class Borehole:
     def resistance(
         self, weight_on_bit: float, in_rock: bool, disturbances: Disturbances
     ) -> Resistance:
-        """Return the torque against the rotation of the drill tool.
-
-        Args:
-            weight_on_bit: force on the bit [N].
-            in_rock: whether the drill tool is in the rock.
-        """
+        """Return the torque against the rotation of the drill tool."""
         if not (in_rock or self._tip > 0.0):
             return NO_RESISTANCE
         done = NO_CUT
@@ -110,9 +102,6 @@ class Borehole:
         """Drill for one step.
 
         Args:
-            interval: length of the step [s].
-            rotation: of the step; ``NOT_TURNED`` without a rotor.
-            weight_on_bit: force on the bit in the step [N].
             mount_position: at the end of the step, as of ``MountState``; None without a feed.
         """
         turned = rotation.angle

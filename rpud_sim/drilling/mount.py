@@ -17,9 +17,6 @@ class MountParameters(ParameterGroup):
     """Parameters of feed and arm, in SI units.
 
     The paper gives none of them: all are assumed.
-
-    Raises:
-        ParameterError: if a value is outside its range, or if two do not fit together.
     """
 
     feed_model: str = choice(
@@ -68,11 +65,7 @@ class MountParameters(ParameterGroup):
             )
 
     def check(self, motion: Motion) -> None:
-        """Check that the feed can make a motion.
-
-        Raises:
-            ParameterError: if its rate or position is outside the feed's limits.
-        """
+        """Check that the feed can make a motion."""
         limit = self.feed_rate_limit
         if motion.mode == RATE and not -limit <= motion.value <= limit:
             raise ParameterError(
@@ -125,17 +118,6 @@ class Mount:
     The load spring is compressed by what mount and hole leave it: W = k_1 (x - p), at least zero.
     The tool gets into the rock where x is beyond the bottom p of the hole, and leaves it
     ``contact_release`` before it.
-
-    Attributes:
-        motion: that the drive of the feed is to make.
-        position: of the mount [m].
-        bottom: of the hole [m]; infinite if there is none.
-        weight_on_bit: force of the compressed load spring [N].
-        in_contact: whether the drill tool is in the rock.
-
-    Args:
-        load_spring_rate: k_1 [N/m].
-        has_rock: whether there is rock.
     """
 
     def __init__(
@@ -200,11 +182,8 @@ class Mount:
         depth, and the feed has moved.
 
         Args:
-            interval: length of the step [s].
             bottom: depth of the hole at the end [m]; infinite if there is no bottom.
             reacting_force: mean force of the drill on the mount in the step [N].
-            load_spring_rate: k_1 [N/m].
-            has_rock: whether there is rock.
         """
         spring_rate = load_spring_rate * disturbances.preload_factor
         # What the drill's own motion takes from the force of the load spring.

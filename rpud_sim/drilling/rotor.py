@@ -16,9 +16,6 @@ class RotationParameters(ParameterGroup):
 
     The paper describes the rotor (Section II) and gives none of these values: all are assumed, and
     docs/explanation/drilling.md gives the reasons.
-
-    Raises:
-        ParameterError: if a value is outside its range.
     """
 
     rotation_model: str = choice(
@@ -90,7 +87,6 @@ class Rotor:
         """Turn for one step and return what the borehole needs of it.
 
         Args:
-            interval: length of the step [s].
             amplitude_ratio: amplitude of the vibration over its nominal value, not negative.
         """
         cutting, friction, flutes, faults = resistance

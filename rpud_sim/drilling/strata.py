@@ -27,11 +27,7 @@ BOTTOM = Quantity("m", "depth at which the rock ends", 0.0, 1e4, exclusive=True)
 
 @dataclasses.dataclass(frozen=True)
 class Layer(ParameterGroup):
-    """Layer of rock, immutable.
-
-    Raises:
-        ParameterError: if a value is outside its range.
-    """
+    """Layer of rock, immutable."""
 
     name: str = text("", "a name", "name of the layer")
     depth_from: float = number(0.0, "m", "depth at which the layer begins", 0.0, 1e4)
@@ -62,11 +58,7 @@ _STRATA_KEYS = ("layers", "bottom")
 
 @dataclasses.dataclass(frozen=True)
 class Strata:
-    """Layers from the surface downward, immutable.
-
-    Raises:
-        ParameterError: if the layers do not follow one another.
-    """
+    """Layers from the surface downward, immutable."""
 
     # at least one; the first begins at depth zero, each other one below the one before
     layers: tuple[Layer, ...]
@@ -112,15 +104,7 @@ class Strata:
 
 
 def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
-    """Return a layer of a rock of ``ROCKS``.
-
-    Args:
-        rock: its name.
-        depth_from: depth at which the layer begins [m].
-
-    Raises:
-        ParameterError: if the rock is unknown.
-    """
+    """Return a layer of a rock of ``ROCKS``."""
     if not (isinstance(rock, str) and rock in ROCKS):
         raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
     return Layer(name=rock, depth_from=depth_from, **ROCKS[rock])
@@ -132,9 +116,6 @@ def inclusion_in(layer: Layer, strength: float) -> Layer:
 
     Its specific energy is its strength, as Teale (1965) found, and its threshold energy that of
     basalt in proportion to the strength (assumed).
-
-    Args:
-        strength: of the stone [Pa].
     """
     basalt = ROCKS["basalt"]
     threshold = basalt["threshold_energy"] * strength / basalt["strength"]
@@ -182,11 +163,7 @@ def find_strata(choice: str) -> Strata:
 
 
 def read_strata(path: str | Path) -> Strata:
-    """Return the strata of a file in YAML.
-
-    Raises:
-        ParameterError: if it cannot be read or used; one line with file, line, layer and value.
-    """
+    """Return the strata of a file in YAML."""
     content, written = read_yaml_text(path)
     return parse_strata(content, str(path), yaml_lines(written))
 
@@ -259,9 +236,6 @@ class StrataParameters(ParameterGroup):
 
     A file is read when this is made, and its content in one line takes the place of its path. So
     journals and bags have the layers, and need the file no more.
-
-    Raises:
-        ParameterError: if the strata cannot be used.
     """
 
     strata: str = text(

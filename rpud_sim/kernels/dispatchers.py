@@ -213,7 +213,6 @@ def kernel_compiler(store: KernelStore, room: Path) -> Callable[[Callable[..., A
     """Return the decorator of functions that are compiled when they are first called.
 
     Args:
-        store: where compiled kernels are kept.
         room: folder of the sources that every kernel comes from, beside its own file.
     """
     own = tuple(sorted(Path(__file__).parent.glob("*.py")))

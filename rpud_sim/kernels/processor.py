@@ -33,7 +33,6 @@ def choose_target(cpu: str, features: str) -> Target:
     """Return the baseline if a processor has it, otherwise the processor itself.
 
     Args:
-        cpu: its name.
         features: its instructions as LLVM writes them, such as ``+sse4.2,-avx2``.
     """
     present = {name[1:] for name in features.split(",") if name.startswith("+")}

@@ -55,10 +55,6 @@ def close_gaps(state, met, turn):
 
     Args:
         met: CONTACT_* bits of pairs whose approach has just ended.
-        turn: ``Turn`` of the state's phase.
-
-    Returns:
-        CONTACT_* bits of the gaps that are closed.
     """
     u_hv, _ = vibration_of(state.amplitude, state.frequency, turn)
     u_ut = state.u_np + u_hv
@@ -77,15 +73,7 @@ def close_gaps(state, met, turn):
 
 @compiled
 def exchange_momentum(drill, state, closed, turn):
-    """Apply all collisions among the touching bodies; only velocities change.
-
-    Args:
-        closed: CONTACT_* bits of the gaps that are closed.
-        turn: ``Turn`` of the state's phase.
-
-    Returns:
-        ``Collisions``.
-    """
+    """Apply all collisions among the touching bodies; only velocities change."""
     _, v_hv = vibration_of(state.amplitude, state.frequency, turn)
     v_ut = state.v_np + v_hv
     mass = tip_mass(drill, state)
@@ -187,13 +175,7 @@ def hold_both(drill, state, v_ut, v_hv, stay, turn):
     """Keep all three bodies together if both contacts push; one that is jammed need not.
 
     Args:
-        v_ut: velocity of the tip [m/s].
-        v_hv: velocity of the harmonic vibration [m/s].
         stay: whether both pairs stay together; if not, the free mass may still be caged.
-        turn: ``Turn`` of the state's phase.
-
-    Returns:
-        Whether they are kept together.
     """
     separate = state.v_np
     pair = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
@@ -258,13 +240,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
     pairs that separate slowly enough can be in it.
 
     Args:
-        closed: CONTACT_* bits of the gaps that are closed.
         opened: CONTACT_* bits of contacts that end at this instant.
-        drill_tool_struck: whether the drill tool was struck at this instant.
-        turn: ``Turn`` of the state's phase.
-
-    Returns:
-        CONTACT_* bits.
     """
     closed &= ~opened
     if not closed:

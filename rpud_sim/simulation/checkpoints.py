@@ -48,11 +48,7 @@ class Checkpoints:
         self._runs[name] = state
 
     def find(self, name: str) -> Run:
-        """Return a new run in the state of a checkpoint, which stays.
-
-        Raises:
-            CheckpointError: if there is none of this name.
-        """
+        """Return a new run in the state of a checkpoint, which stays."""
         if name not in self._runs:
             known = did_you_mean(name, self._runs) if self._runs else "none was saved"
             raise CheckpointError(f"there is no checkpoint {shown(name)}; {known}")

@@ -15,11 +15,7 @@ FEED_POSITION = Quantity("m", "position of the feed along the drill axis", -1.0,
 
 @dataclasses.dataclass(frozen=True)
 class WeightOnBit:
-    """Constant force with which the preloaded load spring pushes the drill toward the rock.
-
-    Raises:
-        ParameterError: if the force is outside its range.
-    """
+    """Constant force with which the preloaded load spring pushes the drill toward the rock."""
 
     force: float  # W [N]
 
@@ -34,9 +30,6 @@ class Drive:
 
     A drive that is not enabled may leave voltage and frequency at zero, which keeps the present
     ones.
-
-    Raises:
-        ParameterError: if a value is outside its range.
     """
 
     enabled: bool  # whether the actuator is driven
@@ -61,11 +54,7 @@ class Drive:
 
 @dataclasses.dataclass(frozen=True)
 class Feed:
-    """Motion of the feed, which carries the mount of the drill.
-
-    Raises:
-        ParameterError: if the mode is unknown or the value outside its range.
-    """
+    """Motion of the feed, which carries the mount of the drill."""
 
     mode: str  # ``rate`` or ``position``
     value: float  # rate toward the rock [m/s], or position along the drill axis [m]

@@ -145,11 +145,7 @@ def _greatest(parameters: Parameters, name: str) -> float:
 
 
 def check_honoured(fault: Fault, configuration: Configuration) -> None:
-    """Refuse a fault that would have no effect, or no meaning, in a configuration.
-
-    Raises:
-        FaultError: with the reason.
-    """
+    """Refuse a fault that would have no effect, or no meaning, in a configuration."""
     actuator = configuration.actuator
     no_rotation = configuration.rotation.rotation_model == "none"
     layers = configuration.drilling.layers

@@ -12,9 +12,6 @@ class Control:
 
     Args:
         simulation: at its start; the commands in force there are the initial ones.
-        timeout: of the watchdog [s].
-        ramp: of the watchdog [s].
-        active: whether commands act.
     """
 
     def __init__(

@@ -118,11 +118,7 @@ def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
 
 
 class RecentEnergy:
-    """Accounts of the blocks of the last second of simulation time.
-
-    Args:
-        has_feed: whether the drill has a feed, whose blocks have an account of their own.
-    """
+    """Accounts of the blocks of the last second of simulation time."""
 
     def __init__(self, has_feed: bool = False) -> None:
         # Start, end and terms of each block; as bytes, which copies of a run share. Those of a

@@ -211,11 +211,7 @@ def number_of(value: Any) -> float | None:
 
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    """Fault, immutable.
-
-    Raises:
-        FaultError: if a name is unknown, or the magnitude outside its range or without effect.
-    """
+    """Fault, immutable."""
 
     kind: str  # one of ``KINDS``
     channel: str = ""  # one of ``CHANNELS`` for a signal fault, empty for a physical one

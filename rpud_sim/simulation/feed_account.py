@@ -94,7 +94,6 @@ class LoadSpring:
 
     Args:
         spring_rate: with which the load spring pushes, at time zero [N/m].
-        position: u_np at time zero [m].
     """
 
     def __init__(self, state: MountState, spring_rate: float, position: float) -> None:
@@ -111,8 +110,6 @@ class LoadSpring:
 
         Args:
             place: position of the mount and bottom of the hole after it [m].
-            spring_rate: with which the load spring pushes after it [N/m].
-            position: u_np at it [m].
         """
         mount, bottom = self._place
         way = _compression(mount, bottom)
@@ -126,12 +123,7 @@ class LoadSpring:
         self._spring_rate = spring_rate
 
     def account(self, work: MountWork, position: float) -> FeedAccount:
-        """Return the account since time zero.
-
-        Args:
-            work: energies of feed and arm at the last step.
-            position: u_np at the present time [m].
-        """
+        """Return the account since time zero."""
         return FeedAccount(
             feed_work=work.feed,
             host_work=work.host,

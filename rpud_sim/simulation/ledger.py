@@ -65,11 +65,7 @@ class FaultLedger:
         return tuple(sorted((*ended, *self._active), key=lambda record: record.number))
 
     def inject(self, time: int, fault: Fault) -> int:
-        """Let a fault begin and return its number.
-
-        Raises:
-            FaultError: if the same kind is already there on the same channel.
-        """
+        """Let a fault begin and return its number."""
         for record in self._active:
             if (record.fault.kind, record.fault.channel) == (fault.kind, fault.channel):
                 raise FaultError(f"{fault} is already there as fault {record.number}")
@@ -78,11 +74,7 @@ class FaultLedger:
         return self._number
 
     def clear(self, time: int, number: int) -> FaultRecord:
-        """Let a fault end and return its record.
-
-        Raises:
-            FaultError: if there is no such fault.
-        """
+        """Let a fault end and return its record."""
         for record in self._active:
             if record.number == number:
                 break

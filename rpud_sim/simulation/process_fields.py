@@ -55,10 +55,6 @@ def process_columns(
     """Yield columns of a topic of ``PROCESS_TOPICS``, and which of the states they are of.
 
     All messages of columns have the same texts, so those of each layer come by themselves.
-
-    Args:
-        topic: name.
-        states: one for each message, at least one.
     """
     names = _FIELDS[topic]
     rows = [_VALUES[topic](getattr(state, topic)) for state in states]

@@ -63,8 +63,6 @@ class Telemetry:
     """Messages of consecutive blocks, changed by the faults of their signals.
 
     Args:
-        telemetry_rate: of the samples [Hz].
-        sample_rate: of the waveform [Hz].
         block_duration: of waveform and trajectory [s], at least one telemetry period.
         wanted: whether a topic that no fault can touch has a subscriber; without one its messages
             are not made.
