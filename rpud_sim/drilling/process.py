@@ -14,6 +14,7 @@ from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.drilling.rotor import RotationParameters, Rotor
 from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, RotorState
 from rpud_sim.drilling.strata import Strata, StrataParameters, uniform_strata
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import NEVER, SECOND
 
 # A step is at each whole multiple of this [ns], so that steps do not depend on how the simulation
@@ -67,7 +68,7 @@ class Surroundings(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class ProcessState:
+class ProcessState(Shared):
     """State of the slow processes at their last step, immutable."""
 
     time: int = 0  # of that step [ns]
@@ -75,10 +76,6 @@ class ProcessState:
     mount: MountState | None = None  # state of feed and mount; None without a feed
     # state of the hole; None without strata, and without rotation in a rock
     borehole: BoreholeState | None = None
-
-    def __deepcopy__(self, memo: dict[int, object]) -> ProcessState:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
 
 # State where there is nothing to step.

@@ -19,6 +19,7 @@ from rpud_sim.foundation.quantities import (
     shown,
     shown_name,
 )
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml_text, yaml_lines
 
 LONGEST_NAME = 60
@@ -57,7 +58,7 @@ _STRATA_KEYS = ("layers", "bottom")
 
 
 @dataclasses.dataclass(frozen=True)
-class Strata:
+class Strata(Shared):
     """Layers from the surface downward, immutable."""
 
     # at least one; the first begins at depth zero, each other one below the one before
@@ -84,10 +85,6 @@ class Strata:
                     f"bottom = {self.bottom:g} m is not below {self.layers[-1].depth_from:g} m, "
                     "where the last layer begins"
                 )
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Strata:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
     def end_of(self, number_: int) -> float:
         """Return the depth at which a layer ends [m]; infinite for the last one without bottom."""

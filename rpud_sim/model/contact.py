@@ -99,6 +99,12 @@ def deformation(time, displacement, velocity, free_mass, tool_mass, tool_spring_
 
 
 @compiled
+def contact_force(acceleration, free_mass, gravity):
+    """F_cf = m_fm (g - eta'') [N], eq. (30)."""
+    return free_mass * (gravity - acceleration)
+
+
+@compiled
 def time_of_maximum(displacement, velocity, free_mass, tool_mass, tool_spring_rate, gravity):
     """t_max - t_j, when compression and contact force are greatest [s], eq. (38).
 

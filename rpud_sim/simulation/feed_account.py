@@ -8,10 +8,11 @@ import operator
 from collections.abc import Sequence
 
 from rpud_sim.drilling.mount import MountState, MountWork
+from rpud_sim.foundation.shared import Shared
 
 
 @dataclasses.dataclass(frozen=True)
-class FeedAccount:
+class FeedAccount(Shared):
     """Energy of feed, arm and load spring, in joules.
 
     ``feed_work + host_work + spring_changes`` is the sum of all other terms and of the
@@ -31,10 +32,6 @@ class FeedAccount:
     # work of the mount that the percussion does not take, since its weight on bit is constant
     # within a step and its frame is at rest
     coupling: float = 0.0
-
-    def __deepcopy__(self, memo: dict[int, object]) -> FeedAccount:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
     def __add__(self, other: FeedAccount) -> FeedAccount:
         """Return the account of both."""

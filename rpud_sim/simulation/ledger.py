@@ -6,6 +6,7 @@ import dataclasses
 from collections import deque
 
 from rpud_sim.foundation.quantities import shown
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.simulation.faults import Fault, FaultError
 
 # Cleared faults that are kept; older ones are only counted.
@@ -13,17 +14,13 @@ MOST_CLEARED = 1000
 
 
 @dataclasses.dataclass(frozen=True)
-class FaultRecord:
+class FaultRecord(Shared):
     """Time during which a fault lasted: the ground truth."""
 
     number: int  # counts the injected faults from 1
     fault: Fault  # that was injected
     onset: int  # simulation time at which it began [ns]
     clear: int | None = None  # simulation time at which it ended, None while it lasts [ns]
-
-    def __deepcopy__(self, memo: dict[int, object]) -> FaultRecord:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
     def lasts_at(self, time: int) -> bool:
         """Whether it lasts at a simulation time [ns]: from its onset on, before its end."""

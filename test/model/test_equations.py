@@ -161,7 +161,7 @@ def test_equation_39_is_when_the_deformation_returns():
 def test_equation_38_is_when_the_contact_force_is_greatest():
     time = contact.time_of_maximum(*CONTACT)
     forces = [
-        CONTACT[2] * (9.81 - contact.deformation(time + shift, *CONTACT)[1])  # eq. (30)
+        contact.contact_force(contact.deformation(time + shift, *CONTACT)[1], CONTACT[2], 9.81)
         for shift in (-1e-7, 0.0, 1e-7)
     ]
 
