@@ -6,8 +6,8 @@ import dataclasses
 
 RATE = "rate"
 POSITION = "position"
+# Modes, in the order of the MODE constants of ``rpud_msgs/Feed``
 FEED_MODES = (RATE, POSITION)
-"""Modes, in the order of the MODE constants of ``rpud_msgs/Feed``."""
 
 
 @dataclasses.dataclass(frozen=True)

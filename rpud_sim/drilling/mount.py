@@ -213,7 +213,6 @@ class Mount:
         return self._feed + self._slip
 
     def _take(self, moved: Move) -> None:
-        """Put a motion into the state."""
         self.position, slipped, damper, slip, work, _ = moved
         self._slip += slipped
         self._damper_loss += damper

@@ -141,8 +141,6 @@ class Rotor:
 
 
 class _Decay(NamedTuple):
-    """Decay of a rate to its steady value in a time."""
-
     time: float  # [s]
     once: float  # integral of the rate's distance from its steady value, over that at first [s]
     twice: float  # integral of its square, over that at first [s]

@@ -141,8 +141,6 @@ class Kernel(CPUDispatcher):
 
 
 class _Files(_Cache):
-    """Numba's view of the files of one kernel."""
-
     def __init__(self, function: str, store: KernelStore, sources: tuple[Path, ...]) -> None:
         self._function = function
         self._store = store

@@ -214,7 +214,6 @@ class Engine:
         self._interrupt(seconds, fraction, self._drill, (*commands, resonance_frequency))
 
     def _commands(self) -> tuple[float, float, float, float]:
-        """Commands in force, and the resonance frequency."""
         state = self._state[0]
         weight_on_bit = float(state["weight_on_bit"])
         if state["resonant"]:

@@ -20,8 +20,8 @@ from rpud_sim.simulation.simulation import Simulation
 if TYPE_CHECKING:  # a run of an ensemble has planned changes too
     from rpud_sim.simulation.run import Run
 
+# Parameters that a fork changes by a command, for they hold only until the first command
 COMMANDED = ("weight_on_bit", "drive_enabled")
-"""Parameters that a fork changes by a command, for they hold only until the first command."""
 
 _COMMAND_KEYS = ("time", "weight_on_bit", "drive", "feed")
 _DRIVE_KEYS = ("enabled", "voltage", "frequency")
@@ -272,7 +272,6 @@ def apply_to_simulation(simulation: Simulation, change: Change) -> None:
 def _command(
     simulation: Simulation, change: WeightOnBit | DriveChange | Feed
 ) -> WeightOnBit | Drive | Feed:
-    """Return the command of a change, checked."""
     configuration = simulation.configuration
     if isinstance(change, DriveChange):
         drive = change.on(simulation.applied.drive)

@@ -7,8 +7,8 @@ import re
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.simulation.run import Run
 
+# Checkpoints that are kept. One takes well below a megabyte at the default rates.
 MOST_CHECKPOINTS = 16
-"""Checkpoints that are kept. One takes well below a megabyte at the default rates."""
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 

@@ -149,7 +149,6 @@ class RecentEnergy:
             self._feeds.popleft()
 
     def _calculate(self) -> None:
-        """Calculate the accounts of the spans that wait."""
         for span in self._spans:
             seconds, rest = np.divmod(np.concatenate([[span.start], span.ends]), SECOND)
             joules = np.zeros((len(span), len(TERMS)))

@@ -234,7 +234,6 @@ def _run(
     end: int,
     report: Callable[[float], None],
 ) -> Member:
-    """Run a member to which something happens."""
     simulation = Simulation(configuration, phase, scenario)
     pending = deque(planned)
 

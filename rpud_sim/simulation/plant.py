@@ -166,7 +166,6 @@ class Plant:
         return covering, impacts
 
     def _step_process(self) -> None:
-        """Take the step of the slow processes that is due now."""
         engine = self._stepped
         assert engine is not None
         assert self._percussion is not None

@@ -112,8 +112,6 @@ class SignalFaults:
 
 
 class _Stage:
-    """Fault that acts on a channel."""
-
     def __init__(
         self,
         channel: Channel,
