@@ -271,7 +271,7 @@ def test_a_wrong_call_is_one_line_and_exit_code_2(words, complaint):
 CONFIG = Path(__file__).parents[2] / "config"
 
 
-@pytest.mark.parametrize(("name", "runs"), [("dataset_example", 160), ("dataset_on_an_arm", 80)])
+@pytest.mark.parametrize(("name", "runs"), [("dataset_example", 160), ("dataset_on_an_arm", 75)])
 def test_an_example_in_the_configuration_is_one(name, runs):
     example = read_specification(CONFIG / f"{name}.yaml")
     assert example.run_count == runs
