@@ -6,7 +6,7 @@ import dataclasses
 import math
 
 from rpud_sim.drilling.arm import Arm, Load, Move, arm_force, drift, shift
-from rpud_sim.drilling.feed import POSITION, RATE, STANDSTILL, Motion
+from rpud_sim.drilling.feed import POSITION, RATE, STOPPED, Feed
 from rpud_sim.drilling.inputs import Disturbances
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
 from rpud_sim.foundation.quantities import ParameterError
@@ -64,7 +64,7 @@ class MountParameters(ParameterGroup):
                 f"feed_maximum = {self.feed_maximum:g} m"
             )
 
-    def check(self, motion: Motion) -> None:
+    def check(self, motion: Feed) -> None:
         """Check that the feed can make a motion."""
         limit = self.feed_rate_limit
         if motion.mode == RATE and not -limit <= motion.value <= limit:
@@ -131,7 +131,7 @@ class Mount:
             0.5 * parameters.arm_play,
             parameters.anchoring_force,
         )
-        self.motion = STANDSTILL
+        self.motion = STOPPED
         # The arm has come to rest under the load spring before time zero.
         start = parameters.initial_feed
         load = Load(load_spring_rate, 0.0 if has_rock else math.inf, 0.0)
@@ -222,7 +222,7 @@ class Mount:
     def _next_feed(self, interval: float, stalled: bool) -> float:
         """Return the position of the feed's drive after a step [m]."""
         feed, motion = self._feed, self.motion
-        if stalled or motion is STANDSTILL:
+        if stalled or motion is STOPPED:
             return feed
         least, greatest = self._limits
         most = self._parameters.feed_rate_limit * interval

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from rpud_sim.drilling.bit import BitParameters
 from rpud_sim.drilling.borehole import Borehole, BoreholeState
-from rpud_sim.drilling.feed import Motion
+from rpud_sim.drilling.feed import Feed
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountParameters, MountState
 from rpud_sim.drilling.rock import RockParameters
@@ -146,7 +146,7 @@ class Process:
         """Depth of the hole [m]; None without a borehole."""
         return self._borehole.depth if self._borehole else None
 
-    def feed(self, motion: Motion) -> None:
+    def feed(self, motion: Feed) -> None:
         """Let the drive of the feed make a motion, from the next step on.
 
         Without a feed nothing happens.

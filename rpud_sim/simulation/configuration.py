@@ -105,7 +105,7 @@ class Configuration(ParameterGroup):
         """Check that the drill has a feed that can make a motion."""
         if not self.has_feed:
             raise ParameterError("a feed cannot be commanded with feed_model = none")
-        self.mount.check(feed.motion)
+        self.mount.check(feed)
 
     def check_weight_on_bit(self) -> None:
         """Check that the weight on bit is commanded."""

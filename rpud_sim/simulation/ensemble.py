@@ -287,7 +287,7 @@ def run_ensemble(
     threads: int = 1,
     planned: Sequence[Planned] = (),
 ) -> Ensemble:
-    """Run one simulation per initial phase.
+    """Run one simulation per initial phase; arguments as for ``run_members``.
 
     Returns:
         The ``Ensemble``. With a rock model its members have the depth at the end [m] and the mean

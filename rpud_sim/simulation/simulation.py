@@ -210,7 +210,7 @@ class Simulation:
             self._configuration.check_feed(command)
             if command == before.feed:
                 return  # a controller may repeat it 100 times a second
-            self._plant.process.feed(command.motion)
+            self._plant.process.feed(command)
             self._applied = dataclasses.replace(before, feed=command, feed_time=self.time)
             kind = "feed"
         else:

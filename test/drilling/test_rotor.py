@@ -113,13 +113,13 @@ def test_the_result_does_not_depend_on_how_the_time_is_divided(steps, parameters
 
 @given(STEPS, PARAMETERS)
 def test_the_works_add_up_and_nothing_comes_from_nowhere(steps, parameters):
-    rotor = Rotor(parameters)
+    rotor, size = Rotor(parameters), 0.0
     for seconds, ratio, torque in steps:
         parts = Resistance(0.4 * torque, 0.3 * torque, 0.2 * torque, 0.1 * torque)
         angle = rotor.state.angle
         rotor.step(seconds, ratio, parts)
         work = rotor.state.work
-        size = abs(work.drive) + work.resisted + work.kinetic
+        size += abs(work.drive) + work.resisted + work.kinetic
         assert abs(work.residual) <= 1e-12 * size + 1e-18
         assert rotor.state.rate >= 0.0
         assert rotor.state.angle >= angle
