@@ -281,9 +281,9 @@ def test_an_example_in_the_configuration_is_one(name, runs):
     assert len(set(strata)) == len(strata) or strata[0] is None
 
 
-def test_the_example_on_an_arm_has_every_fault_of_a_drill_on_an_arm():
+def test_the_example_on_an_arm_has_every_fault_that_an_instrument_sees():
     example = read_specification(CONFIG / "dataset_on_an_arm.yaml")
-    assert {series.kind for series in example.faults} == set(ROWS)
+    assert {series.kind for series in example.faults} == set(ROWS) - {"bit_walk"}
 
 
 @pytest.fixture(scope="module")
