@@ -271,7 +271,7 @@ def test_a_wrong_call_is_one_line_and_exit_code_2(words, complaint):
 CONFIG = Path(__file__).parents[2] / "config"
 
 
-@pytest.mark.parametrize(("name", "runs"), [("dataset_example", 160), ("dataset_on_an_arm", 90)])
+@pytest.mark.parametrize(("name", "runs"), [("dataset_example", 160), ("dataset_on_an_arm", 75)])
 def test_an_example_in_the_configuration_is_one(name, runs):
     example = read_specification(CONFIG / f"{name}.yaml")
     assert example.run_count == runs
@@ -281,9 +281,9 @@ def test_an_example_in_the_configuration_is_one(name, runs):
     assert len(set(strata)) == len(strata) or strata[0] is None
 
 
-def test_the_example_on_an_arm_has_every_fault_of_a_drill_on_an_arm():
+def test_the_example_on_an_arm_has_every_fault_that_an_instrument_sees():
     example = read_specification(CONFIG / "dataset_on_an_arm.yaml")
-    assert {series.kind for series in example.faults} == set(ROWS)
+    assert {series.kind for series in example.faults} == set(ROWS) - {"bit_walk"}
 
 
 @pytest.fixture(scope="module")
@@ -292,7 +292,7 @@ def made_on_an_arm(tmp_path_factory):
     folder = tmp_path_factory.mktemp("arm")
     content = yaml.safe_load((CONFIG / "dataset_on_an_arm.yaml").read_text())
     rocks = ("limestone", "sandstone", "sandstone_on_hard_sandstone")
-    kinds = ("binding", "feed_stall", "arm_slip", "gravel_in_flutes")
+    kinds = ("binding", "feed_stall", "arm_slip", "corkscrewing")
     content |= {
         "duration": 2.5,
         "settling": 0.5,
@@ -321,7 +321,7 @@ def test_the_example_on_an_arm_at_small_size_prints_the_table(
     assert lines[0] == NOTICE
     results = {line.split()[0]: line.split()[1:] for line in lines[2:4]}
     assert [results[name][0] for name in ("threshold", "changepoynt")] == ["4", "4"]
-    assert int(results["threshold"][1]) >= 2  # torque of binding and gravel is seven-fold
+    assert int(results["threshold"][1]) >= 2  # torque of binding is seven-fold
     assert "not installed" not in table.stdout
 
 
