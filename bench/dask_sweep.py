@@ -197,7 +197,7 @@ def _limit() -> Iterator[Row]:
     from rpud_sim.studies.sweep.chunks import make_chunks, simulate
     from rpud_sim.studies.sweep.design import design_points
     from rpud_sim.studies.sweep.folder import SweepFolder
-    from rpud_sim.studies.sweep.specification import parse_specification
+    from rpud_sim.studies.sweep.specification_file import parse_specification
 
     specification = parse_specification(
         {

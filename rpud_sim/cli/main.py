@@ -40,8 +40,6 @@ COMMANDS = (
     "report",
     "compare",
     "sweep",
-    "dataset",
-    "sensitivity",
     "fit",
     "reproduce",
     "precompile",

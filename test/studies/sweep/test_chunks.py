@@ -20,7 +20,7 @@ from rpud_sim.studies.sweep.chunks import (
     simulate,
 )
 from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.specification import parse_specification
+from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.sweep.tables import PointTables, error_name, simulation_table
 
 
