@@ -61,9 +61,8 @@ setup(
         "terminal": ["textual"],  # watch --terminal
         "report": WEB,  # the same by its former name
         "export": EXPORT,
-        "studies": STUDIES,  # sweep, dataset, sensitivity, fit, reproduce
+        "studies": STUDIES,  # sweep, fit, reproduce
         "cluster": [*STUDIES, "distributed"],
-        "dataset": [*STUDIES, "changepoynt"],  # the second baseline of dataset --evaluate
         "test": ["pytest", *WEB],  # what the plugin needs; a failed test leaves a report
     },
     data_files=[

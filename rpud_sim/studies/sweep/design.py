@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from rpud_sim.studies.sweep.indices import saltelli_shares
-from rpud_sim.studies.sweep.specification import SweepSpecification, Values
+from rpud_sim.studies.sweep.specification import SweepSpecification
 
 
 def design_points(specification: SweepSpecification) -> dict[str, np.ndarray]:
@@ -18,13 +18,11 @@ def design_points(specification: SweepSpecification) -> dict[str, np.ndarray]:
     """
     design = _swept_points(specification)
     axes = specification.axes
-    outer = [item.values for name, item in axes.items() if name not in design]
-    shape = [*(len(values) for values in outer), specification.design_count]
+    outer = {name: item.levels() for name, item in axes.items() if name not in design}
+    shape = [*map(len, outer.values()), specification.design_count]
     *levels, inner = np.unravel_index(np.arange(specification.point_count), shape)
-    names = [name for name in axes if name not in design]
-    variants = zip(names, outer, levels, strict=True)
     return {
-        **{name: np.array(values)[level] for name, values, level in variants},
+        **{name: outer[name][level] for name, level in zip(outer, levels, strict=True)},
         **{name: values[inner] for name, values in design.items()},
     }
 

@@ -80,8 +80,8 @@ class SweepFolder:
     def add(self, chunk: Chunk, outcome: Outcome) -> None:
         """Write the bags of a chunk, then its file.
 
-        The file is in Arrow's own format: Parquet would take most of the time that a sweep spends on a
-        chunk of a worker, and the file lasts no longer than the sweep.
+        The file is in Arrow's own format: Parquet would take most of the time that a sweep spends
+        on a chunk of a worker, and the file lasts no longer than the sweep.
         """
         table = simulation_table(chunk, outcome)
         for files, name in zip(outcome.bags, self._bags(table), strict=True):

@@ -1,4 +1,4 @@
-"""Plan of a sweep: each simulation with its name, and the random numbers that this name gives it."""
+"""Plan of a sweep: each simulation with its name, and the random numbers of this name."""
 
 from __future__ import annotations
 

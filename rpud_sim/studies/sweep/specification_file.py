@@ -26,7 +26,6 @@ from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.studies.sweep.specification import (
     DESIGNS,
-    HEALTHY,
     SCALES,
     SWEEP_FIGURES,
     Case,
@@ -81,12 +80,12 @@ def parse_specification(content: Any) -> SweepSpecification:
         if name not in entries:
             raise SweepError(f"{name}: is missing")
     design = _choice("design", entries["design"], DESIGNS)
+    points = _points(entries, design)
     fixed = _parameters("fixed", entries.get("fixed", {}))
     swept = _swept(entries.get("swept", {}), fixed, design)
-    faults = _faults(entries.get("faults", []))
     specification = SweepSpecification(
         design,
-        _points(entries, design),
+        points,
         _whole("seed", entries.get("seed", 0), 0, _MOST_SEED),
         _whole("repeat", entries.get("repeat", 1), 1, 1_000_000),
         _number("duration", entries["duration"], _DURATION),
@@ -94,7 +93,7 @@ def parse_specification(content: Any) -> SweepSpecification:
         swept,
         _names("figures", entries.get("figures", list(FIGURES)), SWEEP_FIGURES) or tuple(FIGURES),
         _cases(entries.get("cases", {}), {*fixed, *swept}),
-        faults,
+        _faults(entries.get("faults", [])),
         _interval("onset", entries["onset"]) if "onset" in entries else None,
         _interval("lasting", entries["lasting"]) if "lasting" in entries else None,
         _commands("commands", entries.get("commands", [])),

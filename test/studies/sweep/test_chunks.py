@@ -16,10 +16,10 @@ from rpud_sim.studies.sweep.chunks import (
     chunk_count,
     chunk_size,
     make_chunks,
-    point_seed,
     simulate,
 )
 from rpud_sim.studies.sweep.design import design_points
+from rpud_sim.studies.sweep.plan import point_seed
 from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.sweep.tables import PointTables, error_name, simulation_table
 
@@ -81,7 +81,7 @@ def test_a_point_is_the_ensemble_of_its_seed():
     (chunk,) = chunks_of(specification)
     outcome = simulate(chunk)
     for point, weight in enumerate(chunk.points["weight_on_bit"].tolist()):
-        phases = initial_phases(2, point_seed(specification, point))
+        phases = initial_phases(2, point_seed(specification, point, {}))
         parameters = preset("drilling").replace(weight_on_bit=weight)
         expected = run_ensemble(parameters, 0.02, phases).members
         rows = slice(2 * point, 2 * point + 2)
@@ -108,7 +108,7 @@ def test_points_have_the_mean_and_the_error_of_their_ensemble():
     (chunk,) = chunks_of(specification)
     table = PointTables(specification).add(simulation_table(chunk, simulate(chunk)))
     for point, row in enumerate(table.to_pylist()):
-        parameters = specification.parameters({"weight_on_bit": row["weight_on_bit"]})
+        parameters = specification.configuration({"weight_on_bit": row["weight_on_bit"]})
         ensemble = run_ensemble(parameters, 0.02, initial_phases(5, row["seed"]))
         mean, error = ensemble.mean(), ensemble.standard_error()
         assert row["point"] == point
