@@ -184,7 +184,7 @@ def do_nothing(chunk: object) -> object:
     from rpud_sim.studies.sweep.chunks import Outcome
 
     count = chunk.count  # type: ignore[attr-defined]
-    return Outcome(np.zeros(count), np.zeros((count, len(FIGURES))), (None,) * count)
+    return Outcome(np.zeros(count), np.zeros((count, len(FIGURES))), (None,) * count, ({},) * count)
 
 
 def _limit() -> Iterator[Row]:

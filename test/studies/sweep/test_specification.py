@@ -50,14 +50,6 @@ def test_a_file_is_read_with_its_defaults(file):
     assert (found.point_count, found.simulations) == (10, 10)
 
 
-def test_numbers_without_a_point_are_numbers(file):
-    text = "{design: sobol, points: 4, duration: 1e-1, swept: {free_mass: {minimum: 1e-3, "
-    text += "maximum: 1e-2}}}"
-    found = read_specification(file(text))
-    assert found.duration == 0.1
-    assert found.swept["free_mass"] == Range(1e-3, 1e-2)
-
-
 def test_a_point_is_the_preset_with_what_is_fixed_and_swept():
     found = parse_specification(
         GRID | {"fixed": {"regime": "free", "gravity": 0}, "swept": {"free_mass": [2e-3, 4e-3]}}
