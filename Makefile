@@ -176,10 +176,10 @@ help: ## Show this help
 	@$(call INSTALL,--only-binary :all: --target .venv/docs -r $<)
 	@touch $@
 
-# In a folder of its own, as optional.in says why. One package was never released as a wheel, and is built here.
+# In a folder of its own, as optional.in says.
 .venv/.optional: toolchain/requirements/optional.lock .venv/.installed
 	@rm -rf .venv/optional
-	@if $(call INSTALL,--no-build-isolation --target .venv/optional -r $<); then touch $@; else rm -rf .venv/optional; \
+	@if $(call INSTALL,--only-binary :all: --target .venv/optional -r $<); then touch $@; else rm -rf .venv/optional; \
 	  echo "make: optional packages cannot be installed; the tests that need them are skipped" >&2; fi
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)

@@ -60,9 +60,8 @@ setup(
         "web": [*WEB, "scipy"],  # watch, report, compare: whatever writes or serves a page
         "report": WEB,  # the same by its former name
         "export": EXPORT,
-        "studies": STUDIES,  # sweep, dataset, sensitivity, fit
+        "studies": STUDIES,  # sweep, fit
         "cluster": [*STUDIES, "distributed"],
-        "dataset": [*STUDIES, "changepoynt"],  # the second baseline of dataset --evaluate
         "test": ["pytest", *WEB],  # what the plugin and campaigns need: each leaves a page
     },
     data_files=[

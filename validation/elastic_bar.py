@@ -23,7 +23,7 @@ from scipy.integrate import solve_ivp
 from rpud_sim.model.parameters import CONTACT_MODELS
 from rpud_sim.model.single_contact import Contact, single_contact
 from rpud_sim.simulation import Parameters, preset
-from rpud_sim.studies.jobs import Track, gather
+from validation.jobs import Track, gather
 from validation.paper_numbers import CONTACT_SPEED
 
 FREE_MASSES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)  # [kg]

@@ -17,7 +17,7 @@ from scipy import stats
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import whole_configuration
 from rpud_sim.studies.fit.measures import Measure, measure
-from rpud_sim.studies.jobs import Track, gather
+from validation.jobs import Track, gather
 
 VALUES = {
     "actuator_restitution": np.linspace(0.5, 1.0, 9),

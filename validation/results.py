@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 from rpud_sim.simulation import preset
-from rpud_sim.studies.jobs import Track, silent
 from validation.choices import Choices
 from validation.elastic_bar import BarImpact, Comparison, compare_with_bar, strike
+from validation.jobs import Track, silent
 from validation.named_choices import FITTED, NAMED, PRESETS
 from validation.paper_numbers import CONTACT_SPEED
 from validation.parameter_studies import Study, Trend, find_trends, run_studies

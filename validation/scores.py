@@ -14,8 +14,8 @@ import numpy as np
 
 from rpud_sim.simulation.configuration import whole_configuration
 from rpud_sim.studies.fit.measures import measure
-from rpud_sim.studies.jobs import Track, gather
 from validation.choices import Choices
+from validation.jobs import Track, gather
 from validation.paper_numbers import KINETIC_ENERGY, NUMBERS, SIMULATED, Number
 
 NEAR = 0.10  # relative difference within which a number counts as reproduced

@@ -47,8 +47,6 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "compare": (_BAGS, "compare"),
     "test": (_TEST, "test"),
     "sweep": (_STUDY, "sweep"),
-    "dataset": (_STUDY, "dataset"),
-    "sensitivity": (_STUDY, "sensitivity"),
     "fit": (_STUDY, "fit"),
 }
 """Commands in the order of the help: the group of each, and its module in this package."""

@@ -6,7 +6,7 @@ import pytest
 from browser.pages import PHONE, WIDE
 from campaign_results import FAILURE, flown
 
-from rpud_sim.studies.sweep.specification import parse_specification
+from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.sweep.sweep import run_sweep
 from rpud_sim.testing.campaign.campaign_file import read_campaign
 from rpud_sim.testing.campaign.page import campaign_page

@@ -72,12 +72,10 @@ def test_a_report_needs_bokeh_alone(lacking, bag):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("command", ["sweep", "dataset", "sensitivity", "fit"])
+@pytest.mark.parametrize("command", ["sweep", "fit"])
 def test_a_study_names_the_extra_of_all_studies(lacking, command):
     files = {
         "sweep": "sweep.yaml",
-        "dataset": "dataset_example.yaml",
-        "sensitivity": "sensitivity.yaml",
         "fit": "fit_example.yaml",
     }
     done = lacking(EXTRAS, command, str(CONFIG / files[command]), "--out", "out")

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rpud_sim.studies.jobs import gather, silent
+from validation.jobs import gather, silent
 
 
 def test_work_keeps_its_order_and_its_errors():
