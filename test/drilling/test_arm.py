@@ -11,7 +11,6 @@ from support import examples
 from rpud_sim.drilling.arm import Arm, Load, arm_force, drift, shift
 
 INTERVAL = 1e-3
-positive = st.floats(1e-6, 1e-2)
 arms = st.builds(
     Arm,
     st.one_of(st.just(0.0), st.floats(1e2, 1e6)),

@@ -41,13 +41,6 @@ def test_specific_energy_and_drilling_strength_lie_on_the_friction_line(
     assert energy == pytest.approx(expected, rel=1e-9)
 
 
-def test_a_sharp_bit_takes_the_specific_energy_of_the_rock():
-    done = cut(BIT, ROCK, RADIUS, 10.0, 0.0)
-    assert done.friction_torque == pytest.approx(0.0, abs=1e-12)
-    work = 2.0 * math.pi * done.cutting_torque / (math.pi * RADIUS**2 * done.depth)
-    assert work == pytest.approx(ROCK.specific_energy, rel=1e-12)
-
-
 def test_beyond_the_contact_depth_the_cut_is_linear_in_the_weight():
     bearing = ROCK.strength * BIT.bit_wear_flat
     slope = BIT.bit_thrust_ratio * ROCK.specific_energy * RADIUS

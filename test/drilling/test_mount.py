@@ -141,11 +141,3 @@ def test_a_reacting_force_pushes_a_compliant_arm_back():
 def test_unusable_values_are_named(values, reason):
     with pytest.raises(ParameterError, match=reason):
         MountParameters(**values)
-
-
-def test_motions_beyond_the_limits_are_refused():
-    limits = MountParameters(feed_model="arm")
-    with pytest.raises(ParameterError, match=r"feed rate = 0.1 m/s is outside its range \[-0.005"):
-        limits.check(Feed("rate", 0.1))
-    with pytest.raises(ParameterError, match=r"feed position = 0.5 m is outside its range \[-0.1"):
-        limits.check(Feed("position", 0.5))

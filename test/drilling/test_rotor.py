@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 
 from rpud_sim.drilling.rotor import RotationParameters, Rotor
 from rpud_sim.drilling.rotor_values import Resistance, RotorWork
-from rpud_sim.foundation.quantities import ParameterError
 
 DRIVE = RotationParameters(
     rotation_model="friction_drive",
@@ -35,12 +34,6 @@ def test_the_steady_rate_lies_on_the_torque_speed_curve(torque, ratio):
     assert state.rate == pytest.approx(expected, abs=1e-9)
     if expected > 1e-6:
         assert state.drive_torque == pytest.approx(torque, abs=1e-12)
-
-
-def test_it_starts_with_the_time_constant_of_inertia_and_curve():
-    state = turn(TIME_CONSTANT).state
-    assert state.rate == pytest.approx(15.0 * (1.0 - math.exp(-1.0)), rel=1e-12)
-    assert state.angle == pytest.approx(15.0 * TIME_CONSTANT * math.exp(-1.0), rel=1e-12)
 
 
 def test_it_stalls_at_the_exact_time():
@@ -148,33 +141,8 @@ def test_it_agrees_with_a_numerical_integration(parameters, ratio, share):
     assert state.rate == pytest.approx(found.y[1][-1], rel=1e-5, abs=1e-6)
 
 
-@given(st.floats(0.0, 0.2), st.floats(0.0, 0.2), st.floats(0.0, 2.0), st.floats(0.0, 2.0))
-def test_more_torque_turns_less_and_more_amplitude_turns_more(torque, other, ratio, more):
-    low, high = sorted((torque, other))
-    assert turn(1e-3, low, ratio).state.angle >= turn(1e-3, high, ratio).state.angle - 1e-15
-    small, large = sorted((ratio, more))
-    assert turn(1e-3, low, large).state.angle >= turn(1e-3, low, small).state.angle - 1e-15
-
-
 def test_the_account_by_name_has_all_terms_and_the_residual():
     work = turn(1.0, 0.05).state.work
     account = work.to_dict()
     assert account.pop("residual") == work.residual
     assert RotorWork(**account) == work
-
-
-def test_a_new_rotor_is_at_rest_and_has_done_no_work():
-    state = Rotor(DRIVE).state
-    assert (state.angle, state.rate, state.work) == (0.0, 0.0, RotorWork())
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "said"),
-    [
-        ("rotor_inertia", 0.0, r"rotor_inertia = 0 kg m\^2 is outside its range \[1e-12, 1\] kg m"),
-        ("rotor_stall_torque", math.nan, r"rotor_stall_torque = nan N m is outside"),
-    ],
-)
-def test_a_value_outside_its_range_is_refused(name, value, said):
-    with pytest.raises(ParameterError, match=said):
-        RotationParameters(**{name: value})

@@ -76,8 +76,3 @@ def test_a_value_that_is_not_allowed_is_refused_by_name(values, complaint):
     assert str(caught.value) == complaint
     with pytest.raises(ParameterError):
         dataclasses.replace(Pump(), **values)
-
-
-def test_a_group_does_not_change():
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        Pump().flow = 1.0

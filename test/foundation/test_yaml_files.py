@@ -3,8 +3,6 @@
 import itertools
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.yaml_files import MOST_BYTES, parse_yaml, read_yaml
@@ -50,14 +48,6 @@ BROKEN = [
 ]
 
 
-@pytest.mark.parametrize(("text", "complaint"), BROKEN, ids=itertools.count())
-def test_a_text_that_cannot_be_used_is_one_line(text, complaint):
-    with pytest.raises(ParameterError) as caught:
-        parse_yaml(text)
-    assert str(caught.value).startswith(complaint)
-    assert "\n" not in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("content", "complaint"),
     [
@@ -89,14 +79,3 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         read_yaml(tmp_path)
     with pytest.raises(ParameterError, match=r"embedded null byte$"):
         read_yaml("a\0b")
-
-
-@given(st.text(alphabet="{}[]:,-&*!?|>'\"%@#~ \n\tkfo01._<=/", max_size=60) | st.text())
-def test_any_text_is_a_value_or_refused_in_one_line(text):
-    try:
-        parse_yaml(text)
-    except ParameterError as error:
-        refusal = str(error)
-    else:
-        return
-    assert "\n" not in refusal

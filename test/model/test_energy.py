@@ -14,7 +14,7 @@ from rpud_sim.model import energy
 from rpud_sim.model.engine import Engine
 from rpud_sim.model.guards import force_on_drill_tool
 from rpud_sim.model.parameters import preset
-from rpud_sim.model.segment import SEGMENT, motion_at
+from rpud_sim.model.segment import motion_at
 from rpud_sim.model.vibration import harmonic_vibration
 
 RPUD = energy.RpudConstants(1.0, False, 0.0)
@@ -55,10 +55,6 @@ def segments_of_all_contacts():
 
 
 CONTACTS = segments_of_all_contacts()
-
-
-def velocity(segment, body):
-    return lambda time: motion_at(segment, time)[body]
 
 
 def integral(function, start, end):
@@ -194,16 +190,6 @@ def test_the_rock_takes_a_tool_that_is_met_as_it_comes_to_rest(contact, event, d
     assert joules[energy.RELEASE] == pytest.approx(taken, abs=1e-12)
 
 
-def test_accounts_of_parts_add_up():
-    segments, end = trajectory("drilling")
-    starts = segments["start_fraction"]
-    middle = 0.5 * (starts[40] + starts[41])
-    first, second = segments[:41], segments[40:]
-    whole = account(segments, end)
-    parts = account(first, middle) + account(second, end, start=middle)
-    assert parts == pytest.approx(whole, rel=1e-9, abs=1e-12)
-
-
 BREAKS = {
     "a spring that is softer": ("load_spring_rate", 0, 1.0 - 1e-4),
     "a nodal plane that moves too far": ("nodal_plane_sine", 0, 1.0 + 1e-3),
@@ -231,12 +217,6 @@ def test_gravity_on_the_drill_is_work_on_the_rpud(mass, start):
     sound = energy.RpudConstants(mass, True, 0.0)
     assert abs(residual(account(part, end, sound, start))) < 1e-9
     assert abs(residual(account(part, end, sound._replace(gravity_acts=False), start))) > 1e-7
-
-
-def test_the_terms_of_an_empty_stretch_are_zero():
-    segments = np.zeros(1, SEGMENT)
-    segments["duration"] = 1.0
-    assert not account(segments, 0.0).any()
 
 
 @settings(max_examples=examples(100))

@@ -59,12 +59,6 @@ def test_undisturbed_impacts_follow_eqs_21_and_36_to_39(drilled):
     assert checked > 20
 
 
-def test_impacts_are_numbered_in_order(drilled):
-    _, impacts = drilled
-    assert (impacts["sequence"] == np.arange(len(impacts))).all()
-    assert (np.diff(impacts["seconds"] + impacts["fraction"]) > 0).all()
-
-
 def test_impact_in_progress_counts_from_its_beginning():
     engine = Engine(preset("drilling"), 0.4)
     taken = 0

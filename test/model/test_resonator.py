@@ -172,19 +172,6 @@ def test_the_load_of_a_contact_is_the_integral_of_its_force(seed, contact, time)
     assert work == pytest.approx(actuator_work(segment, 0.0, time), rel=1e-9, abs=1e-12)
 
 
-@pytest.mark.parametrize("regime", ["free", "drilling"])
-def test_the_result_does_not_depend_on_where_a_caller_stops(regime):
-    def run(times):
-        engine = Engine(preset(regime), 0.2, resonance=RESONANCE)
-        for time in times:
-            engine.advance(0, time)
-            engine.account(0, time)
-        covering, _ = engine.drain_covering()
-        return covering.tobytes(), engine.account(0, 0.2)
-
-    assert run([0.2]) == run([*np.linspace(0.0, 0.199, 333), 0.2])
-
-
 def test_the_loaded_vibration_is_smaller():
     engine = Engine(preset("drilling"), 0.2, resonance=RESONANCE)
     envelopes = []

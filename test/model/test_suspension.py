@@ -70,16 +70,6 @@ def test_damping_is_the_ratio_to_the_critical_one():
     assert damping_coefficient(0.5, 1.0, 2000.0) == pytest.approx(math.sqrt(2000.0))
 
 
-def test_free_vibration_has_the_coefficients_of_eq_9():
-    c = damping_coefficient(0.5, 1.0, 2000.0)
-    motion = free_vibration(1.0, c, 2000.0, 0.0, 2e-3, -0.3)
-    omega = math.sqrt(2000.0)
-    assert motion.angular_frequency == pytest.approx(omega * math.sqrt(1 - 0.5**2))
-    assert motion.cosine == 2e-3
-    A_2 = (-0.3 + 0.5 * omega * 2e-3) / motion.angular_frequency
-    assert motion.sine == pytest.approx(A_2)
-
-
 def test_velocity_derivatives_and_integral_agree_with_the_displacement():
     motion = free_vibration(0.5, 12.0, 3000.0, 10.0, -1e-3, 0.4)
     time, step = 3e-3, 1e-5

@@ -8,11 +8,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from support import examples
 
-from rpud_sim.foundation.parameters import quantities
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import NEVER
 from rpud_sim.model.parameters import preset
@@ -23,11 +21,10 @@ from rpud_sim.simulation.actuator import (
     Actuator,
     ActuatorParameters,
 )
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.configuration import LEAST_MASS_RATIO, Configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import Statistics
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
@@ -82,66 +79,6 @@ def test_the_gain_model_has_no_power_to_heat_and_no_phase_to_track(name, value):
 # --- no energy is free ------------------------------------------------------------------------
 
 
-@st.composite
-def resonant_drills(draw):
-    """Resonant actuators on drills of any kind."""
-    parameters = preset(draw(st.sampled_from(["free", "drilling"]))).replace(
-        free_mass=draw(st.floats(1e-3, 2e-2)),
-        rpud_mass=draw(st.floats(0.2, 5.0)),
-        vibration_amplitude=draw(st.floats(3e-6, 1e-4)),
-        weight_on_bit=draw(st.sampled_from([0.0, 1.0, 10.0, 50.0])),
-        gravity=draw(st.sampled_from([0.0, 1.6, 9.81])),
-        actuator_restitution=draw(st.sampled_from([0.0, 0.4, 1.0])),
-    )
-    actuator = ActuatorParameters(
-        actuator_model="resonance",
-        quality_factor=draw(st.floats(20.0, 5000.0)),
-        motional_resistance=draw(st.floats(1.0, 1000.0)),
-        resonance_frequency=draw(st.sampled_from([16000.0, 15970.0, 16300.0])),
-        generator=draw(st.sampled_from(["fixed", "tracking"])),
-        heating=draw(st.booleans()),
-        heat_capacity=0.1,
-    )
-    try:
-        return Configuration(parameters, actuator)
-    except ParameterError:
-        # Too light: the model refuses it.
-        lighter = parameters.replace(vibration_amplitude=3e-6, free_mass=1e-3)
-        return Configuration(lighter, RESONANCE)
-
-
-changes = st.one_of(
-    st.sampled_from([OFF, on(), on(150.0), on(20.0), on(100.0, 16020.0), on(100.0, 18000.0)]),
-    st.sampled_from([WeightOnBit(0.0), WeightOnBit(30.0)]),
-    st.sampled_from([Fault("free_mass_jammed"), Fault("resonance_drift", "", -50.0)]),
-)
-
-
-@settings(max_examples=25, deadline=None)
-@given(resonant_drills(), st.floats(0.0, 1.0), st.lists(st.none() | changes, max_size=12))
-def test_work_never_exceeds_the_energy_drawn(configuration, phase, course):
-    simulation = Simulation(configuration, phase)
-    statistics = Statistics()
-    for number, change in enumerate([None, *course, None]):
-        if isinstance(change, Fault):
-            if change.kind not in {record.fault.kind for record in simulation.faults.active}:
-                simulation.inject(change)
-        elif change is not None:
-            simulation.apply(change)
-        block = simulation.advance_to((number + 1) * 5 * MILLISECOND)
-        statistics.add(block)
-        now = block.actuator
-        work = now.mechanical_work
-        assert work <= now.electrical_energy * (1.0 + 1e-12)
-        throughput = max(now.electrical_energy, abs(work), 1e-9)
-        left = now.electrical_energy - now.heat - work - now.stored + now.owed
-        assert abs(left) <= 1e-9 * throughput
-        # The trajectory shows the same work.
-        account = statistics.account
-        assert account.actuator_work == pytest.approx(work, rel=1e-9, abs=1e-9 * throughput)
-        assert account.electrical == pytest.approx(now.electrical_energy, rel=1e-9, abs=1e-12)
-
-
 def test_a_vibration_too_light_for_the_free_mass_is_refused():
     parameters = dataclasses.replace(RESONANCE, motional_resistance=1000.0)
     modal_mass = parameters.modal_mass(AMPLITUDE)
@@ -178,21 +115,6 @@ def test_the_amplitude_sags_under_load_and_with_it_the_power():
 
 
 # --- nothing depends on when it is read -------------------------------------------------------
-
-
-@settings(max_examples=5, deadline=None)
-@given(
-    st.sampled_from([HEATING, dataclasses.replace(HEATING, generator="tracking")]),
-    st.lists(st.integers(0, SECOND // 20), max_size=10),
-)
-def test_asking_more_often_changes_nothing(parameters, stops):
-    def run(times):
-        simulation = Simulation(Configuration(preset("drilling"), parameters))
-        for time in [*sorted(times), SECOND // 20]:
-            simulation.advance_to(time)
-        return simulation.actuator
-
-    assert run([]) == run(stops)
 
 
 # --- temperature and drift --------------------------------------------------------------------
@@ -261,47 +183,3 @@ def test_a_tracking_generator_stays_in_its_range_and_restarts_at_a_command():
 
 
 # --- what is refused --------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", quantities(ActuatorParameters))
-@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0, "1", None, True])
-def test_a_parameter_outside_its_range_is_refused(name, value):
-    with pytest.raises(ParameterError, match=f"^{name} = .* is outside its range"):
-        ActuatorParameters(**{name: value})
-
-
-@pytest.mark.parametrize(
-    ("name", "value"), [("actuator_model", "none"), ("heating", 1), ("generator", "loose")]
-)
-def test_a_choice_that_is_not_known_is_refused(name, value):
-    with pytest.raises(ParameterError, match=f"^{name} = {value!r} is not"):
-        ActuatorParameters(**{name: value})
-
-
-@settings(max_examples=examples(100), deadline=None)
-@given(
-    st.fixed_dictionaries(
-        {
-            name: st.sampled_from([max(quantity.minimum, 1e-3), quantity.maximum])
-            if quantity.minimum >= 0.0
-            else st.sampled_from([quantity.minimum, quantity.maximum])
-            for name, quantity in quantities(ActuatorParameters).items()
-        }
-    ),
-    drives,
-)
-def test_every_parameter_may_be_at_its_limit(values, drive):
-    values = {
-        name: max(value, quantities(ActuatorParameters)[name].minimum)
-        for name, value in values.items()
-    }
-    parameters = ActuatorParameters(
-        actuator_model="resonance", heating=True, generator="tracking", **values
-    )
-    actuator = Actuator(parameters, 1e-10, drive)
-    for number in range(1, 20):
-        actuator.step(
-            number * TRACKING_INTERVAL, NOTHING._replace(heat=1e3 * number, envelope=1.0 + 1.0j)
-        )
-    reading = actuator.read(1e-10, NOTHING._replace(envelope=1.0 + 0.0j))
-    assert all(math.isfinite(value) for value in dataclasses.astuple(reading))

@@ -4,7 +4,6 @@ import dataclasses
 from itertools import pairwise
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -34,18 +33,6 @@ def test_a_boundary_is_the_last_one_at_its_own_time(number, rate):
     assert boundaries_until(boundary(number + 1, rate) - 1, rate) == number
 
 
-@given(st.integers(0, 10**18), rates)
-def test_the_last_boundary_is_not_after_the_time_and_the_next_one_is(time, rate):
-    number = boundaries_until(time, rate)
-    assert boundary(number, rate) <= time < boundary(number + 1, rate)
-
-
-@pytest.mark.parametrize("rate", [1, 3, 7, 100, 333, 1000])
-def test_every_whole_second_is_a_boundary(rate):
-    for second in (0, 1, 2, 86_400):
-        assert boundary(second * rate, rate) == second * SECOND
-
-
 @given(rates, st.lists(st.integers(0, 3 * SECOND), min_size=2).map(sorted))
 def test_blocks_that_follow_each_other_have_every_sample_once(rate, times):
     grids = [
@@ -70,16 +57,3 @@ def test_joined_blocks_are_the_whole(times):
     moments = Times.from_grid(0, 50, 250)
     for name, values in dataclasses.asdict(joined.sample(moments)).items():
         assert (values == getattr(whole.sample(moments), name)).all(), name
-
-
-def test_one_block_joined_is_itself():
-    [block] = blocks_until([END])
-    joined = join_blocks([block])
-    assert (joined.start, joined.end) == (block.start, block.end)
-    assert (joined.covering == block.covering).all()
-    assert len(joined.segments) + len(joined.open_segment) == len(joined.covering)
-
-
-def test_a_block_does_not_change():
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        Block(0, 1, EMPTY, EMPTY, RPUD, 0.0).end = 2

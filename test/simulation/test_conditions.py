@@ -2,9 +2,8 @@
 
 import math
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.drilling.inputs import Disturbances
@@ -15,11 +14,9 @@ from rpud_sim.simulation.conditions import (
     Conditions,
     check_honoured,
     conditions,
-    honoured_kinds,
 )
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
-from rpud_sim.simulation.simulation import Simulation
 
 PHYSICAL = [name for name, kind in KINDS.items() if kind.physical]
 
@@ -159,25 +156,6 @@ def test_any_faults_together_leave_valid_conditions(parameters, several):
         assert getattr(found.parameters, name) <= getattr(parameters, name)
 
 
-@settings(max_examples=20)
-@given(regime=st.sampled_from(["free", "drilling"]), several=st.lists(faults(), max_size=4))
-def test_the_drill_can_be_computed_under_any_faults(regime, several):
-    found = conditions(preset(regime), several)
-    block = Simulation(found.parameters).advance_to(20_000_000)
-    for name in block.covering.dtype.names:
-        assert np.isfinite(block.covering[name]).all()
-
-
-@pytest.mark.parametrize("kind", ["load_spring_binding", "restitution_loss"])
-def test_a_fault_shows_in_the_impacts(kind):
-    def impacts(faults):
-        found = conditions(preset("drilling"), faults)
-        return Simulation(found.parameters).advance_to(500_000_000).impacts
-
-    well, failed = impacts([]), impacts([Fault(kind)])
-    assert abs(len(failed) - len(well)) > 0.1 * len(well)
-
-
 FULL = {
     "actuator_model": "resonance",
     "generator": "tracking",
@@ -228,22 +206,3 @@ def test_a_bound_bit_needs_no_rock_before_drilling():
 @pytest.mark.parametrize("kind", ["hard_rock", "choking", "drill_tool_binding", "hard_inclusion"])
 def test_strata_are_a_rock(kind):
     check_honoured(Fault(kind), to_configuration({"strata": "sandstone"}))
-
-
-def test_the_kinds_that_a_drill_honours():
-    assert honoured_kinds(to_configuration(FULL)) == tuple(KINDS)
-    refused = {
-        "resonance_drift",
-        "generator_lock_loss",
-        "hard_rock",
-        "choking",
-        "drill_tool_binding",
-        "binding",
-        "hard_inclusion",
-        "corkscrewing",
-        "bit_walk",
-        "feed_stall",
-        "arm_slip",
-        "worn_bit",
-    }
-    assert {*honoured_kinds(to_configuration({}))} == {*KINDS} - refused

@@ -33,63 +33,12 @@ def acting(simulation):
     return simulation.applied.weight_on_bit.force, drive.voltage if drive.enabled else 0.0
 
 
-def test_the_configuration_acts_until_the_first_command():
-    simulation, control = made()
-    go_on(simulation, control, 10 * MILLISECOND)
-    assert acting(simulation) == (10.0, 100.0)
-    control.apply(WeightOnBit(20.0))
-    assert acting(simulation) == (20.0, 100.0)
-    assert simulation.applied.weight_on_bit_time == 10 * MILLISECOND
-
-
 def test_a_configuration_without_drive_starts_without_drive():
     simulation, control = made(drive_enabled=False)
     go_on(simulation, control, MILLISECOND)
     assert acting(simulation) == (10.0, 0.0)
     control.apply(NOMINAL)
     assert acting(simulation) == (10.0, 100.0)
-
-
-def test_acting_again_changes_nothing():
-    simulation, control = made()
-    control.apply(WeightOnBit(20.0))
-    control.apply(Drive(True, 60.0, 17000.0))
-    before = simulation.applied
-    go_on(simulation, control, MILLISECOND)
-    assert simulation.applied == before
-
-
-def test_an_inactive_drill_has_neither_drive_nor_weight_on_bit():
-    simulation, control = made(active=False)
-    assert not control.active
-    assert acting(simulation) == (0.0, 0.0)
-    control.apply(WeightOnBit(20.0))
-    control.apply(NOMINAL)
-    go_on(simulation, control, MILLISECOND)
-    assert acting(simulation) == (0.0, 0.0)
-
-
-def test_activation_begins_with_the_configuration_and_not_with_the_last_command():
-    simulation, control = made()
-    control.apply(WeightOnBit(20.0))
-    control.apply(Drive(True, 60.0, 17000.0))
-    go_on(simulation, control, MILLISECOND)
-    control.activate(False)
-    control.act()
-    assert acting(simulation) == (0.0, 0.0)
-    go_on(simulation, control, 2 * MILLISECOND)
-    control.activate(True)
-    control.act()
-    assert acting(simulation) == (10.0, 100.0)
-    assert simulation.applied.drive == NOMINAL
-
-
-def test_activating_an_active_drill_leaves_its_commands():
-    simulation, control = made()
-    control.apply(WeightOnBit(20.0))
-    control.activate(True)
-    control.act()
-    assert acting(simulation) == (20.0, 100.0)
 
 
 def test_lost_commands_ramp_down_are_reported_once_and_come_back_whole():

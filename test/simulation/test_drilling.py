@@ -1,16 +1,12 @@
 """Rotation and strata beside the percussion: they take from it, and give it nothing back."""
 
-import copy
 import dataclasses
-import json
 
 import pytest
 
-from rpud_sim.foundation.quantities import ParameterError
-from rpud_sim.simulation import Simulation, to_configuration, to_settings
+from rpud_sim.simulation import Simulation, to_configuration
 from rpud_sim.simulation.commands import Drive
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.run import Beginning
 
 SECOND = 1_000_000_000
 ROTATING = {"rotation_model": "friction_drive", "strata": "sandstone"}
@@ -36,26 +32,6 @@ def test_the_drill_tool_rotates_and_the_hole_gets_deeper_than_by_percussion_alon
         depths.append(simulation.depth)
         assert simulation.penetration_rate == simulation.process.borehole.penetration_rate
     assert depths[0] > depths[1] > 0.0
-
-
-@pytest.mark.parametrize("interval", [700_000, 33_333_333])
-def test_the_result_does_not_depend_on_how_the_simulation_is_advanced(interval):
-    whole, divided = simulate(**ROTATING), simulate(**ROTATING)
-    for simulation in (whole, divided):
-        simulation.inject(Fault("choking", magnitude=0.5), duration=SECOND // 8)
-    whole.advance_to(SECOND // 4)
-    for time in [*range(interval, SECOND // 4, interval), SECOND // 4]:
-        divided.advance_to(time)
-    assert whole.process == divided.process
-
-
-def test_a_copy_goes_on_with_the_same_bits():
-    simulation = simulate(**ROTATING)
-    simulation.advance_to(SECOND // 5)
-    other = copy.deepcopy(simulation)
-    for one in (simulation, other):
-        one.advance_to(SECOND // 3)
-    assert simulation.process == other.process
 
 
 def test_voltage_and_detuning_slow_the_rotation():
@@ -104,18 +80,3 @@ def test_hard_rock_slows_the_drilling_in_strata():
     simulation.inject(Fault("hard_rock", magnitude=3.0))
     simulation.advance_to(2 * SECOND)
     assert simulation.penetration_rate < 0.5 * before
-
-
-def test_a_journal_has_the_layers_of_a_file(tmp_path):
-    file = tmp_path / "strata.yaml"
-    file.write_text("layers: [{depth_from: 0, rock: chalk}, {depth_from: 1.0e-3, rock: basalt}]")
-    beginning = Beginning.drawn(to_settings({**ROTATING, "strata": str(file)}))
-    file.unlink()
-    again = Beginning.from_journal(json.loads(json.dumps(beginning.to_journal())))
-    assert again.settings == beginning.settings
-    assert again.settings.configuration.strata.found.layers[1].name == "basalt"
-
-
-def test_strata_that_cannot_be_used_are_refused_with_the_configuration():
-    with pytest.raises(ParameterError, match="is neither a file nor a rock; did you mean basalt"):
-        to_configuration({"strata": "bassalt"})

@@ -20,7 +20,7 @@ from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration, to_settings
 from rpud_sim.simulation.energy_account import EnergyAccount, RecentEnergy, mean_account
-from rpud_sim.simulation.faults import KINDS, Fault
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.span import span_of
 
@@ -160,25 +160,6 @@ def test_the_mean_is_term_by_term():
     assert mean_account([one, other]) == EnergyAccount(actuator_work=1.5, stored=1.5)
 
 
-def test_powers_are_those_of_the_last_second_and_balance():
-    simulation = Simulation(preset("drilling"), 0.3)
-    recent = RecentEnergy()
-    of_a_feed = ("feed_power", "mount_power")
-    assert {power for name, power in recent.powers().items() if name not in of_a_feed} == {0.0}
-    blocks = [simulation.advance_to(number * SECOND // 100) for number in range(1, 351)]
-    for block in blocks:
-        recent.add(block)
-    powers = recent.powers()
-    last = sum((EnergyAccount.of(block) for block in blocks[-100:]), EnergyAccount())
-    assert powers["actuator_power"] == pytest.approx(last.actuator_work)
-    assert powers["absorbed_power"] == pytest.approx(last.absorbed)
-    inflow = powers["actuator_power"] + powers["weight_power"] + powers["change_power"]
-    outflow = sum(
-        powers[f"{name}_power"] for name in ("load_damper", "collision", "absorbed", "stored")
-    )
-    assert inflow == pytest.approx(outflow, rel=1e-9)
-
-
 def test_powers_have_the_bits_of_a_sum_block_by_block_and_so_has_a_copy():
     simulation = Simulation(preset("drilling"), 0.3)
     recent = RecentEnergy()
@@ -260,7 +241,3 @@ def test_a_step_of_no_length_leaves_the_powers():
     powers = recent.powers()
     recent.add(simulation.advance_to(SECOND // 2))
     assert recent.powers() == pytest.approx(powers, nan_ok=True)
-
-
-def test_the_kinds_of_faults_here_exist():
-    assert set(PHYSICAL) < set(KINDS)

@@ -136,15 +136,3 @@ def test_an_interval_across_the_edge_of_no_change_is_no_cell():
         assert Effect(change, 0.02, 0.1).cell == cell
     assert Effect(0.2, 0.02, 0.1).margin == pytest.approx(0.08)
     assert Effect(0.09, 0.02, 0.1).margin == pytest.approx(-0.01)
-
-
-def test_the_scatter_is_pooled_and_the_interval_shrinks_with_the_phases():
-    numbers = np.random.default_rng(1)
-
-    def drawn(count, level):
-        return level * (1.0 + 0.02 * numbers.standard_normal((count, len(COLUMNS))))
-
-    few, many = (effects(drawn(n, 5.0), {"a": drawn(n, 10.0)})["a"] for n in (3, 48))
-    for column in COLUMNS:
-        assert many[column].change == pytest.approx(1.0, abs=0.05)
-        assert many[column].error < 0.5 * few[column].error

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -64,22 +63,6 @@ def test_a_motion_without_contact_gives_the_bits_before_drilling():
     fed.apply(Feed("rate", 1e-3))
     free = made(weight_on_bit=0.0, regime="free")
     assert drilled(fed, 100 * MILLISECOND) == drilled(free, 100 * MILLISECOND)
-
-
-@given(st.lists(st.integers(1, 119_999_999), max_size=6))
-@settings(max_examples=15, deadline=None)
-def test_bits_do_not_depend_on_how_the_time_is_divided(stops):
-    end = 120 * MILLISECOND
-    states = []
-    for division in ((), sorted({*stops})):
-        simulation = made(**DRILLS, arm_play=1e-4)
-        simulation.apply(Feed("rate", 2e-3))
-        accounts = FeedAccount()
-        for stop in (*division, end):
-            block = simulation.advance_to(stop)
-            accounts += block.feed
-        states.append((block.open_segment.tolist(), simulation.process, simulation.depth))
-    assert states[0] == states[1]
 
 
 def test_the_drill_gets_into_the_rock_and_out_again():
@@ -153,12 +136,6 @@ def test_a_changed_load_spring_is_in_the_account():
     energy, feed = energy + more, feed + fed
     assert feed.spring_changes > 0.0
     assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-12
-
-
-def test_without_a_feed_there_is_no_account_of_it():
-    block = made().advance_to(10 * MILLISECOND)
-    assert block.feed is None
-    assert block.process.mount is None
 
 
 # ---- commands
@@ -276,87 +253,6 @@ def test_a_command_file_holds_feeds(tmp_path):
 
 
 # ---- force control
-
-
-def feed_back(gain, integral, stiffness, samples=120, sampled=20):
-    """Let a PI controller with one sample of delay feed; return W - target at each sample."""
-    arm = RIGID if stiffness == 0.0 else {**ARM, "arm_stiffness": stiffness}
-    simulation = made(
-        **{**arm, "anchoring_force": 1e3, "feed_rate_limit": 1.0, "feed_maximum": 1.0},
-        initial_feed=0.01,
-        drive_enabled=False,
-    )
-    target = simulation.weight_on_bit + 0.01
-    errors, summed, heard = [], 0.0, 0.0
-    for number in range(samples):
-        error = target - heard if number else 0.0
-        summed += integral * sampled * 1e-3 * error
-        simulation.apply(Feed("rate", min(max(gain * error + summed, -1.0), 1.0)))
-        heard = simulation.weight_on_bit
-        simulation.advance_to(simulation.time + sampled * MILLISECOND)
-        errors.append(simulation.weight_on_bit - target)
-    return np.array(errors)
-
-
-def spectral_radius(gain, integral, stiffness, damping=200.0, spring=2000.0, sampled=20):
-    """Of the sampled loop: W, what the controller heard, the feed and the integral."""
-    # State: mount, feed, heard W, summed; the target is zero.
-    step = np.eye(4)
-    if stiffness == 0.0:
-        step[0] = [0.0, 1.0, 0.0, 0.0]
-    else:
-        decay = np.exp(-(stiffness + spring) / damping * 1e-3)
-        step[0] = [decay, (1.0 - decay) * stiffness / (stiffness + spring), 0.0, 0.0]
-    control = np.eye(4)
-    control[3] = [0.0, 0.0, -integral * sampled * 1e-3, 1.0]
-    rate = gain * np.array([0.0, 0.0, -1.0, 0.0]) + control[3]
-    hear = np.eye(4)
-    hear[2] = [spring, 0.0, 0.0, 0.0]
-    # Within a sample the rate is constant: carry it as a fifth state.
-    whole = np.zeros((5, 5))
-    whole[:4, :4] = hear @ control
-    whole[2, :4] = hear[2]
-    whole[4, :4] = rate
-    inner = np.eye(5)
-    move = np.eye(5)
-    move[1, 4] = 1e-3
-    if stiffness == 0.0:
-        inner[0, :4] = step[0]
-        one = inner @ move
-    else:
-        inner[0, :4] = step[0]
-        one = move @ inner
-    loop = np.linalg.matrix_power(one, sampled) @ whole
-    return np.abs(np.linalg.eigvals(loop)).max()
-
-
-@pytest.mark.parametrize("stiffness", [0.0, 5e3, 2e4])
-@pytest.mark.parametrize(
-    ("gain", "integral"), [(0.005, 0.01), (0.01, 0.02), (0.015, 0.02), (0.035, 0.02), (0.05, 0.02)]
-)
-def test_force_control_by_the_feed_is_stable_where_the_theory_says_so(stiffness, gain, integral):
-    radius = spectral_radius(gain, integral, stiffness)
-    errors = np.abs(feed_back(gain, integral, stiffness))
-    assert abs(radius - 1.0) > 0.01  # or it would not be decided in this time
-    if radius < 1.0:
-        assert errors[-20:].max() < 0.2 * errors[:20].max()
-    else:
-        assert errors[-20:].max() > 3.0 * errors[:20].max()
-
-
-def test_the_accounts_close_in_strata_with_rotation_and_through_a_fault():
-    simulation = made(**ARM, strata="sandstone", rotation_model="friction_drive", initial_feed=3e-3)
-    simulation.apply(Feed("rate", 2e-3))
-    energy, feed = residuals(simulation, (100 * MILLISECOND,))
-    simulation.inject(Fault("choking"))
-    more, fed = residuals(simulation, (250 * MILLISECOND, 300_700_000))
-    energy, feed = energy + more, feed + fed
-    assert simulation.depth > 0.0
-    assert feed.penetration_work > 0.0
-    assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-11
-    rotor = simulation.process.rotation.work
-    assert rotor.drive > 0.0
-    assert abs(rotor.residual) < 1e-12
 
 
 def test_a_feed_that_is_in_force_already_adds_no_entry_to_the_journal():

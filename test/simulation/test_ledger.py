@@ -50,15 +50,6 @@ def test_what_does_not_last_cannot_end(number):
         faults.clear(6, 1)
 
 
-def test_all_faults_end_at_once():
-    faults = FaultLedger()
-    faults.inject(10, OFF)
-    faults.inject(20, JAM)
-    faults.clear_all(25)
-    assert [record.clear for record in faults.records] == [25, 25]
-    assert faults.active == ()
-
-
 def test_a_fault_lasts_from_its_onset_to_before_its_end():
     record = FaultRecord(1, OFF, 10, 20)
     assert [record.lasts_at(time) for time in (9, 10, 19, 20)] == [False, True, True, False]

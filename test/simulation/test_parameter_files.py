@@ -3,8 +3,6 @@
 import itertools
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.parameter_files import parse_assignment, read_parameter_file
@@ -83,34 +81,3 @@ def test_what_is_no_assignment_is_refused(text):
     with pytest.raises(ParameterError) as caught:
         parse_assignment(text)
     assert str(caught.value) == f"{text!r} is not of the form name=value"
-
-
-TAGS = ["int", "float", "bool", "timestamp", "binary", "null", "set", "omap", "pairs", "str"]
-
-
-@given(
-    text=st.one_of(
-        st.text(),
-        st.binary(),
-        st.builds(
-            "/**: {{ros__parameters: {{a: !!{} {!r}}}}}".format,
-            st.sampled_from(TAGS),
-            st.text(max_size=8),
-        ),
-        st.text(alphabet="{}[]:,-&*!?|>'\"%@#~ \n\tkfo01._<=/", max_size=60),
-    )
-)
-def test_any_file_is_parameters_by_name_or_refused_in_one_line(tmp_path_factory, text):
-    path = tmp_path_factory.getbasetemp() / "fuzzed_parameters.yaml"
-    path.write_bytes(
-        text if isinstance(text, bytes) else text.encode("utf-8", errors="surrogatepass")
-    )
-    try:
-        values = read_parameter_file(path)
-    except ParameterError as error:
-        refusal = str(error)
-    else:
-        assert all(isinstance(name, str) for name in values)
-        return
-    assert refusal.startswith(str(path))
-    assert "\n" not in refusal

@@ -113,15 +113,6 @@ def test_one_other_bit_in_a_command_gives_another_trajectory():
     assert bits(again(entries)) != bits(given_out)
 
 
-def test_entries_are_numbered_and_taken_once():
-    journal = Journal()
-    journal.note(0, "stop")
-    journal.note(3, "stop")
-    assert [(entry.sequence, entry.time) for entry in journal.drain()] == [(0, 0), (1, 3)]
-    journal.note(4, "stop")
-    assert [entry.sequence for entry in journal.drain()] == [2]
-
-
 def test_a_change_that_is_refused_is_not_noted():
     journal = Journal()
     simulation = started({}, journal).simulation

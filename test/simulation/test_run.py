@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.ensemble import initial_phases
-from rpud_sim.simulation.faults import Fault, FaultError
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping, stamp_of
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
@@ -116,17 +115,6 @@ def test_every_block_is_counted_once_without_a_gap():
     assert all(after.start == before.end for before, after in itertools.pairwise(blocks))
 
 
-def test_unwanted_topics_are_left_out_and_the_others_do_not_change():
-    def messages(**options):
-        return list(begun(**options)[0].advance_to(END))
-
-    unwanted = {"waveform", "trajectory", "joint_states"}
-    kept = [message for message in messages() if message[1] not in unwanted]
-    assert unwanted <= {*topics(messages())}
-    found = messages(wanted=lambda topic: topic not in unwanted)
-    assert without_stops(found) == without_stops(kept)
-
-
 # --- the journal ------------------------------------------------------------------------------
 
 
@@ -226,11 +214,6 @@ def test_faults_are_published_once_for_each_change():
     assert [stamp["nanosec"] for stamp in onsets] == [12_345_685, 20 * MILLISECOND + 7]
 
 
-def test_a_scenario_that_the_drill_cannot_honour_is_refused_before_the_run_begins():
-    with pytest.raises(FaultError, match="hard_rock cannot be honoured"):
-        made(scenario=Scenario(0, (ScheduledFault(0, None, Fault("hard_rock")),)))
-
-
 # --- status -----------------------------------------------------------------------------------
 
 
@@ -313,8 +296,3 @@ def test_the_seed_of_the_settings_holds_unless_another_is_given():
     assert Beginning.drawn(settings, 9).seed == 9
     assert Beginning.drawn(settings, 9).initial_phase == initial_phases(1, 9)[0]
     assert Beginning.drawn(to_settings({})).initial_phase == 0.0
-
-
-def test_a_beginning_reads_the_scenario_or_names_its_file():
-    with pytest.raises(ParameterError, match=r"^/missing\.yaml: No such file"):
-        Beginning.drawn(to_settings({"scenario": "/missing.yaml"}))

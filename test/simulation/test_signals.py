@@ -171,20 +171,6 @@ def test_a_fault_touches_measurements_alone_and_only_while_it_lasts(run, kind, c
     )
 
 
-def test_off_shows_as_a_gap_in_the_numbers_of_the_impacts(run):
-    given = record("off", "contact_force", onset=30 * MILLISECOND, clear=60 * MILLISECOND)
-    published = send(SignalFaults(), "contact_force", run["contact_force"], (given,))
-    sequences = [message["sequence"] for _, message in published]
-    lost = {
-        message["sequence"]
-        for time, message in run["contact_force"]
-        if 30 * MILLISECOND <= time < 60 * MILLISECOND
-    }
-    assert lost
-    assert sorted({*sequences} | lost) == list(range(len(run["contact_force"])))
-    assert not {*sequences} & lost
-
-
 def test_a_stuck_channel_repeats_what_it_said_last(run):
     given = record("stuck", "drill_tool", onset=30 * MILLISECOND)
     published = send(SignalFaults(), "drill_tool", run["drill_tool"], (given,))
@@ -236,17 +222,6 @@ def steps(value_of, count):
         )
         for time in (number * MILLISECOND for number in range(count))
     ]
-
-
-def test_a_slow_channel_lets_one_message_out_in_a_period():
-    messages = steps(float, 100)
-    given = record("slow", "reacting_force", 20e-3, 5 * MILLISECOND, 50 * MILLISECOND)
-    published = send(SignalFaults(), "reacting_force", messages, (given,))
-    during = [time // MILLISECOND for time, _ in published if given.lasts_at(time)]
-    assert during == [5, 25, 45]
-    # It is the message itself that goes out, and afterwards every one.
-    assert all(out is messages[time // MILLISECOND][1] for time, out in published)
-    assert len(published) == 5 + 3 + 50
 
 
 @given(

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
 from support import examples
-from trajectories import evaluate
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.segment import EVENT_ACTUATOR_IMPACT
@@ -18,7 +16,6 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
-from rpud_sim.simulation.statistics import Statistics
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
@@ -56,30 +53,6 @@ def phase(segment, time):
     return (segment["vibration_phase"] + segment["vibration_frequency"] * since)[0]
 
 
-@settings(max_examples=examples(40))
-@given(
-    regimes,
-    st.dictionaries(moments, commands, max_size=5),
-    st.lists(moments, max_size=20),
-    st.floats(0.0, 1.0),
-)
-def test_where_a_caller_stops_changes_no_bit(parameters, given_commands, stops, initial_phase):
-    def trajectory(times):
-        simulation = Simulation(parameters, initial_phase)
-        blocks = []
-        for time in sorted({*times, *given_commands, SECOND // 4}):
-            blocks.append(simulation.advance_to(time))
-            if time in given_commands:
-                simulation.apply(given_commands[time])
-        return collect(blocks), simulation.impact_count
-
-    (segments, impacts), count = trajectory([])
-    (others, other_impacts), other_count = trajectory(stops)
-    assert same(segments, others)
-    assert same(impacts, other_impacts)
-    assert count == other_count
-
-
 def test_a_second_call_for_the_same_time_brings_nothing():
     simulation = Simulation(Parameters())
     simulation.advance_to(SECOND)
@@ -102,42 +75,6 @@ def test_what_happened_does_not_change():
     for values in (block.segments, block.open_segment, block.impacts):
         with pytest.raises(ValueError, match="read-only"):
             values["start_seconds" if "start_seconds" in values.dtype.names else "seconds"] = 1
-
-
-@settings(max_examples=examples(40))
-@given(regimes, st.dictionaries(moments, commands, min_size=1, max_size=8))
-def test_segments_follow_each_other_without_a_gap_or_a_jump(parameters, given_commands):
-    simulation = Simulation(parameters)
-    blocks = []
-    for time in sorted({*given_commands, SECOND // 4}):
-        blocks.append(simulation.advance_to(time))
-        if time in given_commands:
-            simulation.apply(given_commands[time])
-    segments, _ = collect(blocks)
-    assert (segments["duration"] >= 0.0).all()
-    assert (segments["start_fraction"] < 1.0).all()
-    starts = segments["start_seconds"] + segments["start_fraction"]
-    assert_allclose(np.diff(starts), segments["duration"][:-1], rtol=0.0, atol=1e-15)
-
-    index = np.arange(len(segments) - 1)
-    old = evaluate(segments, index, segments["duration"][:-1])
-    new = evaluate(segments, index + 1, np.zeros(len(index)))
-    for name, tolerance in {
-        "nodal_plane_position": 1e-13,
-        "actuator_position": 1e-13,
-        "free_mass_position": 2e-9,  # a bounce that is lower than a nanometre is none
-        "drill_tool_displacement": 2e-9,
-    }.items():
-        # In the rock the drill tool is at rest as soon as it is left alone.
-        let_go = (name == "drill_tool_displacement") & (new[name] == 0.0)
-        assert_allclose(
-            new[name][~let_go], old[name][~let_go], rtol=0.0, atol=tolerance, err_msg=name
-        )
-        assert abs(old[name][let_go]).max(initial=0.0) < 1e-6
-    # Unless the actuator touches the free mass, nothing gives the nodal plane a jerk.
-    alone = ((segments["contact"][:-1] | segments["contact"][1:] | segments["event"][1:]) & 1) == 0
-    name = "nodal_plane_velocity"
-    assert_allclose(new[name][alone], old[name][alone], rtol=0.0, atol=1e-12)
 
 
 @settings(max_examples=examples(60))
@@ -252,64 +189,6 @@ def test_a_drive_that_would_break_the_stack_changes_nothing():
     undisturbed = Simulation(configuration)
     undisturbed.advance_to(MILLISECOND)
     assert same(simulation.advance_to(SECOND).segments, undisturbed.advance_to(SECOND).segments)
-
-
-@pytest.mark.parametrize("regime", ["free", "drilling"])
-def test_the_drill_settles_without_its_drive_and_strikes_again_with_it(regime):
-    simulation = Simulation(preset(regime))
-    assert len(simulation.advance_to(SECOND).impacts) > 50
-    simulation.apply(OFF)
-    simulation.advance_to(3 * SECOND)
-    quiet = simulation.advance_to(4 * SECOND)
-    assert len(quiet.impacts) == 0
-    rest = at(quiet, 4 * SECOND)
-    for body in ("nodal_plane", "actuator", "free_mass", "drill_tool"):
-        assert abs(rest[f"{body}_velocity"]) < 1e-9, body
-    assert rest["actuator_position"] == pytest.approx(rest["nodal_plane_position"], abs=1e-18)
-    # What pushes on the drill tool is held by it.
-    weight = 5e-3 * 9.81
-    assert rest["in_contact"]
-    assert rest["contact_force"] == pytest.approx(rest["reacting_force"] + weight, rel=1e-6)
-    assert rest["drill_tool_displacement"] == pytest.approx(
-        rest["contact_force"] / quiet.open_segment["drill_tool_spring_rate"][0], rel=1e-6
-    )
-    simulation.apply(ON)
-    assert len(simulation.advance_to(5 * SECOND).impacts) > 50
-
-
-@pytest.mark.parametrize("regime", ["free", "drilling"])
-def test_an_inactive_drill_falls_silent(regime):
-    simulation = Simulation(preset(regime))
-    simulation.advance_to(SECOND)
-    simulation.apply(OFF)
-    simulation.apply(WeightOnBit(0.0))
-    simulation.advance_to(3 * SECOND)
-    assert len(simulation.advance_to(10 * SECOND).impacts) == 0
-
-
-def test_a_drill_that_starts_without_its_drive_rests():
-    simulation = Simulation(Configuration(drive_enabled=False))
-    simulation.advance_to(SECOND)
-    assert len(simulation.advance_to(2 * SECOND).impacts) == 0
-    assert not simulation.applied.drive.enabled
-
-
-def test_the_impact_count_is_that_of_the_records():
-    simulation = Simulation(Parameters())
-    impacts = simulation.advance_to(SECOND).impacts
-    assert impacts["sequence"].tolist() == list(range(len(impacts)))
-    assert 0 <= simulation.impact_count - len(impacts) <= 1
-
-
-def test_more_weight_on_bit_pushes_harder():
-    simulation = Simulation(Parameters())
-    means = []
-    for force in (10.0, 30.0):
-        simulation.apply(WeightOnBit(force))
-        statistics = Statistics()
-        statistics.add(simulation.advance_to(simulation.time + 4 * SECOND))
-        means.append(statistics.figures()["reacting_force_mean"])
-    assert means[1] > means[0] + 5.0
 
 
 @settings(max_examples=25)

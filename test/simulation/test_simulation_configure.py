@@ -1,29 +1,19 @@
 """Another configuration during a run acts from its exact instant on."""
 
 import dataclasses
-import math
 
 import pytest
 from drill_configurations import FULL, SANDSTONE
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from support import examples
 
 from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.faults import Fault
-from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
 END = 80 * MILLISECOND
-
-
-def state_at(block, time):
-    samples = block.sample(Times.from_nanoseconds(time))
-    return {name: values[0] for name, values in dataclasses.asdict(samples).items()}
 
 
 def test_another_specific_energy_counts_from_its_instant_on():
@@ -53,45 +43,6 @@ def test_there_is_progress_in_the_rock_alone():
     simulation.advance_to(4 * SECOND)
     assert simulation.depth == reached
     assert simulation.penetration_rate == 0.0
-
-
-def test_without_a_rock_there_is_no_depth():
-    simulation = Simulation(Parameters())
-    simulation.advance_to(SECOND)
-    assert math.isnan(simulation.depth)
-    assert math.isnan(simulation.penetration_rate)
-
-
-@settings(max_examples=examples(30))
-@given(
-    st.sampled_from(["free", "drilling"]),
-    st.integers(0, END),
-    st.fixed_dictionaries(
-        {},
-        optional={
-            "regime": st.sampled_from(["free", "drilling"]),
-            "load_spring_rate": st.floats(500.0, 5e3),
-            "rpud_damping_ratio": st.floats(0.0, 0.9),
-            "gravity": st.floats(0.0, 20.0),
-            "actuator_restitution": st.floats(0.3, 1.0),
-        },
-    ),
-)
-def test_positions_and_the_plane_s_velocity_go_on_into_another_configuration(regime, time, changes):
-    simulation = Simulation(preset(regime))
-    before = state_at(simulation.advance_to(time), time)
-    simulation.configure(Configuration(simulation.parameters.replace(**changes)))
-    after = state_at(simulation.advance_to(time), time)
-    for name in ("nodal_plane_position", "actuator_position", "free_mass_position"):
-        assert after[name] == pytest.approx(before[name], abs=1e-8), name
-    if not before["in_contact"]:
-        name = "nodal_plane_velocity"
-        assert after[name] == pytest.approx(before[name], abs=1e-9)
-    later = simulation.advance_to(time + 50 * MILLISECOND).covering[-1]
-    wanted = simulation.parameters
-    assert later["load_spring_rate"] == wanted.load_spring_rate
-    assert later["gravity"] == wanted.gravity
-    assert simulation.parameters.replace(**changes) == wanted
 
 
 def test_the_same_configuration_again_leaves_every_bit():

@@ -140,27 +140,6 @@ def test_a_fault_of_rotation_and_hole_leaves_the_bits_of_the_percussion(kind):
     assert plain.process != faulty.process
 
 
-@pytest.mark.parametrize(
-    ("kind", "seen"),
-    [
-        ("choking", lambda process: process.borehole.packed_cuttings),
-        ("worn_bit", lambda process: process.borehole.bit_wear),
-        ("arm_slip", lambda process: -process.mount.slip),
-        ("binding", lambda process: process.rotation.stalled),
-        ("bit_walk", lambda process: process.borehole.side_offset),
-        ("feed_stall", lambda process: process.mount.rate == 0.0),
-    ],
-)
-def test_what_also_arises_by_itself_shows_in_the_ground_truth(kind, seen):
-    plain, faulty = Simulation(ON_AN_ARM), Simulation(ON_AN_ARM)
-    for simulation in (plain, faulty):
-        simulation.apply(Feed("rate", 1e-3))
-        simulation.advance_to(50 * MILLISECOND)
-    faulty.inject(Fault(kind, "", 10.0 if kind == "binding" else math.nan))
-    found = [seen(each.advance_to(150 * MILLISECOND).process) for each in (plain, faulty)]
-    assert found[1] > found[0]
-
-
 @given(st.lists(st.integers(1, SECOND), max_size=5, unique=True))
 def test_scheduled_faults_come_and_go_at_their_instants_whatever_the_blocks(stops):
     faults = scenario(
@@ -287,21 +266,6 @@ def test_all_faults_clear_at_once_and_the_drill_is_as_it_was():
         assert constants[name] == healthy[name], name
     assert constants["weight_on_bit"] == 10.0
     assert simulation.actuator.resonance_frequency == 16000.0
-
-
-def test_there_is_nothing_to_clear_that_was_not_injected():
-    simulation = Simulation(Parameters())
-    with pytest.raises(FaultError, match="there is no fault 7 to clear"):
-        simulation.clear(7)
-
-
-def test_a_jam_silences_the_impacts_and_its_end_brings_them_back():
-    simulation = Simulation(Parameters())
-    before = len(simulation.advance_to(SECOND).impacts)
-    number = simulation.inject(Fault("free_mass_jammed"))
-    assert len(simulation.advance_to(2 * SECOND).impacts) <= 1
-    simulation.clear(number)
-    assert len(simulation.advance_to(3 * SECOND).impacts) > before // 2 > 50
 
 
 def test_lost_preload_changes_what_acts_and_not_what_is_commanded():

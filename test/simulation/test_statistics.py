@@ -10,7 +10,7 @@ from support import examples
 
 from rpud_sim.model.segment import IMPACT, join_records
 from rpud_sim.simulation import preset
-from rpud_sim.simulation.commands import Drive, WeightOnBit
+from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.sampling import Times, sample
 from rpud_sim.simulation.simulation import Simulation
@@ -121,15 +121,6 @@ def quiet_block():
     return Simulation(preset("drilling")).advance_to(SECOND // 1000)
 
 
-def test_the_mean_reacting_force_is_the_integral_over_dense_samples(block):
-    segments = np.concatenate([block.segments, block.open_segment])
-    count = 2_000_000
-    times = Times.from_grid(0, count // 2 + 1, count)
-    force = sample(segments, times).reacting_force
-    mean = (force.sum() - (force[0] + force[-1]) / 2) / (len(force) - 1)
-    assert figures([block])["reacting_force_mean"] == pytest.approx(mean, rel=2e-5)
-
-
 def test_the_mean_reacting_force_of_a_part_is_that_of_the_part():
     simulation = Simulation(preset("drilling"))
     simulation.advance_to(END)
@@ -165,16 +156,6 @@ def test_nothing_to_average_is_none_and_not_zero():
     found = figures([quiet.advance_to(2 * SECOND)])
     assert found["contact_force_mean"] is found["contact_force_max"] is None
     assert found["impact_velocity_mean"] is found["contact_duration_mean"] is None
-
-
-def test_a_drive_that_stops_ends_the_count():
-    simulation = Simulation(preset("drilling"))
-    before = figures([simulation.advance_to(SECOND)])
-    simulation.apply(Drive(False, 0.0, 0.0))
-    simulation.advance_to(3 * SECOND)
-    after = figures([simulation.advance_to(4 * SECOND)])
-    assert before["drill_tool_impact_rate"] > 100.0
-    assert after["drill_tool_impact_rate"] == after["actuator_impact_rate"] == 0.0
 
 
 @pytest.mark.parametrize("regime", ["free", "drilling"])

@@ -4,8 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from rpud_sim.simulation import ActuatorParameters, Configuration, Parameters, fields
 from rpud_sim.simulation.block import boundary
@@ -122,12 +120,6 @@ def test_streams_come_in_blocks_without_a_gap_and_the_rest_at_the_end():
     assert sum(counts) == len(whole.segments)
 
 
-def test_there_is_nothing_left_after_the_rest():
-    telemetry = made()
-    told(telemetry, [3 * MILLISECOND])
-    assert list(telemetry.flush()) == []
-
-
 FAULTS = (
     ScheduledFault(0, None, Fault("noise", "wrench")),
     ScheduledFault(20 * MILLISECOND, 95 * MILLISECOND, Fault("delayed", "nodal_plane", 0.03)),
@@ -136,16 +128,6 @@ FAULTS = (
     ScheduledFault(70 * MILLISECOND, 130 * MILLISECOND, Fault("off", "reacting_force")),
     ScheduledFault(100 * MILLISECOND, None, Fault("lost_preload")),
 )
-
-
-@settings(max_examples=20)
-@given(st.lists(st.integers(1, END), max_size=20), st.sampled_from([(), FAULTS]))
-def test_what_is_told_does_not_depend_on_further_stops(stops, faults):
-    def run(times):
-        found = told(made(), times, faults)
-        return {topic: [repr(values) for _, values in found[topic]] for topic in found}
-
-    assert run(periods(100)) == run(sorted({*periods(100), *stops}))
 
 
 def test_faults_act_on_their_channel_and_the_ground_truth_stays():
