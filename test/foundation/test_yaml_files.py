@@ -3,6 +3,8 @@
 import itertools
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.yaml_files import MOST_BYTES, parse_yaml, read_yaml
@@ -45,6 +47,9 @@ BROKEN = [
     ("a: &a [1]\nb: [*a, *a]", "is not YAML: aliases are not allowed here"),
     ("/**: {ros__parameters: {a: 1, a: 2}}", "is not YAML: a key stands twice"),
     ("--- 1\n--- 2", "is not YAML: expected a single document"),
+    ("{a: &a {x: 1}, b: [{<<: *a}]}", "is not YAML: aliases are not allowed here"),
+    ("a: " + "9" * 5000, "is not YAML: Exceeds the limit"),
+    ("a: !!timestamp 'x'", "is not YAML: "),
 ]
 
 
@@ -79,3 +84,31 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
         read_yaml(tmp_path)
     with pytest.raises(ParameterError, match=r"embedded null byte$"):
         read_yaml("a\0b")
+    with pytest.raises(ParameterError, match=r"^/dev/zero is longer than"):
+        read_yaml("/dev/zero")
+
+
+TAGS = ["int", "float", "bool", "timestamp", "binary", "null", "set", "omap", "pairs", "str"]
+
+
+@given(
+    text=st.one_of(
+        st.text(),
+        st.binary(),
+        st.builds("a: [!!{} {!r}]".format, st.sampled_from(TAGS), st.text(max_size=8)),
+        st.text(alphabet="{}[]:,-&*!?|>'\"%@#~ \n\tkfo01._<=/", max_size=60),
+    )
+)
+def test_any_file_is_a_value_or_refused_in_one_line(tmp_path_factory, text):
+    path = tmp_path_factory.getbasetemp() / "fuzzed.yaml"
+    path.write_bytes(
+        text if isinstance(text, bytes) else text.encode("utf-8", errors="surrogatepass")
+    )
+    try:
+        read_yaml(path)
+    except ParameterError as error:
+        refusal = str(error)
+    else:
+        return
+    assert refusal.startswith(str(path))
+    assert "\n" not in refusal

@@ -48,8 +48,8 @@ constants = st.fixed_dictionaries(
     },
 )
 commands = st.tuples(
-    st.sampled_from([0.0, 1.0, 10.0, 100.0]),
-    st.sampled_from([0.0, 1e-6, 35e-6, 1e-4]),
+    st.sampled_from([0.0, 1.0, 10.0, 100.0, 500.0]),
+    st.sampled_from([0.0, 1e-6, 35e-6, 2e-4]),
     st.sampled_from([1000.0, 16000.0, 40000.0]),
 )
 changes = st.dictionaries(

@@ -13,7 +13,7 @@ from rpud_sim.model import contact
 from rpud_sim.model.drill import effective_tool
 from rpud_sim.model.parameters import preset
 
-FREE_MASS, GRAVITY = 5e-3, 9.81
+FREE_MASS = 5e-3
 DRILLING = preset("drilling")
 K_1 = 1.96e11 * 7.8e-5 / 10e-3  # eq. (20)
 K_2 = 1.96e11 * 2.0e-5 / 80e-3

@@ -3,7 +3,6 @@
 Nothing here needs compiled kernels, so that a broken copy can be checked in a second.
 """
 
-
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp

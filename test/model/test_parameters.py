@@ -1,6 +1,5 @@
 """Parameters are checked once, by name, and a refusal is one clear line."""
 
-
 import pytest
 
 from rpud_sim.foundation.quantities import ParameterError

@@ -1,4 +1,4 @@
-"""A drill on an arm, with all slow processes at once: accounts close, and it cuts as Teale says."""
+"""A drill on an arm, with all slow processes at once: the accounts close."""
 
 import functools
 import json

@@ -6,7 +6,6 @@ import pytest
 
 from rpud_sim.simulation import Simulation, to_configuration
 from rpud_sim.simulation.commands import Drive
-from rpud_sim.simulation.faults import Fault
 
 SECOND = 1_000_000_000
 ROTATING = {"rotation_model": "friction_drive", "strata": "sandstone"}
@@ -71,12 +70,3 @@ def test_without_any_rock_nothing_resists_the_rotation():
     simulation.advance_to(SECOND // 5)
     assert simulation.process.borehole is None
     assert simulation.process.rotation.rate == pytest.approx(15.0)
-
-
-def test_hard_rock_slows_the_drilling_in_strata():
-    simulation = simulate(**ROTATING)
-    simulation.advance_to(SECOND)
-    before = simulation.penetration_rate
-    simulation.inject(Fault("hard_rock", magnitude=3.0))
-    simulation.advance_to(2 * SECOND)
-    assert simulation.penetration_rate < 0.5 * before

@@ -1,4 +1,4 @@
-"""A drill on a feed: bits, energies, refusals, and what a supervisor does with it."""
+"""A drill on a feed: bits, energies, refusals, and what its messages say."""
 
 import dataclasses
 import math
@@ -214,7 +214,7 @@ def started(values=DRILLS):
 @given(st.integers(0, 90 * MILLISECOND))
 @settings(max_examples=8, deadline=None)
 def test_a_checkpoint_goes_on_with_the_same_bits(time):
-    run, checkpoints = started(), Checkpoints()
+    run, checkpoints = started({**DRILLS, "rotation_model": "friction_drive"}), Checkpoints()
     list(run.advance_to(time))
     checkpoints.save("here", run)
     other = run.copy(Journal())
@@ -250,9 +250,6 @@ def test_a_command_file_holds_feeds(tmp_path):
         file.write_text(f"commands:\n- {{time: 0, feed: {text}}}\n")
         with pytest.raises(ParameterError, match="command 1: feed"):
             read_commands(file)
-
-
-# ---- force control
 
 
 def test_a_feed_that_is_in_force_already_adds_no_entry_to_the_journal():

@@ -62,15 +62,23 @@ def without_stops(messages):
 # --- advance ----------------------------------------------------------------------------------
 
 
-@settings(max_examples=25)
+SIGNALS = (
+    ScheduledFault(5 * MILLISECOND, 70 * MILLISECOND, Fault("delayed", "nodal_plane", 0.03)),
+    ScheduledFault(7_654_321, 80 * MILLISECOND, Fault("intermittent", "contact_force", 0.5)),
+    ScheduledFault(30 * MILLISECOND, None, Fault("slow", "drill_tool", 0.025)),
+)
+
+
+@settings(max_examples=10)
 @given(
     regime=st.sampled_from(["free", "drilling"]),
     stops=st.lists(st.integers(1, END - 1), max_size=8),
 )
 def test_in_pieces_it_gives_the_same_messages_as_in_one_go(regime, stops):
-    whole, first = begun({"regime": regime}, SCENARIO)
+    scenario = Scenario(0, tuple(sorted([*SCENARIO.faults, *SIGNALS], key=lambda one: one.onset)))
+    whole, first = begun({"regime": regime}, scenario)
     expected = [*first, *whole.advance_to(END), *whole.flush()]
-    pieces, found = begun({"regime": regime}, SCENARIO)
+    pieces, found = begun({"regime": regime}, scenario)
     for stop in [*sorted(stops), END]:
         found += pieces.advance_to(stop)
     found += pieces.flush()

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rpud_sim.foundation.yaml_files import MOST_BYTES
 from rpud_sim.simulation.channels import CHANNELS
 from rpud_sim.simulation.conditions import check_honoured
 from rpud_sim.simulation.configuration import to_configuration
@@ -28,7 +27,7 @@ SECOND = 1_000_000_000
 def file(tmp_path):
     def write(text):
         path = tmp_path / "faults.yaml"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        path.write_text(text)
         return path
 
     return write
@@ -191,17 +190,6 @@ def test_one_fault_may_begin_when_the_last_of_its_kind_ends(file):
             ": entry 2: choking begins while that of entry 1 lasts",
         ),
         ("faults: [", " is not YAML: while parsing"),
-        (b"\xff\xfe\x00\x01\xff", " is not YAML: "),
-        ("faults: [{kind: choking, kind: off, onset: 1}]", " is not YAML: a key stands twice in"),
-        ("faults: &a [*a]", " is not YAML: aliases are not allowed here"),
-        ("{a: &a {x: 1}, faults: [{<<: *a}]}", " is not YAML: aliases are not allowed here"),
-        ("faults: " + "[" * 20_000, " is not YAML: maximum recursion depth"),
-        ("faults: [2001-13-45]", " is not YAML: month must be in 1..12"),
-        ("seed: " + "9" * 5000, " is not YAML: Exceeds the limit"),
-        ("seed: !!int ''", " is not YAML: "),
-        ("seed: !!timestamp 'x'", " is not YAML: "),
-        ("!!python/object/apply:os.system ['true']", " is not YAML: could not determine"),
-        ("faults: [] #" + " " * MOST_BYTES, " is longer than the 100000 bytes that"),
     ],
     ids=itertools.count(),
 )

@@ -12,9 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.drilling.feed import RATE
-from rpud_sim.drilling.mount import MountState
-from rpud_sim.drilling.process import ProcessState
-from rpud_sim.drilling.rotor_values import RotorState
 from rpud_sim.model.segment import IMPACT
 from rpud_sim.simulation import Parameters, fields
 from rpud_sim.simulation.channels import CHANNELS
@@ -52,28 +49,6 @@ def run():
         for channel, make in makers.items()
     }
     impacts = [fields.contact_force_fields(impact, ORIGIN) for impact in block.impacts]
-    # Each value differs, as it does in the rock.
-    parts = {"rotation": RotorState, "mount": MountState}
-    for channel, kind in parts.items():
-        names = [field.name for field in dataclasses.fields(kind) if field.name != "work"]
-        flags = {"stalled", "in_contact"}
-        states = [
-            ProcessState(
-                **{
-                    channel: kind(
-                        **{
-                            name: i % 2 == 0 if name in flags else math.sin(i + place)
-                            for place, name in enumerate(names)
-                        }
-                    )
-                }
-            )
-            for i in range(len(times))
-        ]
-        messages[channel] = [
-            (time, process_fields(channel, state, ORIGIN + time))
-            for time, state in zip(times, states, strict=True)
-        ]
     messages["contact_force"] = [(fields.stamp_of(one) - ORIGIN, one) for one in impacts]
     assert len(impacts) > 20
     return {**messages, **_slow_processes(times)}

@@ -19,7 +19,6 @@ from rpud_sim.simulation.simulation import Simulation
 
 SECOND = 1_000_000_000
 MILLISECOND = 1_000_000
-ON = Drive(True, 100.0, 16000.0)
 OFF = Drive(False, 0.0, 0.0)
 
 regimes = st.sampled_from([preset("free"), preset("drilling")])
@@ -120,18 +119,14 @@ def test_the_amplitude_changes_where_the_vibration_has_no_displacement(
 
 
 @pytest.mark.parametrize("regime", ["free", "drilling"])
-@pytest.mark.parametrize("command", [None, WeightOnBit(10.0), ON, "present"])
-def test_a_command_that_changes_nothing_leaves_every_bit(regime, command):
+def test_a_command_that_changes_nothing_leaves_every_bit(regime):
     parameters = preset(regime).replace(weight_on_bit=10.0)
     simulation, undisturbed = Simulation(parameters), Simulation(parameters)
     blocks = []
-    for time in range(0, SECOND, 37 * MILLISECOND):
+    for time in range(0, SECOND // 2, 37 * MILLISECOND):
         blocks.append(simulation.advance_to(time))
-        if command == "present":
-            simulation.apply(simulation.applied.drive)
-            simulation.apply(simulation.applied.weight_on_bit)
-        elif command is not None:
-            simulation.apply(command)
+        simulation.apply(simulation.applied.drive)
+        simulation.apply(simulation.applied.weight_on_bit)
     segments, impacts = collect(blocks)
     expected, expected_impacts = collect([undisturbed.advance_to(time)])
     assert same(segments, expected)
