@@ -1,4 +1,4 @@
-"""ROS reads the codec's messages, and the codec those of ROS."""
+"""The codec reads the messages of ROS; test_encoder.py shows that it writes them."""
 
 from array import array
 
@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import serialize_message
 from rpud_msgs.msg import DrillTool, Status, Trajectory, Waveform
 from std_msgs.msg import Header
 
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition, find_type_hash
-
-PADDING = 3  # bytes that a middleware may add at the end
 
 HEADER = Header(stamp=Time(sec=3, nanosec=999_999_999), frame_id="rpud_tool_tip")
 
@@ -51,13 +49,6 @@ def plain(value):
     if hasattr(value, "get_fields_and_field_types"):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     return value
-
-
-@every_message
-def test_ros_reads_what_is_encoded(message):
-    data = codec(message).encode(plain(message))
-    assert deserialize_message(data, type(message)) == message
-    assert 0 <= len(serialize_message(message)) - len(data) <= PADDING
 
 
 @every_message

@@ -17,7 +17,6 @@ from sample_bags import (
     TALK,
     serialized_string,
     write_bag,
-    write_commanded_bag,
 )
 
 import rpud_sim.bag
@@ -150,15 +149,6 @@ def test_they_are_the_same_in_every_storage(tmp_path, storage, mode):
             writer.write(connections[number % 2], START + number // 3, data)
     found = assert_same(tmp_path / "bag", start=20, duration=70)
     assert sum(map(len, found.values())) == 210
-
-
-def test_a_run_s_bag_comes_in_few_blocks_of_views(tmp_path):
-    path = write_commanded_bag(tmp_path / "bag", 0.4, {})
-    assert_same(path)
-    with rpud_sim.bag.open(path) as bag:
-        blocks = [*bag.blocks()]
-    assert len(blocks) < 30
-    assert len({id(block.data) for block in blocks}) < len(blocks)
 
 
 @pytest.fixture(scope="module")

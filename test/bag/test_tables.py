@@ -26,7 +26,6 @@ from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
 from rpud_sim.bag.blocks import _offsets as offsets_of_blocks
 from rpud_sim.bag.columns import Kind
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.tables import Batch, Table
 from rpud_sim.bag.topic_summary import TopicSummary
 from rpud_sim.bag.whole_tables import filled
@@ -246,31 +245,6 @@ def test_batches_are_the_whole_in_pieces_of_bounded_size(tmp_path, monkeypatch):
     assert np.array_equal(joined, whole["log_time"])
 
 
-def test_a_block_that_fills_a_batch_is_neither_divided_nor_copied(tmp_path, monkeypatch):
-    with BagWriter(tmp_path / "bag", compression="none", chunk_size=30_000) as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        for number in range(45):
-            bag.write(TALK.name, serialized_string(f"{number:02d}" * 1000), number, 0)
-    copied = []
-    pack = MessageBlock.packed
-    monkeypatch.setattr(MessageBlock, "packed", lambda block: copied.append(block) or pack(block))
-
-    def counts(size):
-        copied.clear()
-        monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", size)
-        with rpud_sim.bag.open(tmp_path / "bag") as bag:
-            batches = list(bag.batches(TALK.name))
-        texts = [text[:2] for batch in batches for text in batch.columns["data"]]
-        assert texts == [f"{number:02d}" for number in range(45)]
-        return [len(batch) for batch in batches]
-
-    # Chunks of 15 messages.
-    assert counts(20_000) == [15, 15, 15]
-    assert not copied
-    assert counts(50_000) == [23, 22]
-    assert len(copied) == 4
-
-
 def test_the_first_rows_make_no_room_that_a_damaged_count_would_waste():
     times = np.arange(1000)
     columns = {name: times.astype(object) for name in COLUMNS}
@@ -307,16 +281,6 @@ def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
     # Four chunks that threads read ahead, with their copies, and what waits to become batches: as
     # much of 8 MB as of 24 MB.
     assert max(peak(4_000), peak(12_000)) < 6_000_000
-
-
-def test_a_topic_that_is_not_there_is_named_with_those_that_are(tmp_path):
-    with rpud_sim.bag.open(write_bag(tmp_path / "bag")) as bag:
-        for get in (bag.arrays, bag.frame, bag.columns, lambda topic: list(bag.batches([topic]))):
-            with pytest.raises(BagError) as failure:
-                get("/tlak")
-            assert str(failure.value) == (
-                f"{tmp_path / 'bag'} holds no topic '/tlak'; it holds /rpud/chat, /rpud/talk"
-            )
 
 
 def test_a_type_without_fields_is_a_table_of_times(tmp_path):
@@ -433,14 +397,6 @@ def test_blocks_of_unequal_arrays_are_an_error(tmp_path):
         ),
     ):
         bag.arrays("/w")
-
-
-def test_a_type_that_only_has_the_name_of_ours_is_a_table_like_any_other(tmp_path):
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(Topic("/w", "rpud_msgs/msg/Waveform"), STRING_DEFINITION)
-        bag.write("/w", serialized_string("hello"), START, START)
-    with rpud_sim.bag.open(tmp_path / "bag") as bag:
-        assert bag.arrays("/w")["data"].tolist() == ["hello"]
 
 
 def test_without_pandas_a_frame_is_one_clear_line(tmp_path, monkeypatch):
