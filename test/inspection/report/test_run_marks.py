@@ -32,11 +32,6 @@ def test_no_step_crosses_a_gap():
     assert (held[-1], found[-1]) == (20.0, times[-1])
 
 
-def test_a_value_that_changes_all_the_time_has_no_steps():
-    times = np.arange(0.0, 10.0, 0.001)
-    assert steps(times, times) is None
-
-
 def test_marks_say_whose_they_are_where_there_are_several_drills():
     change = [Change(-1.0, "before the bag", ""), Change(1.0, "weight on bit 5 N", "")]
     log = FaultLog({(0, 1): Fault(1, "bias", "wrench", 1.0, 2.0, None)})
