@@ -93,14 +93,17 @@ dist: install/.package ## Build wheels of both packages into dist/, for each CPy
 bench: install/.package install/.kernels ## Run the benchmarks, or those of BENCH_ARGS
 	@$(WITH_ENV) python -m bench $(BENCH_ARGS)
 
+.PHONY: validation
+validation: install/.package install/.kernels ## Run the paper's numbers and write docs/explanation/validation.md
+	@$(WITH_ENV) python -m validation
+
 .PHONY: measure-setup
 measure-setup: ## Clone into a new folder and print the time of each stage from there to the first impact
 	@toolchain/measure_setup.sh
 
 .PHONY: campaign
 campaign: install/.package ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
-	@$(WITH_ENV) python test/busy.py -- rpud test config/campaign.yaml --only '^jammed actuator_restitution=1.0 seed=1' \
-	  --repeat $(RUNS) --again --out build/campaign
+	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python test/busy.py -- python -m pytest test/testing/campaign/test_repeat.py
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each
@@ -173,10 +176,10 @@ help: ## Show this help
 	@$(call INSTALL,--only-binary :all: --target .venv/docs -r $<)
 	@touch $@
 
-# In a folder of its own, as optional.in says why. One package was never released as a wheel, and is built here.
+# In a folder of its own, as optional.in says.
 .venv/.optional: toolchain/requirements/optional.lock .venv/.installed
 	@rm -rf .venv/optional
-	@if $(call INSTALL,--no-build-isolation --target .venv/optional -r $<); then touch $@; else rm -rf .venv/optional; \
+	@if $(call INSTALL,--only-binary :all: --target .venv/optional -r $<); then touch $@; else rm -rf .venv/optional; \
 	  echo "make: optional packages cannot be installed; the tests that need them are skipped" >&2; fi
 
 install/.messages: .venv/.installed $(wildcard toolchain/*.cmake msg_defs/*.* msg_defs/*/*.*)

@@ -57,13 +57,12 @@ setup(
     ],
     extras_require={
         "ros": [*ROS, f"rpud_msgs=={VERSION}"],
-        "web": [*WEB, "scipy"],  # watch, report, compare, test: whatever writes or serves a page
+        "web": [*WEB, "scipy"],  # watch, report, compare: whatever writes or serves a page
         "report": WEB,  # the same by its former name
         "export": EXPORT,
-        "studies": STUDIES,  # sweep, dataset, sensitivity, fit, reproduce
+        "studies": STUDIES,  # sweep, fit
         "cluster": [*STUDIES, "distributed"],
-        "dataset": [*STUDIES, "changepoynt"],  # the second baseline of dataset --evaluate
-        "test": ["pytest", *WEB],  # what the plugin needs; a failed test leaves a report
+        "test": ["pytest", *WEB],  # what the plugin and campaigns need: each leaves a page
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),

@@ -3,11 +3,11 @@
 set -eu
 cd "$(dirname "$0")/requirements"
 
-# A source package could run anything at set-up, so there are only three that were never released as wheels: empy 3,
-# antlr4-python3-runtime 4.7, which rtamt needs, and fbpca, which changepoynt needs.
+# A source package could run anything at set-up, so there are only two that were never released as wheels: empy 3,
+# and antlr4-python3-runtime 4.7, which rtamt needs.
 lock() { # OUTPUT OPTION|INPUT...
   uv pip compile --quiet --upgrade --generate-hashes --only-binary :all: --no-header \
-    --no-binary empy --no-binary antlr4-python3-runtime --no-binary fbpca --custom-compile-command "make lock" --output-file "$@"
+    --no-binary empy --no-binary antlr4-python3-runtime --custom-compile-command "make lock" --output-file "$@"
 }
 
 lock installer.lock --universal --python-version 3.10 installer.in
@@ -19,8 +19,8 @@ lock browser.lock --universal --python-version 3.10 --constraints wheels.lock br
 lock lint.lock --universal --python-version 3.10 --constraints wheels.lock lint.in
 lock docs.lock --universal --python-version 3.10 docs.in
 
-# Without what wheels.lock installs already, and without matplotlib and what it alone needs, 60 MB that are never imported.
-left_out=(matplotlib fonttools kiwisolver cycler tzdata $(sed -nE 's/^([a-z0-9._-]+)==.*/\1/p' wheels.lock))
+# Without what wheels.lock installs already.
+left_out=($(sed -nE 's/^([a-z0-9._-]+)==.*/\1/p' wheels.lock))
 lock optional.lock --universal --python-version 3.10 --constraints wheels.lock --no-annotate \
   "${left_out[@]/#/--no-emit-package=}" optional.in
 

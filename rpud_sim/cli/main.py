@@ -47,10 +47,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "compare": (_BAGS, "compare"),
     "test": (_TEST, "test"),
     "sweep": (_STUDY, "sweep"),
-    "dataset": (_STUDY, "dataset"),
-    "sensitivity": (_STUDY, "sensitivity"),
     "fit": (_STUDY, "fit"),
-    "reproduce": (_STUDY, "reproduce"),
 }
 """Commands in the order of the help: the group of each, and its module in this package."""
 
@@ -114,7 +111,10 @@ def execute(words: Sequence[str]) -> int:
 
 
 def _run(parser: argparse.ArgumentParser, words: Sequence[str]) -> int:
-    arguments = parser.parse_args(words)
+    arguments, further = parser.parse_known_args(words)
+    if further and not hasattr(arguments, "further"):
+        parser.error(f"unrecognized arguments: {' '.join(further)}")
+    arguments.further = further
     code: int = arguments.run(arguments)
     return code
 

@@ -64,9 +64,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _use_every_kernel() -> None:
     """Call each kernel once, because a kernel is compiled when it is first called."""
+    from rpud_sim.model.single_contact import single_contact
     from rpud_sim.simulation.configuration import Configuration
     from rpud_sim.simulation.ensemble import compile_kernels, compile_members
-    from rpud_sim.studies.reproduction.single_contact import contact_history, single_contact
 
     configuration = Configuration()
     actuator = dataclasses.replace(configuration.actuator, actuator_model="resonance")
@@ -74,7 +74,6 @@ def _use_every_kernel() -> None:
     compile_members(configuration)
     compile_kernels(dataclasses.replace(configuration, actuator=actuator))
     single_contact(configuration.parameters, 1.0)
-    contact_history(configuration.parameters, 1.0, [0.0])
 
 
 def _gather(store: KernelStore, folder: Path) -> None:

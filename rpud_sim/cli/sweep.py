@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from rpud_sim.cli.options import (
     add_json_argument,
@@ -14,10 +16,11 @@ from rpud_sim.cli.options import (
 )
 from rpud_sim.cli.program import ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
-from rpud_sim.cli.tables import print_json
+from rpud_sim.cli.tables import print_json, table
 from rpud_sim.foundation.terminal import printable
 
-HELP = "run a design of experiments over any parameters"
+HELP = "run a design of experiments over parameters, rocks and faults"
+_CAUSES = 3  # inputs of a figure in the table; the page and indices.json have all
 EXAMPLE = "rpud sweep config/sweep.yaml --out sweeps/first"
 
 
@@ -37,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.studies.processes import WorkerError
-    from rpud_sim.studies.sweep.specification import SweepError, read_specification
+    from rpud_sim.studies.sweep.specification import SweepError
+    from rpud_sim.studies.sweep.specification_file import read_specification
 
     started = time.perf_counter()
     with failing(SweepError, code=ExitCode.USAGE), failing(WorkerError):
@@ -62,6 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
                 "kept": result.kept,
                 "failures": result.failures,
                 "report": str(result.report),
+                **({"indices": result.indices} if result.indices else {}),
                 "wall_time": wall,
             }
         )
@@ -71,10 +76,31 @@ def run(arguments: argparse.Namespace) -> int:
         f"{specification.duration:g} s: {result.simulations} run, {result.kept} kept, "
         f"{result.failures} failed, in {wall:.1f} s"
     )
-    for path in (
-        result.folder / "simulations.parquet",
-        result.folder / "points.parquet",
-        result.report,
-    ):
+    for line in _indices(result.indices):
+        print(line)
+    names = ["simulations.parquet", "points.parquet", *(["indices.json"] if result.indices else [])]
+    for path in (*(result.folder / name for name in names), result.report):
         print(printable(path))
     return ExitCode.DONE
+
+
+def _indices(indices: Mapping[str, Any]) -> list[str]:
+    """Return a table of the figures, with the inputs that cause most of their variance."""
+    if not indices:
+        return []
+    rows = []
+    for name, item in indices.items():
+        if "missing" in item:
+            rows.append((name, item["unit"], "-", "-", "-", "-", item["missing"]))
+            continue
+        ranked = sorted(item["inputs"].items(), key=lambda each: -each[1]["total"])
+        rows.append(
+            (
+                *(name, item["unit"], f"{item['mean']:.4g}"),
+                *(f"{end:.4g}" for end in item["interval_90"]),
+                f"{item['noise_share']:.2f}",
+                ", ".join(f"{cause} {share['total']:.2f}" for cause, share in ranked[:_CAUSES]),
+            )
+        )
+    head = ("figure", "unit", "mean", "5 %", "95 %", "noise", "greatest shares in all")
+    return table(head, rows, 2)

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpud_sim.cli.campaign import SUFFIXES, add_campaign_arguments, test_campaign
 from rpud_sim.cli.options import add_json_argument
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.cli.progress import progress_bar
@@ -14,14 +13,22 @@ from rpud_sim.cli.tables import print_json, table
 from rpud_sim.foundation.terminal import complain, printable
 
 if TYPE_CHECKING:
+    from rpud_sim.testing.campaign.results import CampaignResults
     from rpud_sim.verdicts import Record, Verdict
+
+SUFFIXES = (".yaml", ".yml")
+"""Suffixes of campaign files: any other file or folder is a bag."""
+
+# The package was imported before pytest could rewrite it; its tests do not need that.
+_QUIET = ("-W", "ignore::pytest.PytestAssertRewriteWarning")
 
 HELP = "judge a bag by the expectations of a file, or fly a campaign of tests"
 DETAILS = (
     "Each expectation is passed, failed or undecided. The last run in a bag is judged. "
-    "A campaign flies scenarios, parameters and seeds against a system under test. "
-    "Exit codes: 0 all passed, 1 one failed or is undecided, 2 wrong call. A requirement of a "
-    "campaign is undecided if no run decides it."
+    "A campaign flies scenarios, parameters and seeds against a system under test, by pytest, "
+    "which gets all further options, such as -n 4 or --lf. "
+    "Exit codes of a bag: 0 all passed, 1 one failed or is undecided, 2 wrong call. Of a campaign: "
+    "0 all requirements passed, 1 one is undecided, or the run failed, 2 wrong call, 3 one failed."
 )
 EXAMPLE = "rpud test bags/first --expect config/expectations.yaml"
 
@@ -37,16 +44,67 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--namespace", metavar="NAME", help="of the drill, where the bag holds several"
     )
     parser.add_argument("--junit", metavar="FILE", help="write a JUnit XML file as well")
-    add_campaign_arguments(parser)
     add_json_argument(parser)
+    group = parser.add_argument_group("campaigns")
+    group.add_argument(
+        "--out", metavar="DIR", help="folder for page, bags and logs (default: rpud-artefacts)"
+    )
+    group.add_argument("--only", metavar="EXPRESSION", help="fly these runs only: -k of pytest")
+    parser.set_defaults(further=[])
 
 
 def run(arguments: argparse.Namespace) -> int:
     if Path(arguments.subject).suffix in SUFFIXES and not Path(arguments.subject).is_dir():
-        return test_campaign(arguments)
+        return _test_campaign(arguments)
     if arguments.expect is None:
         raise CommandError("a bag needs --expect FILE; see rpud test --help", ExitCode.USAGE)
+    if arguments.further:
+        words = printable(" ".join(arguments.further))
+        raise CommandError(f"unrecognized arguments: {words}", ExitCode.USAGE)
     return _test_bag(arguments)
+
+
+def _test_campaign(arguments: argparse.Namespace) -> int:
+    """Call pytest on a campaign; return the exit code."""
+    for name in ("expect", "namespace", "json"):
+        if getattr(arguments, name):
+            raise CommandError(f"--{name} is for bags", ExitCode.USAGE)
+    import pytest
+
+    # Where a package is missing, this fails in one line, and pytest would not.
+    import rpud_sim.testing.campaign.items  # noqa: F401
+    from rpud_sim.testing.campaign.campaign_file import read_campaign
+    from rpud_sim.testing.campaign.session import NAME
+
+    class Listener:
+        """Plugin that takes the results out of the session."""
+
+        campaigns: tuple[CampaignResults, ...] = ()
+
+        @pytest.hookimpl(trylast=True)
+        def pytest_sessionfinish(self, session: pytest.Session) -> None:
+            plugin: Any = session.config.pluginmanager.get_plugin(NAME)
+            self.campaigns = tuple(plugin.results.values())
+
+    read_campaign(arguments.subject)  # a mistake is one line
+    words = [arguments.subject, "--rpud-keep", *_QUIET, *arguments.further]
+    for option, value in (
+        ("--rpud-artefacts", arguments.out and Path(arguments.out).absolute()),
+        ("--junitxml", arguments.junit),
+        ("-k", arguments.only),
+    ):
+        words += [f"{option}={value}"] if value else []
+    listener = Listener()
+    code = pytest.main(words, [listener])
+    outcomes = [each.outcome for found in listener.campaigns for each in found.requirements]
+    if code == pytest.ExitCode.INTERRUPTED:
+        return ExitCode.INTERRUPTED
+    if code in (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED):
+        return ExitCode.USAGE
+    if "failed" in outcomes:
+        return ExitCode.INCOMPLETE
+    met = code == pytest.ExitCode.OK and set(outcomes) == {"passed"}
+    return ExitCode.DONE if met else ExitCode.FAILED
 
 
 def _test_bag(arguments: argparse.Namespace) -> int:

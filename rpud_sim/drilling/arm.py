@@ -142,8 +142,6 @@ def shift(arm: Arm, load: Load, position: float, rest: float, new_rest: float) -
     force. Another arm is deflected.
 
     Args:
-        position: of the mount at the beginning [m].
-        rest: place of the mount at which the arm is not deflected [m].
         new_rest: that place afterwards, unless the host slips [m].
     """
     if arm.stiffness > 0.0:

@@ -13,13 +13,10 @@ from rpud_sim.foundation.quantities import ParameterError
 
 @dataclasses.dataclass(frozen=True)
 class BitParameters(ParameterGroup):
-    """Parameters of the bit, its flutes and their heat, in SI units.
+    """Parameters of the bit and its flutes, in SI units.
 
     The paper names no bit: all values are assumed unless docs/explanation/drilling.md gives a
     source. The bit has the area of the hole, ``hole_area``.
-
-    Raises:
-        ParameterError: if a value is outside its range.
     """
 
     bit_thrust_ratio: float = number(
@@ -33,27 +30,19 @@ class BitParameters(ParameterGroup):
         1e-6, "m^2", "area of the wear flats of a blunt bit, at which the wear is 1", 1e-12, 1e-2
     )
     bit_wear_rate: float = number(
-        2e-10,
-        "m^2/J",
-        "growth of the wear flats by friction work in rock of abrasiveness 1",
+        3e-7,
+        "m/J",
+        "growth of the wear flats' diameter by friction work in rock of abrasiveness 1",
         0.0,
-        1e-3,
+        1.0,
     )
     bit_contact_depth: float = number(
         2e-5, "m", "depth of cut at which the wear flats bear on the rock as a whole", 1e-9, 1e-2
-    )
-    bit_greatest_cut: float = number(
-        5e-4,
-        "m",
-        "greatest depth of cut in one turn, at which the body of the bit bears",
-        1e-7,
-        0.1,
     )
     flute_area: float = number(
         8e-6, "m^2", "cross-sectional area of the flutes, which carry the cuttings", 1e-9, 1.0
     )
     flute_pitch: float = number(0.01, "m", "rise of the flutes in one turn", 1e-5, 1.0)
-    flute_depth: float = number(1e-3, "m", "radial depth of the flutes", 1e-6, 0.1)
     flute_efficiency: float = number(
         0.3, "", "rise of the cuttings in one turn over the pitch, in a shallow hole", 0.0, 1.0
     )
@@ -61,7 +50,7 @@ class BitParameters(ParameterGroup):
         0.1, "m", "depth at which friction on the wall halves the rise of the cuttings", 1e-4, 1e3
     )
     flute_torque: float = number(
-        0.05, "N m/m", "torque of half-full flutes for each metre in the hole", 0.0, 1e4
+        0.05, "N m/m", "torque of full flutes for each metre in the hole", 0.0, 1e4
     )
     cuttings_bulking: float = number(
         1.8, "", "volume of the cuttings over that of the rock they come from", 1.0, 5.0
@@ -71,25 +60,6 @@ class BitParameters(ParameterGroup):
     )
     cuttings_choke: float = number(
         0.5, "", "filling of the flutes above which cuttings hold up the progress", 0.0, 0.95
-    )
-    bit_heat_share: float = number(
-        0.1, "", "share of the absorbed energy that heats the bit", 0.0, 0.5
-    )
-    rock_heat_share: float = number(
-        0.1, "", "share of the absorbed energy that heats the rock at the bottom", 0.0, 0.5
-    )
-    bit_heat_capacity: float = number(6.3, "J/K", "heat capacity of the drill tool", 1e-4, 1e5)
-    bit_thermal_resistance: float = number(
-        10.0, "K/W", "thermal resistance from the bit to its surroundings", 1e-4, 1e5
-    )
-    rock_specific_heat: float = number(
-        850.0, "J/(kg K)", "specific heat capacity of the rock", 1.0, 1e4
-    )
-    rock_heated_volume: float = number(
-        4e-6, "m^3", "volume of rock at the bottom that takes up heat", 1e-12, 1.0
-    )
-    rock_thermal_resistance: float = number(
-        16.0, "K/W", "thermal resistance from the bottom of the hole into the rock", 1e-4, 1e5
     )
 
     def __post_init__(self) -> None:
@@ -102,12 +72,11 @@ class BitParameters(ParameterGroup):
 
 
 class Cut(NamedTuple):
-    """Forces and torques of a bit on the bottom of its hole, immutable."""
+    """Cut and torques of a bit on the bottom of its hole, immutable."""
 
     depth: float = 0.0  # of the cut in one turn, if the tool turns [m]
-    cutting_force: float = 0.0  # part of the weight on bit that the cutting edges bear [N]
     cutting_torque: float = 0.0  # that cuts the rock [N m]
-    friction_torque: float = 0.0  # of wear flats and body on the rock [N m]
+    friction_torque: float = 0.0  # of the wear flats on the rock [N m]
 
 
 NO_CUT = Cut()
@@ -131,12 +100,10 @@ def cut(
 
     so that 2 T / (a^2 d) = (1 - mu gamma zeta) eps + mu gamma W / (a d), their equation for E and
     S. Up to d_c the wear flats come to bear (phase I of Detournay, Richard and Shepherd, 2008);
-    beyond it more weight cuts deeper (II); at the greatest cut the body of the bit bears (III).
+    beyond it more weight cuts deeper (II).
 
     Args:
-        radius: of the bit [m].
         weight_on_bit: toward the rock [N]; without it there is no cut.
-        wear_flat: area of the wear flats [m^2].
         hardness: factor on specific energy and strength of the rock.
     """
     if not weight_on_bit > 0.0:
@@ -146,15 +113,12 @@ def cut(
     depth = weight_on_bit / (edge + bearing / bit.bit_contact_depth)
     if depth > bit.bit_contact_depth:
         depth = (weight_on_bit - bearing) / edge
-    if depth > bit.bit_greatest_cut:
-        depth = bit.bit_greatest_cut
     cutting_force = edge * depth
     if cutting_force > weight_on_bit:
         cutting_force = weight_on_bit
     friction_force = weight_on_bit - cutting_force
     return Cut(
         depth,
-        cutting_force,
         0.5 * layer.specific_energy * hardness * radius**2 * depth,
         0.5 * layer.friction * bit.bit_shape_factor * radius * friction_force,
     )

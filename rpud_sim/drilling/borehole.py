@@ -1,4 +1,4 @@
-"""Borehole: depth, cuttings, wear of the bit and temperatures, by percussion and rotation."""
+"""Borehole: depth, cuttings and wear of the bit, by percussion and rotation."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ import math
 
 from rpud_sim.drilling.bit import NO_CUT, BitParameters, Cut, cut, radius_of
 from rpud_sim.drilling.cuttings import Cuttings
-from rpud_sim.drilling.heat import WarmBody
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.recent import RecentDrilling
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, Resistance, Turned
 from rpud_sim.drilling.strata import Layer, Strata, inclusion_in
-
-AMBIENT_TEMPERATURE = 293.15  # K
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,11 +26,7 @@ class BoreholeState:
     specific_energy: float = math.nan
     packed_cuttings: float = 0.0  # volume of cuttings in the flutes [m^3]
     bit_wear: float = 0.0  # 0 for a new bit, 1 for a blunt one, more beyond
-    bit_temperature: float = math.nan  # [K]
-    rock_temperature: float = math.nan  # at the bottom [K]
-    filling: float = 0.0  # share of the flutes that is full
     side_offset: float = 0.0  # by which the bit has walked sideways at the start of the hole [m]
-    broken_through: bool = False  # whether the hole has reached the bottom of the rock
 
 
 class Borehole:
@@ -42,19 +35,9 @@ class Borehole:
     Percussion deepens it as ``Progress`` does, by the energy of impacts above the threshold of the
     layer; rotation by the depth of its cut in each turn (``bit.cut``). Cuttings in the flutes hold
     both up (``cuttings``).
-
-    Args:
-        rock: area of the hole, and share of an impact's energy that breaks the rock.
-        ambient_temperature: of the bit, the rock and the surroundings at first [K].
     """
 
-    def __init__(
-        self,
-        bit: BitParameters,
-        strata: Strata,
-        rock: RockParameters,
-        ambient_temperature: float = AMBIENT_TEMPERATURE,
-    ) -> None:
+    def __init__(self, bit: BitParameters, strata: Strata, rock: RockParameters) -> None:
         self._bit = bit
         self._strata = strata
         self._area = rock.hole_area
@@ -62,8 +45,6 @@ class Borehole:
         self._breaking_share = rock.rock_energy_transfer
         self._cuttings = Cuttings(bit)
         self._recent = RecentDrilling()
-        self._bit_heat = WarmBody(bit.bit_thermal_resistance, ambient_temperature)
-        self._rock_heat = WarmBody(bit.rock_thermal_resistance, ambient_temperature)
         self._depth = 0.0
         self._tip = 0.0  # depth of the tool in the hole [m]
         self._layer = 0
@@ -99,26 +80,15 @@ class Borehole:
     def resistance(
         self, weight_on_bit: float, in_rock: bool, disturbances: Disturbances
     ) -> Resistance:
-        """Return the torque against the rotation of the drill tool.
-
-        Args:
-            weight_on_bit: force on the bit [N].
-            in_rock: whether the drill tool is in the rock.
-        """
+        """Return the torque against the rotation of the drill tool."""
         if not (in_rock or self._tip > 0.0):
             return NO_RESISTANCE
-        screw = self._screw_torque(disturbances) if disturbances.protrusion else 0.0
         done = NO_CUT
         if in_rock and not self._through:
             done = self._cut(self._layer_under(disturbances), weight_on_bit, disturbances)
         flutes = self._cuttings.torque(self._tip, disturbances.clogged)
-        bound = (disturbances.torque_factor - 1.0) * (
-            done.cutting_torque + done.friction_torque + flutes
-        )
-        faults = bound + disturbances.extra_torque + screw
-        if faults < 0.0:
-            faults = 0.0
-        return Resistance(done.cutting_torque, done.friction_torque, flutes, faults, True)
+        faults = disturbances.extra_torque + disturbances.screw_torque
+        return Resistance(done.cutting_torque, done.friction_torque, flutes, faults)
 
     def step(
         self,
@@ -132,9 +102,6 @@ class Borehole:
         """Drill for one step.
 
         Args:
-            interval: length of the step [s].
-            rotation: of the step; ``NOT_TURNED`` without a rotor.
-            weight_on_bit: force on the bit in the step [N].
             mount_position: at the end of the step, as of ``MountState``; None without a feed.
         """
         turned = rotation.angle
@@ -142,7 +109,7 @@ class Borehole:
         resisted = rotation.resisted - before.resisted
         impact_energy = percussion.energy if percussion.in_rock else 0.0
         start = self._depth
-        density_layer = self._strata.layers[self._layer]
+        layer = self._strata.layers[self._layer]
         if percussion.in_rock and not self._through:
             usable, self._owed = impact_energy + self._owed, 0.0
             if usable < 0.0:
@@ -150,26 +117,21 @@ class Borehole:
             if disturbances.side_walk:
                 self._walk(interval, turned, percussion, disturbances)
             self._deepen(usable, percussion.impacts, turned, weight_on_bit, disturbances)
-            self._wear(rotation.friction - before.friction, density_layer)
+            self._wear(rotation.friction - before.friction, layer)
         self._move_tip(mount_position)
         produced = (self._depth - start) * self._area
-        clearing = disturbances.clearing
-        if disturbances.protrusion:
-            clearing *= 1.0 - self._engagement(disturbances)
         impacts = percussion.impacts if percussion.in_rock else 0
-        self._cuttings.step(interval, produced, turned, impacts, self._tip, clearing)
-        absorbed = (impact_energy if impact_energy > 0.0 else 0.0) + resisted
-        self._warm(interval, absorbed, density_layer)
+        self._cuttings.step(interval, produced, turned, impacts, self._tip, disturbances.clearing)
         self._energy += weight_on_bit * (self._depth - start) + impact_energy + resisted
         self._recent.add(interval, self._depth, self._energy)
         self._worn_factor, self._clogged = disturbances.worn_factor, disturbances.clogged
         self._known_state = None
 
     def _cut(self, layer: Layer, weight_on_bit: float, disturbances: Disturbances) -> Cut:
-        """Return the cut in a layer, with the pull of rock that protrudes into the flutes."""
+        """Return the cut in a layer, with the pull of rock in the flutes."""
         weight = weight_on_bit
-        if disturbances.protrusion and (screw := self._screw_torque(disturbances)) > 0.0:
-            weight += screw / (self._radius * self._screw_slope(layer))
+        if disturbances.screw_torque:
+            weight += disturbances.screw_torque / (self._radius * self._screw_slope(layer))
         flat = self._wear_flat * disturbances.worn_factor
         if flat > self._area:
             flat = self._area
@@ -188,21 +150,6 @@ class Borehole:
         strength = disturbances.inclusion_strength
         return inclusion_in(layer, strength) if strength > layer.strength else layer
 
-    def _engagement(self, disturbances: Disturbances) -> float:
-        """Return the share of the flutes' depth into which rock protrudes."""
-        return min(disturbances.protrusion / self._bit.flute_depth, 1.0)
-
-    def _screw_torque(self, disturbances: Disturbances) -> float:
-        """Return the torque at which protruding rock in the flutes is cut off [N m].
-
-        The rock bears with its strength on an area of its height times the flutes' depth (assumed).
-        """
-        if disturbances.protrusion <= 0.0 or self._tip <= 0.0:
-            return 0.0
-        height = self._engagement(disturbances) * self._bit.flute_depth
-        strength = self._strata.layers[self._layer].strength * disturbances.hardness
-        return strength * height * self._bit.flute_depth * self._radius
-
     def _screw_slope(self, layer: Layer) -> float:
         """Return torque over radius and axial force of a screw with friction: tan(phi + rho)."""
         slope = self._bit.flute_pitch / (2.0 * math.pi * self._radius)
@@ -214,12 +161,6 @@ class Borehole:
         """Let the bit walk sideways until the hole is one radius deep and guides it."""
         if self._depth < self._radius and (turned > 0.0 or percussion.impacts):
             self._side_offset += disturbances.side_walk * interval
-
-    def _spread(self) -> float:
-        """Return the factor on the progress of a bit that has walked: it digs a longer slot."""
-        if not self._side_offset or self._depth >= self._radius:
-            return 1.0
-        return self._area / (self._area + 2.0 * self._radius * self._side_offset)
 
     def _deepen(
         self,
@@ -235,7 +176,7 @@ class Borehole:
         flat, new = self._wear_flat * disturbances.worn_factor, self._bit.bit_wear_flat
         blunt = flat / new if flat > new > 0.0 else 1.0
         clearance = self._cuttings.clearance(self._tip, disturbances.clogged)
-        held_up = disturbances.progress * clearance * self._spread()
+        held_up = disturbances.progress * clearance
         turns = turned / (2.0 * math.pi)
         left = 1.0  # of the step
         while left > 0.0:
@@ -258,10 +199,16 @@ class Borehole:
             self._layer += 1
 
     def _wear(self, friction_work: float, layer: Layer) -> None:
+        """Widen the wear flats, which together have the area of one circle.
+
+        In the CERCHAR test the diameter of the flat grows with the distance slid under a constant
+        force, so it grows here with the friction work, and the area with its square.
+        """
         grown = self._bit.bit_wear_rate * layer.abrasiveness * friction_work
         if grown:
             most = max(self._area, self._bit.bit_wear_flat)
-            self._wear_flat = min(self._wear_flat + grown, most)
+            worn = math.pi * (radius_of(self._wear_flat) + 0.5 * grown) ** 2
+            self._wear_flat = min(worn, most)
 
     def _move_tip(self, mount_position: float | None) -> None:
         tip = self._depth
@@ -272,12 +219,6 @@ class Borehole:
         if tip < self._tip:
             self._cuttings.withdraw(self._tip, tip)
         self._tip = tip
-
-    def _warm(self, interval: float, absorbed: float, layer: Layer) -> None:
-        bit = self._bit
-        self._bit_heat.step(interval, bit.bit_heat_share * absorbed, bit.bit_heat_capacity)
-        capacity = bit.rock_specific_heat * layer.density * bit.rock_heated_volume
-        self._rock_heat.step(interval, bit.rock_heat_share * absorbed, capacity)
 
     def _state(self) -> BoreholeState:
         new, blunt = self._bit.bit_wear_flat, self._bit.bit_blunt_flat
@@ -290,9 +231,5 @@ class Borehole:
             specific_energy=self._recent.specific_energy(self._area),
             packed_cuttings=filling * self._bit.flute_area * self._tip,
             bit_wear=(worn - new) / (blunt - new),
-            bit_temperature=self._bit_heat.temperature,
-            rock_temperature=self._rock_heat.temperature,
-            filling=filling,
             side_offset=self._side_offset,
-            broken_through=self._through,
         )

@@ -6,9 +6,6 @@ import math
 
 from rpud_sim.drilling.bit import BitParameters
 
-# Packed flutes resist in proportion to f / (1 - f), as if they were never fuller than this.
-FULLEST = 0.98
-
 
 class Cuttings:
     """Volume of cuttings in the flutes of the tool.
@@ -32,7 +29,6 @@ class Cuttings:
         """Return the share of the flutes that is full, from 0 to 1.
 
         Args:
-            depth: of the tool in the hole [m].
             clogged: share of their free room that a fault clogs, 0 to 1.
         """
         if depth <= 0.0:
@@ -43,12 +39,7 @@ class Cuttings:
         return full + clogged * (1.0 - full)
 
     def clearance(self, depth: float, clogged: float = 0.0) -> float:
-        """Return the factor on the progress: 1 up to the choke, falling to 0 with full flutes.
-
-        Args:
-            depth: of the tool in the hole [m].
-            clogged: share of their free room that a fault clogs, 0 to 1.
-        """
+        """Return the factor on the progress: 1 up to the choke, falling to 0 with full flutes."""
         choke = self._bit.cuttings_choke
         free = (1.0 - self.filling(depth, clogged)) / (1.0 - choke)
         return free if free < 1.0 else 1.0
@@ -56,13 +47,9 @@ class Cuttings:
     def torque(self, depth: float, clogged: float = 0.0) -> float:
         """Return the torque that resists the rotation [N m].
 
-        It is proportional to the depth of the tool in the hole [m], and to f / (1 - f) of the
-        filling f: equal to ``flute_torque`` times depth with half-full flutes (assumed).
+        It is proportional to the depth of the tool in the hole [m] and to the filling (assumed).
         """
-        full = self.filling(depth, clogged)
-        if full > FULLEST:
-            full = FULLEST
-        return self._bit.flute_torque * depth * full / (1.0 - full)
+        return self._bit.flute_torque * depth * self.filling(depth, clogged)
 
     def step(
         self,
@@ -76,10 +63,7 @@ class Cuttings:
         """Let cuttings come in and leave during a step.
 
         Args:
-            interval: length of the step [s].
             produced: volume of the rock that they come from [m^3].
-            turned: angle of the tool [rad].
-            depth: of the tool in the hole [m].
             clearing: factor on the speed at which cuttings rise, 0 to 1.
         """
         bit = self._bit
@@ -102,10 +86,5 @@ class Cuttings:
             self.volume = most
 
     def withdraw(self, before: float, after: float) -> None:
-        """Take out what the flutes hold along the way when the tool is drawn back.
-
-        Args:
-            before: depth of the tool in the hole [m].
-            after: a smaller depth, not negative [m].
-        """
+        """Take out what the flutes hold along the way when the tool is drawn back."""
         self.volume *= after / before if before > 0.0 else 0.0

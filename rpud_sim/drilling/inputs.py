@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from typing import NamedTuple
 
 
@@ -28,15 +27,12 @@ class Disturbances:
     clogged: float = 0.0  # share of the free room in the flutes that cuttings clog, 0 to 1
     # of a stone below the bit that is harder than the layer [Pa]; 0 for none
     inclusion_strength: float = 0.0
-    torque_factor: float = 1.0  # on the torque that resists rotation
     extra_torque: float = 0.0  # that resists rotation in the flutes [N m]
     feed_stalled: bool = False  # whether the drive of the feed stands still
     arm_slip_rate: float = 0.0  # at which the host slips away from the rock [m/s]
     side_walk: float = 0.0  # at which the bit walks sideways at the start of a hole [m/s]
-    worn_factor: float = 1.0  # on the wear flat of the bit
-    gravel_torque: float = 0.0  # amplitude of the torque of gravel in the flutes [N m]
-    gravel_period: float = 2.0 * math.pi  # of that torque, in turns of the tool [rad]
-    protrusion: float = 0.0  # of rock into the flutes, along which the tool screws itself in [m]
+    worn_factor: float = 1.0  # on the area of the wear flats of the bit
+    screw_torque: float = 0.0  # of rock in the flutes, along which the tool screws itself in [N m]
     preload_factor: float = 1.0  # on the force of the load spring, 0 to 1
 
 

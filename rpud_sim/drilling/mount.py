@@ -6,7 +6,7 @@ import dataclasses
 import math
 
 from rpud_sim.drilling.arm import Arm, Load, Move, arm_force, drift, shift
-from rpud_sim.drilling.feed import POSITION, RATE, STANDSTILL, Motion
+from rpud_sim.drilling.feed import POSITION, RATE, STOPPED, Feed
 from rpud_sim.drilling.inputs import Disturbances
 from rpud_sim.foundation.parameters import ParameterGroup, choice, number
 from rpud_sim.foundation.quantities import ParameterError
@@ -17,9 +17,6 @@ class MountParameters(ParameterGroup):
     """Parameters of feed and arm, in SI units.
 
     The paper gives none of them: all are assumed.
-
-    Raises:
-        ParameterError: if a value is outside its range, or if two do not fit together.
     """
 
     feed_model: str = choice(
@@ -67,12 +64,8 @@ class MountParameters(ParameterGroup):
                 f"feed_maximum = {self.feed_maximum:g} m"
             )
 
-    def check(self, motion: Motion) -> None:
-        """Check that the feed can make a motion.
-
-        Raises:
-            ParameterError: if its rate or position is outside the feed's limits.
-        """
+    def check(self, motion: Feed) -> None:
+        """Check that the feed can make a motion."""
         limit = self.feed_rate_limit
         if motion.mode == RATE and not -limit <= motion.value <= limit:
             raise ParameterError(
@@ -125,17 +118,6 @@ class Mount:
     The load spring is compressed by what mount and hole leave it: W = k_1 (x - p), at least zero.
     The tool gets into the rock where x is beyond the bottom p of the hole, and leaves it
     ``contact_release`` before it.
-
-    Attributes:
-        motion: that the drive of the feed is to make.
-        position: of the mount [m].
-        bottom: of the hole [m]; infinite if there is none.
-        weight_on_bit: force of the compressed load spring [N].
-        in_contact: whether the drill tool is in the rock.
-
-    Args:
-        load_spring_rate: k_1 [N/m].
-        has_rock: whether there is rock.
     """
 
     def __init__(
@@ -149,7 +131,7 @@ class Mount:
             0.5 * parameters.arm_play,
             parameters.anchoring_force,
         )
-        self.motion = STANDSTILL
+        self.motion = STOPPED
         # The arm has come to rest under the load spring before time zero.
         start = parameters.initial_feed
         load = Load(load_spring_rate, 0.0 if has_rock else math.inf, 0.0)
@@ -200,11 +182,8 @@ class Mount:
         depth, and the feed has moved.
 
         Args:
-            interval: length of the step [s].
             bottom: depth of the hole at the end [m]; infinite if there is no bottom.
             reacting_force: mean force of the drill on the mount in the step [N].
-            load_spring_rate: k_1 [N/m].
-            has_rock: whether there is rock.
         """
         spring_rate = load_spring_rate * disturbances.preload_factor
         # What the drill's own motion takes from the force of the load spring.
@@ -234,7 +213,6 @@ class Mount:
         return self._feed + self._slip
 
     def _take(self, moved: Move) -> None:
-        """Put a motion into the state."""
         self.position, slipped, damper, slip, work, _ = moved
         self._slip += slipped
         self._damper_loss += damper
@@ -244,7 +222,7 @@ class Mount:
     def _next_feed(self, interval: float, stalled: bool) -> float:
         """Return the position of the feed's drive after a step [m]."""
         feed, motion = self._feed, self.motion
-        if stalled or motion is STANDSTILL:
+        if stalled or motion is STOPPED:
             return feed
         least, greatest = self._limits
         most = self._parameters.feed_rate_limit * interval

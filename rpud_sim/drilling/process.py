@@ -6,14 +6,15 @@ import dataclasses
 from typing import NamedTuple
 
 from rpud_sim.drilling.bit import BitParameters
-from rpud_sim.drilling.borehole import AMBIENT_TEMPERATURE, Borehole, BoreholeState
-from rpud_sim.drilling.feed import Motion
+from rpud_sim.drilling.borehole import Borehole, BoreholeState
+from rpud_sim.drilling.feed import Feed
 from rpud_sim.drilling.inputs import Disturbances, Percussion
 from rpud_sim.drilling.mount import Mount, MountParameters, MountState
 from rpud_sim.drilling.rock import RockParameters
 from rpud_sim.drilling.rotor import RotationParameters, Rotor
 from rpud_sim.drilling.rotor_values import NO_RESISTANCE, NOT_TURNED, RotorState
 from rpud_sim.drilling.strata import Strata, StrataParameters, uniform_strata
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import NEVER, SECOND
 
 # A step is at each whole multiple of this [ns], so that steps do not depend on how the simulation
@@ -35,7 +36,6 @@ class DrillingParameters:
     bit: BitParameters = dataclasses.field(default_factory=BitParameters)
     # where there are no strata; area of the hole
     rock: RockParameters = dataclasses.field(default_factory=RockParameters)
-    ambient_temperature: float = AMBIENT_TEMPERATURE  # of bit, rock and surroundings at first [K]
 
     @property
     def layers(self) -> Strata | None:
@@ -68,7 +68,7 @@ class Surroundings(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class ProcessState:
+class ProcessState(Shared):
     """State of the slow processes at their last step, immutable."""
 
     time: int = 0  # of that step [ns]
@@ -76,10 +76,6 @@ class ProcessState:
     mount: MountState | None = None  # state of feed and mount; None without a feed
     # state of the hole; None without strata, and without rotation in a rock
     borehole: BoreholeState | None = None
-
-    def __deepcopy__(self, memo: dict[int, object]) -> ProcessState:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
 
 # State where there is nothing to step.
@@ -103,8 +99,7 @@ class Process:
             rate = surroundings.load_spring_rate
             self._mount = Mount(parameters.mount, rate, surroundings.has_rock)
         if (layers := parameters.layers) is not None:
-            ambient = parameters.ambient_temperature
-            self._borehole = Borehole(parameters.bit, layers, parameters.rock, ambient)
+            self._borehole = Borehole(parameters.bit, layers, parameters.rock)
         self._follows_rock = parameters.strata.found is None
         self._time = 0  # of the last step [ns]
 
@@ -151,7 +146,7 @@ class Process:
         """Depth of the hole [m]; None without a borehole."""
         return self._borehole.depth if self._borehole else None
 
-    def feed(self, motion: Motion) -> None:
+    def feed(self, motion: Feed) -> None:
         """Let the drive of the feed make a motion, from the next step on.
 
         Without a feed nothing happens.
@@ -175,7 +170,7 @@ class Process:
             if borehole:
                 resistance = borehole.resistance(weight, percussion.in_rock, disturbances)
             ratio = percussion.amplitude_ratio
-            turned = self._rotor.step(interval, ratio, resistance, disturbances)
+            turned = self._rotor.step(interval, ratio, resistance)
         bottom = surroundings.depth
         if borehole:
             position = mount.position if mount else None

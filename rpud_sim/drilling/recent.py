@@ -21,7 +21,6 @@ class RecentDrilling:
         """Add a step.
 
         Args:
-            interval: its length [s].
             depth: of the hole at its end [m].
             energy: spent on drilling up to then [J].
         """
@@ -51,9 +50,6 @@ class RecentDrilling:
 
         e = F / A + 2 pi N T / (A u), to which the energy of the impacts is added: the mean of force
         times way, torque times angle and energy of impacts, over the volume of the hole.
-
-        Args:
-            area: of the hole [m^2].
         """
         deeper = self._change_of(self._depths)
         return self._change_of(self._energies) / (area * deeper) if deeper > 0.0 else math.nan

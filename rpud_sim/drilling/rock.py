@@ -22,9 +22,6 @@ class RockParameters(ParameterGroup):
     takes, very roughly, after Teale, "The concept of specific energy in rock drilling", Int. J.
     Rock Mech. Min. Sci. 2 (1965) 57-73. The hole has the area of part II of the drill tool. The
     share of the energy is assumed; docs/explanation/rock.md gives its reasons.
-
-    Raises:
-        ParameterError: if a value is outside its range.
     """
 
     rock_model: str = choice(

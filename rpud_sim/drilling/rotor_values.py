@@ -14,7 +14,6 @@ class Resistance(NamedTuple):
     friction: float = 0.0  # of the wear flat on the rock
     flutes: float = 0.0  # of cuttings in the flutes
     faults: float = 0.0  # of binding and of rock that protrudes into the flutes
-    in_hole: bool = False  # whether the wall of a hole surrounds the tool
 
     @property
     def total(self) -> float:
@@ -33,12 +32,10 @@ class RotorWork:
     """
 
     drive: float = 0.0  # of the drive on the rotor
-    # lost in the sliding contact between stack and rotor; the stack gives it in addition
-    slip: float = 0.0
     cutting: float = 0.0  # that cut the rock
     friction: float = 0.0  # of the wear flat on the rock
     flutes: float = 0.0  # on cuttings in the flutes
-    faults: float = 0.0  # against binding, gravel and rock that protrudes into the flutes
+    faults: float = 0.0  # against binding and rock that protrudes into the flutes
     kinetic: float = 0.0  # energy of the rotation now
 
     def to_dict(self) -> dict[str, float]:
@@ -65,8 +62,6 @@ class RotorState:
     torque: float = 0.0  # of rock and cuttings on the drill tool, against the rotation [N m]
     drive_torque: float = 0.0  # of the drive on the rotor [N m]
     stalled: bool = False  # whether the tool stands still although the drive is on
-    slipping: bool = False  # whether the preload of the rotor limits the torque of the drive
-    turned: float = 0.0  # angle of the last step [rad]
     work: RotorWork = RotorWork()  # since time zero
 
 
@@ -74,7 +69,6 @@ class Turned(NamedTuple):
     """Rotation in one step as the borehole sees it, immutable."""
 
     angle: float = 0.0  # of the step [rad]
-    torque: float = 0.0  # of rock and cuttings on the drill tool, against the rotation [N m]
     friction: float = 0.0  # work of the wear flat on the rock since time zero [J]
     resisted: float = 0.0  # work against everything that resists the rotation since time zero [J]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import bisect
 import dataclasses
 import functools
 import json
@@ -20,6 +19,7 @@ from rpud_sim.foundation.quantities import (
     shown,
     shown_name,
 )
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml_text, yaml_lines
 
 LONGEST_NAME = 60
@@ -28,11 +28,7 @@ BOTTOM = Quantity("m", "depth at which the rock ends", 0.0, 1e4, exclusive=True)
 
 @dataclasses.dataclass(frozen=True)
 class Layer(ParameterGroup):
-    """Layer of rock, immutable.
-
-    Raises:
-        ParameterError: if a value is outside its range.
-    """
+    """Layer of rock, immutable."""
 
     name: str = text("", "a name", "name of the layer")
     depth_from: float = number(0.0, "m", "depth at which the layer begins", 0.0, 1e4)
@@ -44,7 +40,6 @@ class Layer(ParameterGroup):
         0.0, "J", "energy of an impact below which it breaks nothing", 0.0, 1e3
     )
     abrasiveness: float = number(0.0, "", "CERCHAR abrasiveness index", 0.0, 10.0)
-    density: float = number(2360.0, "kg/m^3", "mass of one unit of volume", 10.0, 1e5)
     friction: float = number(0.5, "", "coefficient of friction of the wear flat", 0.0, 2.0)
 
     def __post_init__(self) -> None:
@@ -63,12 +58,8 @@ _STRATA_KEYS = ("layers", "bottom")
 
 
 @dataclasses.dataclass(frozen=True)
-class Strata:
-    """Layers from the surface downward, immutable.
-
-    Raises:
-        ParameterError: if the layers do not follow one another.
-    """
+class Strata(Shared):
+    """Layers from the surface downward, immutable."""
 
     # at least one; the first begins at depth zero, each other one below the one before
     layers: tuple[Layer, ...]
@@ -95,17 +86,6 @@ class Strata:
                     "where the last layer begins"
                 )
 
-    def __deepcopy__(self, memo: dict[int, object]) -> Strata:
-        """Return itself: copies of a run share what cannot change."""
-        return self
-
-    def number_at(self, depth: float) -> int:
-        """Return the number of the layer at a depth [m], from 0; a boundary belongs to the lower.
-
-        At and below the bottom it is that of the last layer.
-        """
-        return bisect.bisect_right(self.layers, depth, key=lambda layer: layer.depth_from) - 1
-
     def end_of(self, number_: int) -> float:
         """Return the depth at which a layer ends [m]; infinite for the last one without bottom."""
         if number_ + 1 < len(self.layers):
@@ -121,18 +101,10 @@ class Strata:
 
 
 def preset_layer(rock: str, depth_from: float = 0.0) -> Layer:
-    """Return a layer of a rock of ``ROCKS``.
-
-    Args:
-        rock: its name.
-        depth_from: depth at which the layer begins [m].
-
-    Raises:
-        ParameterError: if the rock is unknown.
-    """
+    """Return a layer of a rock of ``ROCKS``."""
     if not (isinstance(rock, str) and rock in ROCKS):
         raise ParameterError(f"rock = {shown(rock)} is unknown; {did_you_mean(rock, ROCKS)}")
-    return Layer(name=rock, depth_from=depth_from, **ROCKS[rock].properties)
+    return Layer(name=rock, depth_from=depth_from, **ROCKS[rock])
 
 
 @functools.lru_cache(maxsize=64)
@@ -141,11 +113,8 @@ def inclusion_in(layer: Layer, strength: float) -> Layer:
 
     Its specific energy is its strength, as Teale (1965) found, and its threshold energy that of
     basalt in proportion to the strength (assumed).
-
-    Args:
-        strength: of the stone [Pa].
     """
-    basalt = ROCKS["basalt"].properties
+    basalt = ROCKS["basalt"]
     threshold = basalt["threshold_energy"] * strength / basalt["strength"]
     return dataclasses.replace(
         layer,
@@ -191,11 +160,7 @@ def find_strata(choice: str) -> Strata:
 
 
 def read_strata(path: str | Path) -> Strata:
-    """Return the strata of a file in YAML.
-
-    Raises:
-        ParameterError: if it cannot be read or used; one line with file, line, layer and value.
-    """
+    """Return the strata of a file in YAML."""
     content, written = read_yaml_text(path)
     return parse_strata(content, str(path), yaml_lines(written))
 
@@ -268,9 +233,6 @@ class StrataParameters(ParameterGroup):
 
     A file is read when this is made, and its content in one line takes the place of its path. So
     journals and bags have the layers, and need the file no more.
-
-    Raises:
-        ParameterError: if the strata cannot be used.
     """
 
     strata: str = text(

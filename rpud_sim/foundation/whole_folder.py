@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+# Suffix of the name of a file until it is complete
 UNFINISHED = ".unfinished"
-"""Suffix of the name of a file until it is complete."""
 
 
 @contextmanager

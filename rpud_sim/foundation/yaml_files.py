@@ -75,9 +75,6 @@ def parse_yaml(text: str, truth_values: bool = True) -> Any:
 def yaml_lines(text: str) -> dict[tuple[str | int, ...], int]:
     """Return the line of each key and each entry of a text in YAML, from 1 on.
 
-    Args:
-        text: that ``parse_yaml`` understands.
-
     Returns:
         lines by the keys and numbers that lead to the place.
     """
@@ -101,9 +98,6 @@ def yaml_lines(text: str) -> dict[tuple[str | int, ...], int]:
 def read_yaml(path: str | Path, truth_values: bool = True) -> Any:
     """Return the value of a file in YAML.
 
-    Args:
-        truth_values: as for ``parse_yaml``.
-
     Raises:
         ParameterError: if it cannot be read, is too long or is not YAML; begins with its name.
     """
@@ -111,14 +105,7 @@ def read_yaml(path: str | Path, truth_values: bool = True) -> Any:
 
 
 def read_yaml_text(path: str | Path, truth_values: bool = True) -> tuple[Any, str]:
-    """Return the value of a file in YAML, and its text.
-
-    Args:
-        truth_values: as for ``parse_yaml``.
-
-    Raises:
-        ParameterError: as ``read_yaml`` does.
-    """
+    """Return the value of a file in YAML, and its text."""
     try:
         with open(path, "rb") as file:
             content = file.read(MOST_BYTES + 1)

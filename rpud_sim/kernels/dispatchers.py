@@ -141,8 +141,6 @@ class Kernel(CPUDispatcher):
 
 
 class _Files(_Cache):
-    """Numba's view of the files of one kernel."""
-
     def __init__(self, function: str, store: KernelStore, sources: tuple[Path, ...]) -> None:
         self._function = function
         self._store = store
@@ -213,7 +211,6 @@ def kernel_compiler(store: KernelStore, room: Path) -> Callable[[Callable[..., A
     """Return the decorator of functions that are compiled when they are first called.
 
     Args:
-        store: where compiled kernels are kept.
         room: folder of the sources that every kernel comes from, beside its own file.
     """
     own = tuple(sorted(Path(__file__).parent.glob("*.py")))

@@ -11,12 +11,7 @@ from rpud_sim.kernels.store import KernelStore
 
 
 def notice(target: Target, store: KernelStore) -> str:
-    """Return the line for a process that has to compile kernels.
-
-    Args:
-        target: the processor that they are compiled for.
-        store: where they are kept.
-    """
+    """Return the line for a process that has to compile kernels."""
     if target.lacking:
         lacking = ", ".join(target.lacking)
         cause = f"this processor lacks {lacking}, which the installed kernels ({BASELINE}) need"

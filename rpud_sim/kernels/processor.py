@@ -9,11 +9,10 @@ import llvmlite.binding as llvm
 from numba.core import config
 from numba.core.codegen import get_host_cpu_features
 
+# Level of the x86-64 psABI that Intel has since Nehalem (2008) and AMD since Bulldozer (2011).
+# The kernels are scalar: with the instructions of newer processors they are not measurably
+# faster.
 BASELINE = "x86-64-v2"
-"""Level of the x86-64 psABI that Intel has since Nehalem (2008) and AMD since Bulldozer (2011).
-
-The kernels are scalar: with the instructions of newer processors they are not measurably faster.
-"""
 
 # What the level adds to plain x86-64, by LLVM's names.
 BASELINE_FEATURES = frozenset(("cx16", "popcnt", "sahf", "sse3", "sse4.1", "sse4.2", "ssse3"))
@@ -33,7 +32,6 @@ def choose_target(cpu: str, features: str) -> Target:
     """Return the baseline if a processor has it, otherwise the processor itself.
 
     Args:
-        cpu: its name.
         features: its instructions as LLVM writes them, such as ``+sse4.2,-avx2``.
     """
     present = {name[1:] for name in features.split(",") if name.startswith("+")}

@@ -52,8 +52,6 @@ def kernel_name(function: str, signature: str, cpu: str, options: str, sources: 
     """Return the name of a kernel's file.
 
     Args:
-        function: full name of the kernel.
-        cpu: name of the processor.
         options: its instructions, and how the code is optimised.
         sources: digest of all texts that the kernel comes from.
     """

@@ -21,11 +21,7 @@ def advance_through(
     """Advance to times one after the other, as far as the room for results reaches.
 
     Args:
-        states: one ``STATE``.
-        open_segments: the one ``SEGMENT`` in progress.
-        open_impacts: the one ``IMPACT`` in progress.
         seconds: whole seconds of the times, in ascending order.
-        fractions: the rest of each [s].
         impacts: room for finished impacts, at least two more than segments.
         finished: gets the number of segments that were finished at each time.
         struck: gets the number of impacts that were finished at each time.
@@ -61,12 +57,9 @@ def add_blocks(rpud, covering, opened, finished, seconds, fractions, accounts):
     """Add what happens in consecutive blocks to the account of each.
 
     Args:
-        rpud: the ``RpudConstants``.
-        covering: ``SEGMENT`` records, in order, that cover all blocks.
         opened: number of the segment that was open when each block began.
         finished: number of the one that was open when each ended.
         seconds: whole seconds of the first beginning, and of each end.
-        fractions: the rest of each [s].
         accounts: to add to, a row for each block [J].
     """
     for k in range(len(finished)):

@@ -9,16 +9,6 @@ def collide(mass_1, velocity_1, mass_2, velocity_2, restitution):
 
     Momentum is conserved, eqs. (4) and (11), and the closing velocity is returned with the
     coefficient of restitution, eqs. (5) and (12).
-
-    Args:
-        mass_1: of the body that strikes [kg].
-        velocity_1: its velocity before [m/s].
-        mass_2: of the body that is struck [kg].
-        velocity_2: its velocity before [m/s].
-        restitution: e, from 0 (they stay together) to 1 (no energy is lost).
-
-    Returns:
-        The two velocities after [m/s].
     """
     total = mass_1 + mass_2
     after_1 = (

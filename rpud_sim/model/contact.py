@@ -144,10 +144,7 @@ def release_time(cosine, sine, angular_frequency, gravity):
     after eq. (39).
 
     Args:
-        cosine: [m].
-        sine: [m].
         angular_frequency: w = omega_fmdt [rad/s].
-        gravity: g [m/s^2].
     """
     amplitude = math.hypot(cosine, sine)
     if not angular_frequency**2 * amplitude > gravity:

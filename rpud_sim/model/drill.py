@@ -46,7 +46,6 @@ class Drill(NamedTuple):
     gravity: float
     in_rock: bool
     jammed: bool
-    strike_pair: bool  # whether a strike during a contact in the rock moves the drill tool as well
 
 
 def effective_tool(parameters: Parameters) -> EffectiveTool:
@@ -97,7 +96,6 @@ def derive(parameters: Parameters, jammed: bool = False) -> Drill:
         gravity=parameters.gravity,
         in_rock=in_rock,
         jammed=jammed,
-        strike_pair=parameters.strike_pair,
     )
 
 

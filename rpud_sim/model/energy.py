@@ -309,10 +309,6 @@ def add_rest(contact, tool_mass, tool_spring_rate, after, ended, account):
     """Add what the rock takes of a tool that comes to rest and is met at the same instant.
 
     Args:
-        contact: CONTACT_* bits of the segment that ends.
-        tool_mass: of the drill tool in it [kg].
-        tool_spring_rate: of the drill tool in it [N/m].
-        after: segment that begins.
         ended: ``motion_at`` the end of the first.
 
     Returns:
@@ -332,7 +328,6 @@ def add_event(rpud, before, after, segment, account):
     """Add the collisions and the release at an event.
 
     Args:
-        rpud: the ``RpudConstants``.
         before: ``motion_at`` the event, before it.
         segment: that begins with it.
     """
@@ -376,9 +371,6 @@ def add_ended_segment(rpud, segment, after, start, account):
     """Add a segment from a time on, and the event that ends it.
 
     Args:
-        rpud: the ``RpudConstants``.
-        segment: that has ended.
-        after: segment that followed.
         start: time in the segment from which on it counts [s].
 
     Returns:
@@ -407,13 +399,8 @@ def add_segments(rpud, covering, start_seconds, start_fraction, seconds, fractio
     """Add what happens between two times to an account.
 
     Args:
-        rpud: the ``RpudConstants``.
         covering: ``SEGMENT`` records, in order, that cover these times; the first may have begun
             before, and every later one begins between them.
-        start_seconds: whole seconds of the first time.
-        start_fraction: the rest of it [s].
-        seconds: whole seconds of the second time.
-        fraction: the rest of it [s].
         account: to add to, shape (len(TERMS),) [J].
     """
     start = time_in(covering[0], start_seconds, start_fraction)

@@ -63,11 +63,7 @@ def is_finite(state: np.ndarray) -> bool:
 
 
 def failure(status: int, parameters: Parameters, drill: Drill, state: np.ndarray) -> EngineError:
-    """Return the error of an advance that failed.
-
-    Args:
-        state: one ``STATE``.
-    """
+    """Return the error of an advance that failed."""
     reason = {
         STALLED: f"more than {LONGEST_STANDSTILL} events at one instant",
         OVERLOADED: f"events exceed their budget of {EVENT_BUDGET:g} in a simulated second",
@@ -82,7 +78,6 @@ class Engine:
 
     Args:
         initial_phase: of the vibration [cycles].
-        drive: whether the actuator vibrates from the start.
         resonance: of the vibration, which starts at rest; None if its amplitude is prescribed.
     """
 
@@ -146,10 +141,6 @@ class Engine:
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """Advance to times one after the other, in one call of a kernel.
 
-        Args:
-            seconds: whole seconds of the times, in ascending order, int64.
-            fractions: the rest of each, from 0 to 1.
-
         Returns:
             The numbers of segments and of impacts since the last ``drain`` that were finished at
             each time. None if the engine cannot advance so: then it has not moved, and ``advance``
@@ -208,15 +199,9 @@ class Engine:
         tool step by step (see seating.py).
 
         Args:
-            seconds: whole seconds of the time, not before the last one.
-            fraction: the rest of it [s].
             commands: weight on bit [N], vibration amplitude [m] and vibration frequency [Hz]; of a
                 resonance weight on bit [N], voltage [V] and drive frequency [Hz].
             resonance_frequency: of a resonance [Hz].
-
-        Raises:
-            EngineError: if events follow each other without time passing or exceed their budget, or
-                if the motion is no longer finite.
         """
         self.advance(seconds, fraction)
         if drill != self._target:
@@ -229,7 +214,6 @@ class Engine:
         self._interrupt(seconds, fraction, self._drill, (*commands, resonance_frequency))
 
     def _commands(self) -> tuple[float, float, float, float]:
-        """Commands in force, and the resonance frequency."""
         state = self._state[0]
         weight_on_bit = float(state["weight_on_bit"])
         if state["resonant"]:

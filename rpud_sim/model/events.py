@@ -150,10 +150,6 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
         impacts[count] = impact
         count += 1
         state.impact_open = 0
-    if state.impact_open and drill.strike_pair:
-        # The actuator struck both: the contact goes on.
-        impact.impulse += collisions.impulse
-        impact.energy_transferred += collisions.energy_transferred
     if impacted:
         open_impact(drill, state, impact, collisions)
         if not state.impact_open:
@@ -173,9 +169,6 @@ def settle(drill, state, impact, impacts, count, met, opened, event):
 @compiled
 def open_segment(drill, state, segment, turn):
     """Write the segment that follows from the state, with its event and duration.
-
-    Args:
-        turn: ``Turn`` of the state's phase.
 
     Returns:
         The ``Strike`` if it ends with one.
@@ -210,9 +203,6 @@ def turns_at_end(segment, strike):
 @compiled
 def pass_event(drill, state, segment, impact, impacts, count, turns):
     """Go through the event that ends the open segment.
-
-    Args:
-        turns: ``turns_at_end`` of the segment.
 
     Returns:
         The number of finished impacts, the ``Strike`` that ends the next segment, and the ``Turn``
@@ -277,11 +267,6 @@ def advance(drill, states, open_segments, open_impacts, seconds, fraction, segme
     """Advance until the open segment reaches beyond a time, or the room for results is used up.
 
     Args:
-        states: one ``STATE``.
-        open_segments: the one ``SEGMENT`` in progress.
-        open_impacts: the one ``IMPACT`` in progress.
-        seconds: whole seconds of the time.
-        fraction: the rest of it [s].
         impacts: room for finished impacts, at least two more than segments.
 
     Returns:
@@ -308,15 +293,9 @@ def interrupt(drill, states, open_segments, open_impacts, time, segments, impact
     """End the open segment early, at a time after its start, and go on with what is new.
 
     Args:
-        states: one ``STATE``.
-        open_segments: the one ``SEGMENT`` in progress.
-        open_impacts: the one ``IMPACT`` in progress.
         time: after the segment's start [s].
         new: weight on bit [N], vibration amplitude [m], frequency [Hz] and resonance frequency
             [Hz] from here on; with a resonance the voltage [V] instead of the amplitude.
-
-    Returns:
-        The number of finished impacts.
     """
     state = states[0]
     segment = open_segments[0]

@@ -88,9 +88,7 @@ def held_tip_motion(segment, tip, turn):
     """Motion of the tip while the free mass is held against it.
 
     Args:
-        segment: a ``SEGMENT`` record.
         tip: ``tip_motion`` at a time.
-        turn: ``Turn`` of the vibration at that time.
 
     Returns:
         Position [m] and velocity [m/s] without the steady vibration, and the whole acceleration
@@ -121,12 +119,7 @@ def slow_gap(segment, time, swing):
     """Gap between free mass and actuator apart from the vibration, while they do not touch.
 
     Args:
-        segment: a ``SEGMENT`` record.
-        time: since its start [s].
         swing: of the nodal plane at that time.
-
-    Returns:
-        ``SlowGap``.
     """
     nodal_plane = nodal_plane_motion(segment)
     displacement, velocity = swinging_part(nodal_plane, swing)
@@ -149,9 +142,7 @@ def gap_to_actuator(segment, gap, turn):
     """Gap u_fm - u_ut between free mass and actuator while they do not touch.
 
     Args:
-        segment: a ``SEGMENT`` record.
         gap: ``slow_gap`` at the time.
-        turn: ``Turn`` of the vibration at the time.
     """
     omega = TWO_PI * segment.vibration_frequency
     u_ut = gap.u_np + segment.vibration_amplitude * turn.sine

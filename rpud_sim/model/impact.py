@@ -50,8 +50,6 @@ def contact_impulse(segment, time, start, end):
     """Momentum that the drill tool receives in the first part of a segment in contact [N s].
 
     Args:
-        segment: a ``SEGMENT`` record.
-        time: length of the part [s].
         start: position [m] and velocity [m/s] of the drill tool at its start.
     """
     u_start, v_start = start
@@ -80,13 +78,7 @@ def energy_into_drill_tool(segment, time, start, end):
 
 @compiled
 def greatest_contact_force(segment, time, turns):
-    """Greatest force on the drill tool in the first part of a segment in contact [N].
-
-    Args:
-        segment: a ``SEGMENT`` record.
-        time: length of the part [s].
-        turns: ``Turns`` at its end.
-    """
+    """Greatest force on the drill tool in the first part of a segment in contact [N]."""
     if segment.contact == CONTACT_DRILL_TOOL:
         start, _ = force_of_swing(segment, NO_SWING)
         end, _ = force_of_swing(segment, turns.drill_tool)
@@ -150,13 +142,7 @@ def open_impact(drill, state, impact, collisions):
 
 @compiled
 def follow_impact(segment, impact, time, turns):
-    """Add the first part of a segment in contact to the record of the impact.
-
-    Args:
-        segment: a ``SEGMENT`` record.
-        time: length of the part [s].
-        turns: ``Turns`` at its end.
-    """
+    """Add the first part of a segment in contact to the record of the impact."""
     start = drill_tool_of(segment, turns_at(segment, 0.0))
     end = drill_tool_of(segment, turns)
     impact.impulse += contact_impulse(segment, time, start, end)

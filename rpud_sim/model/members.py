@@ -59,9 +59,6 @@ def _advance_member(
     segments. So the functions that the engine computes at an event serve the sums as well.
 
     Args:
-        rpud: the ``RpudConstants``.
-        seconds: whole seconds of the time.
-        fraction: the rest of it [s].
         added: whether anything is added.
         whole: whether the account is whole.
         part: sums of the part of the run in progress.
@@ -123,14 +120,9 @@ def advance_members(
     """Advance members of an ensemble one after another, and add what happens to their tallies.
 
     Args:
-        rpud: the ``RpudConstants``.
         members: ``STATE``, open ``SEGMENT``, open ``IMPACT``, ``TALLY``, status and class of the 99
             % quantile of each, arrays of shape (members,). The status is that of
             ``events.advance``, or NOT_FINITE.
-        start_seconds: whole seconds of the time that they have reached.
-        start_fraction: the rest of it [s].
-        seconds: whole seconds of the time to advance to.
-        fraction: the rest of it [s].
         options: whether the members begin now, whether they end then, whether anything is added,
             whether the event of the first segment counts, and whether the account is whole. Several
             members must begin and end in one call, as they share the classes.

@@ -7,8 +7,8 @@ from rpud_sim.model.compile import compiled
 _DEPTH = 64
 _HALVES = _DEPTH
 _KNOWN = 2 * _DEPTH
+# Numbers that a sum needs room for
 SUM_ROOM = 3 * _DEPTH
-"""Numbers that a sum needs room for."""
 
 
 @compiled

@@ -28,9 +28,6 @@ class Parameters(ParameterGroup):
     The paper leaves three values open or misprints them: Table 2 gives no weight on bit (10 N
     here), the elastic modulus is printed as 1.96e9 Pa (steel's 1.96e11 Pa here), and gravity is
     not given.
-
-    Raises:
-        ParameterError: if a value is outside its range.
     """
 
     rpud_mass: float = number(1.0, "kg", "mass of the RPUD, m_ud", 1e-12, 1e3)
@@ -140,21 +137,12 @@ class Parameters(ParameterGroup):
         1e-3,
         1e12,
     )
-    strike_pair: bool = flag(
-        False,
-        "whether the actuator that strikes the free mass during a contact in the rock strikes the "
-        "drill tool with it, as one body",
-    )
     regime: str = choice(
         "drilling", REGIMES, "free is before drilling, drilling is in the rock", changeable=True
     )
 
     def replace(self, **changes: Any) -> Parameters:
-        """Return a copy with some values changed.
-
-        Raises:
-            ParameterError: if a name is unknown or a value is outside its range.
-        """
+        """Return a copy with some values changed."""
         for name in changes:
             if name not in NAMES:
                 raise ParameterError(
@@ -171,9 +159,6 @@ def preset(regime: str) -> Parameters:
     """Return the paper's parameters for a regime.
 
     ``free`` is Table 1 (no weight on bit); ``drilling`` is Table 2 with 10 N.
-
-    Raises:
-        ParameterError: if the regime is unknown.
     """
     declarations(Parameters)["regime"].allowed.check("regime", regime)
     return Parameters(regime="free", weight_on_bit=0.0) if regime == "free" else Parameters()

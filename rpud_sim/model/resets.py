@@ -5,8 +5,7 @@
         actuator and free mass collide by eqs. (4)-(7)
         free mass and drill tool collide by eqs. (11)-(13), or share their momentum by eq. (21) in
         the rock
-    a jammed free mass that touches the drill tool is one body with it; so is one in contact in the
-    rock when the actuator strikes it, if strike_pair is set
+    a jammed free mass that touches the drill tool is one body with it
     keep the contacts that would close again at once, if their forces then push
 
 A free mass that chatters comes to rest in finite time. That is recognised when its next bounce
@@ -56,10 +55,6 @@ def close_gaps(state, met, turn):
 
     Args:
         met: CONTACT_* bits of pairs whose approach has just ended.
-        turn: ``Turn`` of the state's phase.
-
-    Returns:
-        CONTACT_* bits of the gaps that are closed.
     """
     u_hv, _ = vibration_of(state.amplitude, state.frequency, turn)
     u_ut = state.u_np + u_hv
@@ -77,27 +72,8 @@ def close_gaps(state, met, turn):
 
 
 @compiled
-def is_struck_as_pair(drill, state, closed):
-    """Whether the actuator now strikes free mass and drill tool, in contact in the rock, as one."""
-    return (
-        drill.strike_pair
-        and drill.in_rock
-        and state.contact == CONTACT_DRILL_TOOL
-        and closed == CONTACT_BOTH
-    )
-
-
-@compiled
 def exchange_momentum(drill, state, closed, turn):
-    """Apply all collisions among the touching bodies; only velocities change.
-
-    Args:
-        closed: CONTACT_* bits of the gaps that are closed.
-        turn: ``Turn`` of the state's phase.
-
-    Returns:
-        ``Collisions``.
-    """
+    """Apply all collisions among the touching bodies; only velocities change."""
     _, v_hv = vibration_of(state.amplitude, state.frequency, turn)
     v_ut = state.v_np + v_hv
     mass = tip_mass(drill, state)
@@ -110,8 +86,7 @@ def exchange_momentum(drill, state, closed, turn):
     transferred = 0.0
     struck_mass = drill.free_mass
     wedged = drill.jammed and closed & CONTACT_DRILL_TOOL
-    paired = is_struck_as_pair(drill, state, closed)
-    if wedged or paired:
+    if wedged:
         struck_mass += drill.tool_mass
         if state.v_fm < state.v_dt:
             state.v_fm = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
@@ -127,10 +102,6 @@ def exchange_momentum(drill, state, closed, turn):
             v_ut, state.v_fm = collide(mass, v_ut, struck_mass, state.v_fm, restitution)
             given += mass * (arriving - v_ut)
             if wedged:
-                state.v_dt = state.v_fm
-            elif paired:
-                impulse += drill.tool_mass * (state.v_fm - state.v_dt)
-                transferred += 0.5 * drill.tool_mass * (state.v_fm**2 - state.v_dt**2)
                 state.v_dt = state.v_fm
         if closed & CONTACT_DRILL_TOOL and state.v_fm - state.v_dt > SAME_VELOCITY:
             approaching = True
@@ -204,13 +175,7 @@ def hold_both(drill, state, v_ut, v_hv, stay, turn):
     """Keep all three bodies together if both contacts push; one that is jammed need not.
 
     Args:
-        v_ut: velocity of the tip [m/s].
-        v_hv: velocity of the harmonic vibration [m/s].
         stay: whether both pairs stay together; if not, the free mass may still be caged.
-        turn: ``Turn`` of the state's phase.
-
-    Returns:
-        Whether they are kept together.
     """
     separate = state.v_np
     pair = common_velocity(drill.free_mass, state.v_fm, drill.tool_mass, state.v_dt)
@@ -275,13 +240,7 @@ def lasting_contact(drill, state, closed, opened, drill_tool_struck, turn):
     pairs that separate slowly enough can be in it.
 
     Args:
-        closed: CONTACT_* bits of the gaps that are closed.
         opened: CONTACT_* bits of contacts that end at this instant.
-        drill_tool_struck: whether the drill tool was struck at this instant.
-        turn: ``Turn`` of the state's phase.
-
-    Returns:
-        CONTACT_* bits.
     """
     closed &= ~opened
     if not closed:

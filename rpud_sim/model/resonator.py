@@ -103,9 +103,6 @@ def course(state):
 def envelope_after(state, time):
     """Envelope without further contacts.
 
-    Args:
-        time: since the start of the open segment [s].
-
     Returns:
         The envelope [V], and the energies drawn and turned to heat since its last change [J].
     """
@@ -214,7 +211,6 @@ def hold(drill, state, v_np, blow_impulse):
     The vibration keeps its velocity, and gives the work of an impulse that joins the blow.
 
     Args:
-        v_np: velocity of the nodal plane before [m/s].
         blow_impulse: of the blow at the same instant [N s].
     """
     impulse = drill.rpud_mass * (v_np - state.v_np)

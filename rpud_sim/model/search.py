@@ -43,9 +43,7 @@ def first_root(segment, end, limit):
     """Time for which a guard stays positive, up to a limit [s].
 
     Args:
-        segment: a ``SEGMENT`` record.
         end: one of END_*, but not ``END_ACTUATOR_IMPACT``.
-        limit: [s].
 
     Returns:
         The time until which it is certain to be positive, whether it is zero there, and the number
@@ -128,10 +126,6 @@ def sooner_release(state, segment, duration, event):
 @compiled
 def next_event(drill, state, segment, start):
     """Find the end of the segment, and its duration [s].
-
-    Args:
-        segment: the segment that follows from it.
-        start: ``Turn`` of the vibration at its start.
 
     Returns:
         One of END_*, the duration, and the ``Strike`` if that is the end.

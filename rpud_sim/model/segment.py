@@ -95,7 +95,6 @@ def join_records(records: Sequence[np.ndarray], dtype: np.dtype) -> np.ndarray:
 
     Args:
         records: arrays of the dtype; none gives an empty array.
-        dtype: ``SEGMENT`` or ``IMPACT``.
     """
     buffers: Any = records  # NumPy declares no buffers before Python 3.12
     return np.frombuffer(b"".join(buffers), dtype)
@@ -153,14 +152,7 @@ def set_drill_tool_motion(segment, motion):
 
 @compiled
 def fall(position, velocity, gravity, time):
-    """Position [m] and velocity [m/s] of the free mass in flight, eqs. (10), (17) and (19).
-
-    Args:
-        position: at the start [m].
-        velocity: at the start [m/s].
-        gravity: g [m/s^2].
-        time: of flight [s].
-    """
+    """Position [m] and velocity [m/s] of the free mass in flight, eqs. (10), (17) and (19)."""
     u_fm = position + velocity * time + 0.5 * gravity * time * time
     v_fm = velocity + gravity * time
     return u_fm, v_fm
@@ -204,12 +196,7 @@ def turns_at(segment, time):
 
 @compiled
 def tip_motion(segment, vibration, swing):
-    """Motion of nodal plane and tip: u_np, v_np, u_ut, v_ut [m, m/s].
-
-    Args:
-        segment: a ``SEGMENT`` record.
-        vibration: ``Turn`` of the vibration.
-    """
+    """Motion of nodal plane and tip: u_np, v_np, u_ut, v_ut [m, m/s]."""
     omega = TWO_PI * segment.vibration_frequency
     sine, cosine = vibration
     displacement, velocity = swinging_part(nodal_plane_motion(segment), swing)
@@ -225,10 +212,6 @@ def tip_motion(segment, vibration, swing):
 @compiled
 def motion_at(segment, time):
     """Motion of every body at a time after a segment's start.
-
-    Args:
-        segment: a ``SEGMENT`` record.
-        time: since its start [s].
 
     Returns:
         u_np, v_np, u_ut, v_ut, u_fm, v_fm, u_dt, v_dt [m, m/s], positive toward the rock.
@@ -270,8 +253,6 @@ def nodal_plane_integral_of(segment, time, start, turns):
     """Return the same as ``nodal_plane_integral``, given what it needs at both of its ends.
 
     Args:
-        segment: a ``SEGMENT`` record.
-        time: since its start [s].
         start: ``Turn`` of the vibration at its start.
         turns: ``Turns`` at the time.
     """

@@ -65,14 +65,6 @@ def first_strike(segment, limit, start):
     """Find when the actuator strikes the free mass, which does not touch it, up to a limit [s].
 
     The same as ``first_root`` with the gap to the actuator.
-
-    Args:
-        segment: a ``SEGMENT`` record.
-        limit: [s].
-        start: ``Turn`` of the vibration at the segment's start.
-
-    Returns:
-        The ``Strike``.
     """
     bounds = positive_bounds(segment, END_ACTUATOR_IMPACT)
     omega = TWO_PI * segment.vibration_frequency

@@ -43,15 +43,9 @@ def free_vibration(mass, damping, spring_rate, force, position, velocity):
     """Closed form of a body on a spring under a constant force, eqs. (8)-(9) and (15)-(16).
 
     Args:
-        mass: [kg].
         damping: c [N s/m], less than critical.
         spring_rate: k [N/m].
         force: F [N].
-        position: at the start [m].
-        velocity: at the start [m/s].
-
-    Returns:
-        The ``Oscillation``.
     """
     a = 0.5 * damping / mass
     w = math.sqrt(spring_rate / mass - a * a)
@@ -77,19 +71,8 @@ def driven_vibration(
     """Closed form of a body on a spring that also feels the harmonic vibration.
 
     Args:
-        mass: [kg].
-        damping: c [N s/m], less than critical.
-        spring_rate: k [N/m].
-        force: constant part F [N].
         force_sine: H_s [N].
         force_cosine: H_c [N].
-        frequency: of the vibration [Hz].
-        turn: ``Turn`` of the vibration at the start.
-        position: at the start [m].
-        velocity: at the start [m/s].
-
-    Returns:
-        The ``Oscillation``.
     """
     omega = TWO_PI * frequency
     stiffness = spring_rate - mass * omega * omega

@@ -82,13 +82,8 @@ def reacting_impulse(segment, start, end, u_start, u_end, turn, turns):
     """Integral of R = W - k_1 u_np - c_1 v_np over a part of a segment [N s].
 
     Args:
-        segment: a ``SEGMENT`` record.
         start: of the part, since the segment's start [s].
         end: of the part [s].
-        u_start: u_np at its start [m].
-        u_end: u_np at its end [m].
-        turn: ``Turn`` of the vibration at the segment's start.
-        turns: ``Turns`` at the part's end.
     """
     position = nodal_plane_integral_of(segment, end, turn, turns)
     if start > 0.0:
@@ -114,9 +109,6 @@ def begin_part(rpud, segment, seconds, fraction, counts, tally, part):
     """Begin a part of a run within its first segment.
 
     Args:
-        rpud: the ``RpudConstants``.
-        seconds: whole seconds of that time.
-        fraction: the rest of it [s].
         counts: whether the segment begins with the part, so that its event counts.
         part: sums of the part, shape (PART_ROOM,).
     """
@@ -182,7 +174,6 @@ def add_impacts(impacts, tally, classes, part):
     """Add the impacts of a part of a run.
 
     Args:
-        impacts: all of them, in order.
         classes: of the contact forces: how many are in each, shape (CLASSES,).
         part: room, shape (PART_ROOM,).
     """
@@ -223,15 +214,8 @@ def add_block(
     """Add what happened between two times to a tally.
 
     Args:
-        rpud: the ``RpudConstants``.
         covering: ``SEGMENT`` records that cover these times; the last one is open.
-        impacts: ``IMPACT`` records.
-        start_seconds: whole seconds of the first time.
-        start_fraction: the rest of it [s].
-        seconds: whole seconds of the second time.
-        fraction: the rest of it [s].
         counts: whether the event of the first segment counts.
-        tallies: one ``TALLY``.
         classes: of the contact forces, shape (CLASSES,).
         part: room for the block's own sums, shape (PART_ROOM,).
     """
@@ -245,12 +229,7 @@ def add_block(
 
 @compiled
 def class_at(tallies, classes, share):
-    """Class of the least force that a share of all do not exceed; -1 without any force.
-
-    Args:
-        tallies: one ``TALLY``.
-        share: from 0 to 1.
-    """
+    """Class of the least force that a share of all do not exceed; -1 without any force."""
     wanted = math.ceil(share * tallies[0].impacts)
     reached = 0
     for number in range(tallies[0].lowest_class, tallies[0].highest_class + 1):

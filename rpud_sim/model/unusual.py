@@ -37,9 +37,6 @@ _SECTIONS = (
 def unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list[str]:
     """Return the values in force that are furthest from the paper's, furthest first.
 
-    Args:
-        state: one ``STATE``.
-
     Returns:
         At least one text such as ``free_mass = 1e-09 kg (paper: 0.005)``.
     """

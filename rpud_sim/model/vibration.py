@@ -37,8 +37,6 @@ def harmonic_vibration(amplitude, frequency, phase):
     """Displacement and velocity of the harmonic vibration, eq. (1).
 
     Args:
-        amplitude: A_0 [m].
-        frequency: f_0 [Hz].
         phase: f_0 t [cycles]; kept in cycles because one cycle is a whole number.
 
     Returns:

@@ -24,10 +24,6 @@ class ActuatorParameters(ParameterGroup):
 
     The paper gives none of them: the resonance frequency is that of its drive, the others are
     assumed; docs/explanation/actuator.md says why.
-
-    Raises:
-        ParameterError: if a value is outside its range, or if the actuator is to heat, or its
-            generator to track, without the resonance model.
     """
 
     actuator_model: str = choice(
@@ -90,11 +86,7 @@ class ActuatorParameters(ParameterGroup):
                 raise ParameterError("generator = tracking needs actuator_model = resonance")
 
     def modal_mass(self, vibration_amplitude: float) -> float:
-        """Return the mass of the vibration at the tip [kg]; infinite with the gain model.
-
-        Args:
-            vibration_amplitude: at nominal voltage on resonance [m].
-        """
+        """Return the mass of the vibration at the tip [kg]; infinite with the gain model."""
         if self.actuator_model != "resonance" or vibration_amplitude == 0.0:
             return math.inf
         omega = 2.0 * math.pi * self.resonance_frequency

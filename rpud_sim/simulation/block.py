@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from rpud_sim.drilling.process import AT_REST, ProcessState
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.model.segment import IMPACT, SEGMENT, join_records
@@ -28,7 +29,7 @@ def boundaries_until(time: int, rate: int) -> int:
 
 
 @dataclasses.dataclass(frozen=True)
-class Block:
+class Block(Shared):
     """Segments and impacts between two times, immutable.
 
     Times are integer nanoseconds of simulation time.
@@ -47,10 +48,6 @@ class Block:
     process: ProcessState = AT_REST  # state of rotation, feed and borehole at the end of the block
     # energy account of feed and mount in the block; None without a feed
     feed: FeedAccount | None = None
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Block:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
     @property
     def segments(self) -> np.ndarray:

@@ -20,8 +20,8 @@ from rpud_sim.simulation.simulation import Simulation
 if TYPE_CHECKING:  # a run of an ensemble has planned changes too
     from rpud_sim.simulation.run import Run
 
+# Parameters that a fork changes by a command, for they hold only until the first command
 COMMANDED = ("weight_on_bit", "drive_enabled")
-"""Parameters that a fork changes by a command, for they hold only until the first command."""
 
 _COMMAND_KEYS = ("time", "weight_on_bit", "drive", "feed")
 _DRIVE_KEYS = ("enabled", "voltage", "frequency")
@@ -93,9 +93,6 @@ def parameter_changes(values: Mapping[str, Any], fixed: Sequence[str] = ()) -> C
     Args:
         values: by name; what a fork takes is checked later, with the other values of the run.
         fixed: names that may be given too.
-
-    Raises:
-        ParameterError: if a name is unknown, or cannot change during a run.
     """
     allowed = (*CHANGEABLE, *COMMANDED, *fixed)
     for name in values:
@@ -115,9 +112,6 @@ def parse_injections(texts: Sequence[str]) -> Changes:
     Args:
         texts: such as ``noise,channel=wrench,magnitude=0.5``; without ``onset`` a fault begins at
             the instant of the fork.
-
-    Raises:
-        ParameterError: if a text cannot be used.
     """
     entries = []
     for text in texts:
@@ -139,9 +133,6 @@ def read_commands(path: str | Path) -> Changes:
     """Return the changes of a command file: a scenario that may hold commands as well.
 
     Times count from the instant of the fork.
-
-    Raises:
-        ParameterError: if the file cannot be read or used; one line with its name.
     """
     content = read_yaml(path, truth_values=False)
     if not isinstance(content, Mapping):
@@ -163,11 +154,7 @@ def read_commands(path: str | Path) -> Changes:
 
 
 def parse_commands(entries: Sequence[Any]) -> tuple[Planned, ...]:
-    """Return the commands of a list from YAML, in the order of their times.
-
-    Raises:
-        ParameterError: if an entry cannot be used; the text has its number.
-    """
+    """Return the commands of a list from YAML, in the order of their times."""
     planned: list[Planned] = []
     for number, entry in enumerate(entries, 1):
         try:
@@ -182,9 +169,6 @@ def check_commands(planned: Sequence[Planned], configuration: Configuration) -> 
 
     Args:
         planned: in the order of their times.
-
-    Raises:
-        ParameterError: if it would refuse one; the text has its time.
     """
     drive = nominal_drive(configuration)
     for each in planned:
@@ -255,11 +239,7 @@ def _drive(values: Any) -> DriveChange:
 
 
 def apply_parameters(run: Run, settings: Settings, values: Mapping[str, Any]) -> Settings:
-    """Put other values into force on a run; return the settings with them.
-
-    Raises:
-        ParameterError: if a value cannot be used.
-    """
+    """Put other values into force on a run; return the settings with them."""
     if not values:
         return settings
     changed = settings.replace(values)
@@ -274,11 +254,7 @@ def apply_parameters(run: Run, settings: Settings, values: Mapping[str, Any]) ->
 
 
 def apply_change(run: Run, change: Change) -> None:
-    """Put a change into force on a run that takes commands.
-
-    Raises:
-        ParameterError: if it is refused.
-    """
+    """Put a change into force on a run that takes commands."""
     if isinstance(change, Injection):
         run.simulation.inject(change.fault, change.duration)
     else:
@@ -286,11 +262,7 @@ def apply_change(run: Run, change: Change) -> None:
 
 
 def apply_to_simulation(simulation: Simulation, change: Change) -> None:
-    """Put a change into force on a simulation.
-
-    Raises:
-        ParameterError: if it is refused.
-    """
+    """Put a change into force on a simulation."""
     if isinstance(change, Injection):
         simulation.inject(change.fault, change.duration)
     else:
@@ -300,11 +272,6 @@ def apply_to_simulation(simulation: Simulation, change: Change) -> None:
 def _command(
     simulation: Simulation, change: WeightOnBit | DriveChange | Feed
 ) -> WeightOnBit | Drive | Feed:
-    """Return the command of a change, checked.
-
-    Raises:
-        ParameterError: if the drill cannot take it.
-    """
     configuration = simulation.configuration
     if isinstance(change, DriveChange):
         drive = change.on(simulation.applied.drive)

@@ -59,7 +59,7 @@ CHANNELS: Mapping[str, Channel] = {
         "N m",
         1e-2,
         (("torque",), ("drive_torque",), ("angle",), ("rate",)),
-        (("stalled",), ("slipping",)),
+        (("stalled",),),
     ),
     "mount": Channel(
         "N",

@@ -7,8 +7,8 @@ import re
 from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
 from rpud_sim.simulation.run import Run
 
+# Checkpoints that are kept. One takes well below a megabyte at the default rates.
 MOST_CHECKPOINTS = 16
-"""Checkpoints that are kept. One takes well below a megabyte at the default rates."""
 
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 
@@ -48,11 +48,7 @@ class Checkpoints:
         self._runs[name] = state
 
     def find(self, name: str) -> Run:
-        """Return a new run in the state of a checkpoint, which stays.
-
-        Raises:
-            CheckpointError: if there is none of this name.
-        """
+        """Return a new run in the state of a checkpoint, which stays."""
         if name not in self._runs:
             known = did_you_mean(name, self._runs) if self._runs else "none was saved"
             raise CheckpointError(f"there is no checkpoint {shown(name)}; {known}")

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 
-from rpud_sim.drilling.feed import FEED_MODES, RATE, Motion
-from rpud_sim.foundation.quantities import ParameterError, Quantity, shown, suggestion
+from rpud_sim.drilling.feed import STOPPED
+from rpud_sim.drilling.feed import Feed as Feed
+from rpud_sim.foundation.quantities import ParameterError, Quantity, shown
 from rpud_sim.model.parameters import QUANTITIES
 
 VOLTAGE = Quantity("V", "amplitude of the voltage on the piezoelectric stack", 0.0, 1e3)
-FEED_RATE = Quantity("m/s", "rate of the feed toward the rock", -1.0, 1.0)
-FEED_POSITION = Quantity("m", "position of the feed along the drill axis", -1.0, 1.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class WeightOnBit:
-    """Constant force with which the preloaded load spring pushes the drill toward the rock.
-
-    Raises:
-        ParameterError: if the force is outside its range.
-    """
+    """Constant force with which the preloaded load spring pushes the drill toward the rock."""
 
     force: float  # W [N]
 
@@ -34,9 +29,6 @@ class Drive:
 
     A drive that is not enabled may leave voltage and frequency at zero, which keeps the present
     ones.
-
-    Raises:
-        ParameterError: if a value is outside its range.
     """
 
     enabled: bool  # whether the actuator is driven
@@ -57,47 +49,6 @@ class Drive:
         """Return this drive, with the voltage and frequency of the one before where it has none."""
         voltage = self.voltage if self.enabled or self.voltage else before.voltage
         return Drive(self.enabled, voltage, self.frequency or before.frequency)
-
-
-@dataclasses.dataclass(frozen=True)
-class Feed:
-    """Motion of the feed, which carries the mount of the drill.
-
-    Raises:
-        ParameterError: if the mode is unknown or the value outside its range.
-    """
-
-    mode: str  # ``rate`` or ``position``
-    value: float  # rate toward the rock [m/s], or position along the drill axis [m]
-
-    def __post_init__(self) -> None:
-        if not (isinstance(self.mode, str) and self.mode in FEED_MODES):
-            raise ParameterError(
-                f"feed mode = {shown(self.mode)} is not one of {', '.join(FEED_MODES)}"
-                f"{suggestion(self.mode, FEED_MODES)}"
-            )
-        quantity = FEED_RATE if self.mode == RATE else FEED_POSITION
-        object.__setattr__(self, "value", quantity.check(f"feed {self.mode}", self.value))
-
-    @property
-    def motion(self) -> Motion:
-        """The motion that the drive of the feed is to make."""
-        return Motion(self.mode, self.value)
-
-    def reduced(self, share: float) -> Feed:
-        """Return what is left of it while commands are lost.
-
-        A rate falls with the share; a position is given up, and the feed stops.
-
-        Args:
-            share: of the commands that acts, 0 to 1.
-        """
-        if share == 1.0:
-            return self
-        return Feed(RATE, self.value * share if self.mode == RATE else 0.0)
-
-
-STOPPED = Feed(RATE, 0.0)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -22,15 +22,14 @@ MOST_DAMPING_RATIO = 0.99
 _DISTURBED_BY = {
     "binding": "extra_torque",
     "hard_inclusion": "inclusion_strength",
-    "corkscrewing": "protrusion",
-    "gravel_in_flutes": "gravel_torque",
+    "corkscrewing": "screw_torque",
     "bit_walk": "side_walk",
     "feed_stall": "feed_stalled",
     "arm_slip": "arm_slip_rate",
     "worn_bit": "worn_factor",
 }
 # Kinds that need a rotation, a hole and a feed.
-_TURNING = ("binding", "gravel_in_flutes", "corkscrewing")
+_TURNING = ("binding", "corkscrewing")
 _DRILLED = (*_TURNING, "hard_inclusion", "bit_walk", "worn_bit")
 _FED = ("feed_stall", "arm_slip")
 
@@ -146,11 +145,7 @@ def _greatest(parameters: Parameters, name: str) -> float:
 
 
 def check_honoured(fault: Fault, configuration: Configuration) -> None:
-    """Refuse a fault that would have no effect, or no meaning, in a configuration.
-
-    Raises:
-        FaultError: with the reason.
-    """
+    """Refuse a fault that would have no effect, or no meaning, in a configuration."""
     actuator = configuration.actuator
     no_rotation = configuration.rotation.rotation_model == "none"
     layers = configuration.drilling.layers

@@ -69,7 +69,6 @@ class Configuration(ParameterGroup):
             self.strata,
             self.bit,
             self.rock,
-            self.actuator.ambient_temperature,
         )
 
     @property
@@ -93,9 +92,6 @@ class Configuration(ParameterGroup):
 
         It is proportional to the voltage. The resonance model stays below it at every frequency and
         temperature, also while ringing up.
-
-        Raises:
-            ParameterError: if the amplitude is outside its range.
         """
         if drive.enabled:
             # The ratio first: for the nominal drive it is exactly one.
@@ -106,21 +102,13 @@ class Configuration(ParameterGroup):
             )
 
     def check_feed(self, feed: Feed) -> None:
-        """Check that the drill has a feed that can make a motion.
-
-        Raises:
-            ParameterError: if it has none, or if rate or position is outside its limits.
-        """
+        """Check that the drill has a feed that can make a motion."""
         if not self.has_feed:
             raise ParameterError("a feed cannot be commanded with feed_model = none")
-        self.mount.check(feed.motion)
+        self.mount.check(feed)
 
     def check_weight_on_bit(self) -> None:
-        """Check that the weight on bit is commanded.
-
-        Raises:
-            ParameterError: if it follows from the feed.
-        """
+        """Check that the weight on bit is commanded."""
         if self.has_feed:
             raise ParameterError(
                 f"weight_on_bit cannot be commanded with feed_model = {self.mount.feed_model}: "
@@ -140,11 +128,7 @@ def whole_configuration(drill: Configuration | Parameters) -> Configuration:
 
 @dataclasses.dataclass(frozen=True)
 class Settings(ParameterGroup):
-    """Settings of a run: all parameters.
-
-    Raises:
-        ParameterError: if a value is outside its range, or two do not fit together.
-    """
+    """Settings of a run: all parameters."""
 
     configuration: Configuration = dataclasses.field(default_factory=Configuration)
     autostart: bool = flag(True, "whether the node configures and activates itself")
@@ -230,11 +214,7 @@ class Settings(ParameterGroup):
         return {**to_values(self.configuration), **own}
 
     def replace(self, changes: Mapping[str, Any]) -> Settings:
-        """Return settings with some values changed.
-
-        Raises:
-            ParameterError: if a value cannot be used.
-        """
+        """Return settings with some values changed."""
         return to_settings({**self.values(), **changes})
 
     def read_scenario(self, seed: int | None = None) -> Scenario | None:
@@ -242,9 +222,6 @@ class Settings(ParameterGroup):
 
         Args:
             seed: in place of that of the settings. If both are zero, the scenario has its own.
-
-        Raises:
-            ParameterError: if its file cannot be used.
         """
         if not self.scenario:
             return None
@@ -281,9 +258,6 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
     Args:
         values: by name; ``regime`` chooses the preset, drilling if it is not given. Parameters
             of the run are ignored.
-
-    Raises:
-        ParameterError: if a name is unknown or a value cannot be used.
     """
     for name in values:
         if name not in PARAMETERS:
@@ -301,11 +275,7 @@ def to_configuration(values: Mapping[str, Any]) -> Configuration:
 
 
 def to_settings(values: Mapping[str, Any]) -> Settings:
-    """Return the settings for parameter values by name; missing ones have their defaults.
-
-    Raises:
-        ParameterError: if a name is unknown or a value cannot be used.
-    """
+    """Return the settings for parameter values by name; missing ones have their defaults."""
     return Settings(to_configuration(values), **_those_of(Settings, values))
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from rpud_sim.simulation.commands import STOPPED, Drive, Feed, WeightOnBit
+from rpud_sim.drilling.feed import STOPPED
+from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.watchdog import CommandWatchdog
 
@@ -12,9 +13,6 @@ class Control:
 
     Args:
         simulation: at its start; the commands in force there are the initial ones.
-        timeout: of the watchdog [s].
-        ramp: of the watchdog [s].
-        active: whether commands act.
     """
 
     def __init__(

@@ -9,6 +9,7 @@ from collections import deque
 
 import numpy as np
 
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.foundation.time import SECOND, split_fraction
 from rpud_sim.model.boundaries import add_blocks
 from rpud_sim.model.energy import TERMS, add_segments
@@ -26,7 +27,7 @@ def absorbed(impacts: float, release: float, drill_tool_damper: float) -> float:
 
 
 @dataclasses.dataclass(frozen=True)
-class EnergyAccount:
+class EnergyAccount(Shared):
     """Energy that flowed in, was lost and is stored, in joules.
 
     What flows in is positive: work on the moving bodies. So is what is lost. The account of a run
@@ -49,10 +50,6 @@ class EnergyAccount:
     contact_resolution: float = 0.0
     stored: float = 0.0  # in motion and springs at the end, less that at the start
     electrical: float = 0.0  # drawn by the actuator; NaN where its model has no power
-
-    def __deepcopy__(self, memo: dict[int, object]) -> EnergyAccount:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
     @staticmethod
     def of(block: Block) -> EnergyAccount:
@@ -118,11 +115,7 @@ def mean_account(accounts: list[EnergyAccount]) -> EnergyAccount:
 
 
 class RecentEnergy:
-    """Accounts of the blocks of the last second of simulation time.
-
-    Args:
-        has_feed: whether the drill has a feed, whose blocks have an account of their own.
-    """
+    """Accounts of the blocks of the last second of simulation time."""
 
     def __init__(self, has_feed: bool = False) -> None:
         # Start, end and terms of each block; as bytes, which copies of a run share. Those of a
@@ -156,7 +149,6 @@ class RecentEnergy:
             self._feeds.popleft()
 
     def _calculate(self) -> None:
-        """Calculate the accounts of the spans that wait."""
         for span in self._spans:
             seconds, rest = np.divmod(np.concatenate([[span.start], span.ends]), SECOND)
             joules = np.zeros((len(span), len(TERMS)))

@@ -98,7 +98,6 @@ def compile_kernels(
     """Compile every kernel, or load it from the cache, before anything is timed.
 
     Args:
-        configuration: of the drill, or its parameters alone.
         report: called in another thread with a line that says so, if compiling takes long.
         messages: also those that make a run's messages many at once.
     """
@@ -147,12 +146,7 @@ def _notice(report: Callable[[str], object]) -> Iterator[None]:
 def compile_members(
     configuration: Configuration | Parameters, report: Callable[[str], object] = lambda text: None
 ) -> None:
-    """Compile, or load from the cache, what runs members of ensembles.
-
-    Args:
-        configuration: of the drill, or its parameters alone.
-        report: called in another thread with a line that says so, if compiling takes long.
-    """
+    """Compile, or load from the cache, what runs members of ensembles."""
     configuration = whole_configuration(configuration)
     if not runs_by_itself(configuration):
         compile_kernels(configuration, report)
@@ -174,7 +168,6 @@ def run_members(
     """Yield the result of one simulation per initial phase, in their order; failed ones as well.
 
     Args:
-        configuration: of the drill, or its parameters alone.
         duration: of each run [s].
         phases: initial phase of each run [cycles].
         report: called now and then with the simulated seconds since the last call.
@@ -241,7 +234,6 @@ def _run(
     end: int,
     report: Callable[[float], None],
 ) -> Member:
-    """Run a member to which something happens."""
     simulation = Simulation(configuration, phase, scenario)
     pending = deque(planned)
 
@@ -295,15 +287,7 @@ def run_ensemble(
     threads: int = 1,
     planned: Sequence[Planned] = (),
 ) -> Ensemble:
-    """Run one simulation per initial phase.
-
-    Args:
-        configuration: of the drill, or its parameters alone.
-        duration: of each run [s].
-        phases: initial phase of each run [cycles].
-        report: called now and then with the simulated seconds since the last call.
-        scenario: faults that begin by themselves, in each run at the same times.
-        planned: commands and faults, in the order of their times, in each run.
+    """Run one simulation per initial phase; arguments as for ``run_members``.
 
     Returns:
         The ``Ensemble``. With a rock model its members have the depth at the end [m] and the mean
@@ -311,8 +295,6 @@ def run_ensemble(
 
     Raises:
         EngineError: if a member cannot go on; the first of them in order.
-        ParameterError: if a planned change is refused.
-        FaultError: if a fault of the scenario cannot be honoured.
     """
     configuration = whole_configuration(configuration)
     compile_members(configuration)

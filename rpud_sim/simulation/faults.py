@@ -131,14 +131,8 @@ KINDS: Mapping[str, Kind] = {
     "corkscrewing": Kind(
         True,
         "rock protrudes into the flutes, along which the tool screws itself in",
-        _above_zero("m", "height of the rock that protrudes", 0.1),
-        1e-4,
-    ),
-    "gravel_in_flutes": Kind(
-        True,
-        "gravel in the flutes resists the rotation once in each turn",
-        _above_zero("N m", "greatest torque in a turn", 100.0),
-        0.05,
+        _above_zero("N m", "torque of the rock that protrudes", 100.0),
+        0.02,
     ),
     "bit_walk": Kind(
         True,
@@ -217,11 +211,7 @@ def number_of(value: Any) -> float | None:
 
 @dataclasses.dataclass(frozen=True)
 class Fault:
-    """Fault, immutable.
-
-    Raises:
-        FaultError: if a name is unknown, or the magnitude outside its range or without effect.
-    """
+    """Fault, immutable."""
 
     kind: str  # one of ``KINDS``
     channel: str = ""  # one of ``CHANNELS`` for a signal fault, empty for a physical one

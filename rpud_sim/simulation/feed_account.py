@@ -8,10 +8,11 @@ import operator
 from collections.abc import Sequence
 
 from rpud_sim.drilling.mount import MountState, MountWork
+from rpud_sim.foundation.shared import Shared
 
 
 @dataclasses.dataclass(frozen=True)
-class FeedAccount:
+class FeedAccount(Shared):
     """Energy of feed, arm and load spring, in joules.
 
     ``feed_work + host_work + spring_changes`` is the sum of all other terms and of the
@@ -31,10 +32,6 @@ class FeedAccount:
     # work of the mount that the percussion does not take, since its weight on bit is constant
     # within a step and its frame is at rest
     coupling: float = 0.0
-
-    def __deepcopy__(self, memo: dict[int, object]) -> FeedAccount:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
     def __add__(self, other: FeedAccount) -> FeedAccount:
         """Return the account of both."""
@@ -94,7 +91,6 @@ class LoadSpring:
 
     Args:
         spring_rate: with which the load spring pushes, at time zero [N/m].
-        position: u_np at time zero [m].
     """
 
     def __init__(self, state: MountState, spring_rate: float, position: float) -> None:
@@ -111,8 +107,6 @@ class LoadSpring:
 
         Args:
             place: position of the mount and bottom of the hole after it [m].
-            spring_rate: with which the load spring pushes after it [N/m].
-            position: u_np at it [m].
         """
         mount, bottom = self._place
         way = _compression(mount, bottom)
@@ -126,12 +120,7 @@ class LoadSpring:
         self._spring_rate = spring_rate
 
     def account(self, work: MountWork, position: float) -> FeedAccount:
-        """Return the account since time zero.
-
-        Args:
-            work: energies of feed and arm at the last step.
-            position: u_np at the present time [m].
-        """
+        """Return the account since time zero."""
         return FeedAccount(
             feed_work=work.feed,
             host_work=work.host,

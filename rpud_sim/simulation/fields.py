@@ -226,8 +226,6 @@ def waveform_fields(
     """Fields of ``rpud_msgs/Waveform``, or columns.
 
     Args:
-        samples: of the message, or of all.
-        sample_rate: [Hz].
         convert: makes a sequence of a channel; for columns, a row for each message.
     """
     return {
@@ -278,7 +276,6 @@ def trajectory_columns(
 
     Args:
         cuts: number of the first segment of each message, and of all.
-        sequence: number of the first segment since the start.
     """
     first = segments[cuts[:-1]]
     starts = first["start_seconds"] * SECOND
@@ -316,7 +313,6 @@ def status_fields(
     """Fields of ``rpud_msgs/Status`` at the present time of a simulation.
 
     Args:
-        state: one of the STATE constants of ``rpud_msgs/Status``.
         bookkeeping: every other field, by its name.
     """
     applied = simulation.applied

@@ -6,6 +6,7 @@ import dataclasses
 from collections import deque
 
 from rpud_sim.foundation.quantities import shown
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.simulation.faults import Fault, FaultError
 
 # Cleared faults that are kept; older ones are only counted.
@@ -13,17 +14,13 @@ MOST_CLEARED = 1000
 
 
 @dataclasses.dataclass(frozen=True)
-class FaultRecord:
+class FaultRecord(Shared):
     """Time during which a fault lasted: the ground truth."""
 
     number: int  # counts the injected faults from 1
     fault: Fault  # that was injected
     onset: int  # simulation time at which it began [ns]
     clear: int | None = None  # simulation time at which it ended, None while it lasts [ns]
-
-    def __deepcopy__(self, memo: dict[int, object]) -> FaultRecord:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
     def lasts_at(self, time: int) -> bool:
         """Whether it lasts at a simulation time [ns]: from its onset on, before its end."""
@@ -65,11 +62,7 @@ class FaultLedger:
         return tuple(sorted((*ended, *self._active), key=lambda record: record.number))
 
     def inject(self, time: int, fault: Fault) -> int:
-        """Let a fault begin and return its number.
-
-        Raises:
-            FaultError: if the same kind is already there on the same channel.
-        """
+        """Let a fault begin and return its number."""
         for record in self._active:
             if (record.fault.kind, record.fault.channel) == (fault.kind, fault.channel):
                 raise FaultError(f"{fault} is already there as fault {record.number}")
@@ -78,11 +71,7 @@ class FaultLedger:
         return self._number
 
     def clear(self, time: int, number: int) -> FaultRecord:
-        """Let a fault end and return its record.
-
-        Raises:
-            FaultError: if there is no such fault.
-        """
+        """Let a fault end and return its record."""
         for record in self._active:
             if record.number == number:
                 break

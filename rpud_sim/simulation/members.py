@@ -79,12 +79,7 @@ _room = _Room()
 
 
 class QuietRuns:
-    """Runs of one drill without commands, from time zero on, which differ in their phases.
-
-    Args:
-        configuration: of the drill; it must be one that ``runs_by_itself``.
-        phases: initial phase of each run [cycles].
-    """
+    """Runs of one drill without commands, from time zero on, which differ in their phases."""
 
     def __init__(self, configuration: Configuration, phases: Sequence[float]) -> None:
         self._parameters = parameters = configuration.parameters
@@ -133,15 +128,11 @@ class QuietRuns:
         """Advance a single run to a time [ns], and return its impacts since the last call.
 
         Args:
-            time: not before the present one.
             statistics: to add to what happens; None for none.
             whole: whether the energy account is wanted; the figures need only a part of it.
 
         Returns:
             ``IMPACT`` records, which the next call of any run in this thread overwrites.
-
-        Raises:
-            EngineError: if the run cannot go on.
         """
         [_] = self._states
         begin = self._time

@@ -11,11 +11,7 @@ from rpud_sim.foundation.yaml_files import parse_yaml, read_yaml
 
 
 def read_parameter_file(path: str | Path) -> dict[str, Any]:
-    """Return the parameters of a ROS parameter file: those below ``/**``, then those of its nodes.
-
-    Raises:
-        ParameterError: if the file cannot be read or is no parameter file.
-    """
+    """Return the parameters of a ROS file: those below ``/**``, then those of its nodes."""
     content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise ParameterError(f"{path} is not a ROS parameter file: it holds no mapping")
@@ -29,11 +25,7 @@ def read_parameter_file(path: str | Path) -> dict[str, Any]:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Return name and value of ``name=value``; the value is read as YAML.
-
-    Raises:
-        ParameterError: if the text has another form.
-    """
+    """Return name and value of ``name=value``; the value is read as YAML."""
     name, equals, value = text.partition("=")
     if not (name and equals):
         raise ParameterError(f"{shown(text)} is not of the form name=value")

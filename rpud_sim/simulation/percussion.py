@@ -30,13 +30,7 @@ _nodal_plane = reader_of(
 
 
 def nodal_plane_position(segment: np.ndarray, seconds: int, fraction: float) -> float:
-    """Return u_np at a time in a segment [m], from its closed form, eqs. (2) and (18).
-
-    Args:
-        segment: one ``SEGMENT``, shape (1,).
-        seconds: whole seconds of the simulation time, not before its start.
-        fraction: the rest of it [s].
-    """
+    """Return u_np at a time in a segment [m], from its closed form, eqs. (2) and (18)."""
     start, rest, phase, frequency, offset, decay, omega, cosine, sine, in_phase, in_quadrature = (
         _nodal_plane(segment)
     )
@@ -57,10 +51,6 @@ class PercussionMeter:
 
     The mean of R = W - k_1 u_np - c_1 v_np takes u_np as linear in the step: its period on the load
     spring is a hundred times as long.
-
-    Args:
-        vibration_amplitude: nominal amplitude [m].
-        position: u_np at time zero [m].
     """
 
     def __init__(self, vibration_amplitude: float, position: float) -> None:
@@ -81,9 +71,7 @@ class PercussionMeter:
         """Return the percussion since the last call.
 
         Args:
-            position: u_np at the present time [m].
             weight_on_bit: W since the last call [N].
-            amplitude: of the vibration [m].
         """
         mean = 0.5 * (self._position + position)
         velocity = (position - self._position) * SECOND / PROCESS_INTERVAL

@@ -46,9 +46,6 @@ class Plant:
     """Motion of the drill, amplitude of its actuator and depth of its hole, from time zero on.
 
     Times are integer nanoseconds of simulation time.
-
-    Args:
-        initial_phase: phase of the vibration at time zero [cycles].
     """
 
     def __init__(self, configuration: Configuration, initial_phase: float, drive: Drive) -> None:
@@ -169,7 +166,6 @@ class Plant:
         return covering, impacts
 
     def _step_process(self) -> None:
-        """Take the step of the slow processes that is due now."""
         engine = self._stepped
         assert engine is not None
         assert self._percussion is not None
@@ -214,11 +210,7 @@ class Plant:
         return derive(self._acting_parameters(), self._conditions.jammed)
 
     def feed_account(self, segment: np.ndarray) -> FeedAccount | None:
-        """Return the account of feed and mount since time zero; None without a feed.
-
-        Args:
-            segment: the open one, shape (1,).
-        """
+        """Return the account of feed and mount since time zero; None without a feed."""
         if self._load_spring is None or (mount := self.process.mount) is None:
             return None
         return self._load_spring.account(mount.work, nodal_plane_position(segment, *self._instant))

@@ -22,11 +22,11 @@ ROTATION_JOINT = "rpud_rotation"
 
 # Fields of each topic: attributes of the part of the state that has the topic's name.
 _FIELDS: Mapping[str, tuple[str, ...]] = {
-    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled", "slipping"),
+    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled"),
     "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
     "borehole": (
         *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
-        *("bit_wear", "bit_temperature", "rock_temperature", "side_offset"),
+        *("bit_wear", "side_offset"),
     ),
 }
 PROCESS_TOPICS = tuple(_FIELDS)
@@ -55,10 +55,6 @@ def process_columns(
     """Yield columns of a topic of ``PROCESS_TOPICS``, and which of the states they are of.
 
     All messages of columns have the same texts, so those of each layer come by themselves.
-
-    Args:
-        topic: name.
-        states: one for each message, at least one.
     """
     names = _FIELDS[topic]
     rows = [_VALUES[topic](getattr(state, topic)) for state in states]

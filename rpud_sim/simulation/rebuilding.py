@@ -19,9 +19,6 @@ _MOST = 100_000
 def to_segments(message: Any) -> np.ndarray:
     """Return the ``SEGMENT`` records that a ``rpud_msgs/Trajectory`` was made of, bit for bit.
 
-    Args:
-        message: with the fields of the message as attributes.
-
     Raises:
         ValueError: if its arrays are not equally long.
     """
@@ -54,7 +51,6 @@ def sample_between(segments: np.ndarray, first: int, end: int, rate: int) -> Sam
     Args:
         segments: without a gap; they cover the samples.
         end: number of the first one that does not count.
-        rate: a whole rate [Hz].
     """
     return sample(segments, Times.from_grid(first, max(0, end - first), rate))
 

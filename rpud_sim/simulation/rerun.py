@@ -56,9 +56,6 @@ class Rerun:
         """Advance to the time of an entry, repeat its change, and yield the messages.
 
         Where nothing changes, they come many at once.
-
-        Raises:
-            JournalError: if the entry cannot be repeated.
         """
         try:
             if entry.kind == "begin":

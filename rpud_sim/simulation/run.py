@@ -34,11 +34,7 @@ class Beginning:
 
     @staticmethod
     def drawn(settings: Settings, seed: int | None = None) -> Beginning:
-        """Return the beginning that a seed draws; None for the seed of the settings.
-
-        Raises:
-            ParameterError: if the scenario's file cannot be used.
-        """
+        """Return the beginning that a seed draws; None for the seed of the settings."""
         seed = settings.seed if seed is None else seed
         return Beginning(
             settings, initial_phases(1, seed or None)[0], seed, settings.read_scenario(seed)
@@ -98,9 +94,6 @@ class Run:
             are not made.
         active: whether commands act from the start; weight on bit and drive are zero otherwise.
         on_block: called with each block, for statistics.
-
-    Raises:
-        FaultError: if a fault of the scenario cannot be honoured.
     """
 
     def __init__(
@@ -193,12 +186,7 @@ class Run:
         self._telemetry.drop_pending()
 
     def resume(self, origin: int, active: bool) -> None:
-        """Go on from a copied state.
-
-        Args:
-            origin: stamp of simulation time zero from here on [ns].
-            active: whether commands act.
-        """
+        """Go on from a copied state."""
         self.place(origin)
         self._control.activate(active)
 
@@ -221,7 +209,6 @@ class Run:
         Impacts and the samples at the end of a block come first, waveform and trajectory last.
 
         Args:
-            time: to advance to [ns].
             defer: called with each stream of waveform and trajectory, which is not yielded then:
                 the caller makes and publishes it when it has time. None to have it yielded.
         """
@@ -286,7 +273,6 @@ class Run:
         """Return the status message of the present time.
 
         Args:
-            state: one of the STATE constants of ``rpud_msgs/Status``.
             bookkeeping: counts and timing of the caller, which advances the run.
         """
         return (

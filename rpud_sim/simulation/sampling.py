@@ -106,12 +106,8 @@ def sample(segments: np.ndarray, times: Times) -> Samples:
     """Sample all channels of a trajectory.
 
     Args:
-        segments: ``SEGMENT`` records in order, without a gap.
         times: in ascending order, not before the first segment; later than the last one's end
             continues its closed form.
-
-    Returns:
-        ``Samples`` of the same length as the times.
     """
     one = Stretches(
         np.zeros(1, np.int64),
@@ -138,12 +134,8 @@ def sample_stretches(segments: np.ndarray, parts: Stretches, times: Times) -> Sa
     """Sample all channels of a trajectory in parts.
 
     Args:
-        segments: ``SEGMENT`` records in order, without a gap.
         parts: of the segments and of the times.
         times: of each part as for ``sample``.
-
-    Returns:
-        ``Samples`` of the same length as the times.
     """
     count = len(times.seconds)
     channels = np.empty((len(CHANNELS), count))

@@ -50,9 +50,6 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
 
     Args:
         seed: in place of the file's, zero or more.
-
-    Raises:
-        FaultError: if the file cannot be read or used; one line with its name.
     """
     try:
         # Without truth values: in a scenario, off is a kind of fault.
@@ -64,9 +61,6 @@ def read_scenario(path: str | Path, seed: int | None = None) -> Scenario:
 
 def parse_scenario(content: Any, name: str, seed: int | None = None) -> Scenario:
     """Return the scenario of a file's content.
-
-    Args:
-        seed: in place of the content's, zero or more.
 
     Raises:
         FaultError: if the content is no scenario; one line with name and number of the entry.

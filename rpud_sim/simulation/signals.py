@@ -45,9 +45,7 @@ class SignalFaults:
     def note(self, channel: str, last: Callable[[], Fields]) -> None:
         """Note what a healthy channel published last, without its messages passing through here.
 
-        Args:
-            channel: one of ``CHANNELS``.
-            last: makes this message, if a fault needs it.
+        last: makes this message, if a fault needs it.
         """
         self._last[channel] = last
 
@@ -59,7 +57,6 @@ class SignalFaults:
         A healthy channel publishes the same object.
 
         Args:
-            channel: one of ``CHANNELS``.
             time: simulation time of the message, never before the channel's last one [ns].
             fields: the message; it must not change from now on.
             records: at least those that last at this time; those that do not, and those of other
@@ -74,10 +71,6 @@ class SignalFaults:
         """Return the late messages that are due, with their channels.
 
         Call it once a block: otherwise a late message would wait for the channel's next one.
-
-        Args:
-            time: simulation time [ns].
-            records: as for ``apply``.
         """
         return [
             (channel, fields)
@@ -119,8 +112,6 @@ class SignalFaults:
 
 
 class _Stage:
-    """Fault that acts on a channel."""
-
     def __init__(
         self,
         channel: Channel,

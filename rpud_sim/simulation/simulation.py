@@ -39,12 +39,8 @@ class Simulation:
     Args:
         configuration: of the drill, or its parameters alone; its weight on bit and nominal drive
             apply until the first command.
-        initial_phase: phase of the vibration at time zero [cycles].
         scenario: faults that begin by themselves.
         journal: gets an entry for each change from outside; scheduled changes follow from these.
-
-    Raises:
-        FaultError: if a fault of the scenario cannot be honoured.
     """
 
     def __init__(
@@ -176,9 +172,6 @@ class Simulation:
 
         Args:
             ends: in ascending order, after the present time, at least one [ns], int64.
-
-        Raises:
-            EngineError: if the simulation cannot go on.
         """
         start = self.time
         if min(self._plant.next_step, self._schedule.next_time) > ends[-1]:
@@ -217,7 +210,7 @@ class Simulation:
             self._configuration.check_feed(command)
             if command == before.feed:
                 return  # a controller may repeat it 100 times a second
-            self._plant.process.feed(command.motion)
+            self._plant.process.feed(command)
             self._applied = dataclasses.replace(before, feed=command, feed_time=self.time)
             kind = "feed"
         else:
@@ -244,20 +237,13 @@ class Simulation:
 
         Args:
             duration: after which it ends by itself [ns]; 0 for never.
-
-        Raises:
-            FaultError: if it cannot be honoured, or is already there.
         """
         number = self._inject(fault, duration)
         self._note("inject", fault=dataclasses.asdict(fault), duration=duration)
         return number
 
     def clear(self, number: int) -> FaultRecord:
-        """Let a fault end at the present time and return its record.
-
-        Raises:
-            FaultError: if there is no such fault.
-        """
+        """Let a fault end at the present time and return its record."""
         record = self._clear(number)
         self._note("clear", number=number)
         return record

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rpud_sim.drilling.process import AT_REST, ProcessState
+from rpud_sim.foundation.shared import Shared
 from rpud_sim.model.energy import RpudConstants
 from rpud_sim.simulation.actuator import ActuatorReading
 from rpud_sim.simulation.block import Block, join_blocks, sum_accounts
@@ -16,7 +17,7 @@ from rpud_sim.simulation.sampling import Samples, Stretches, Times, sample_stret
 
 
 @dataclasses.dataclass(frozen=True)
-class Span:
+class Span(Shared):
     """Consecutive blocks, at least one, immutable. Times are nanoseconds of simulation time."""
 
     start: int  # beginning of the first block
@@ -35,10 +36,6 @@ class Span:
     states: Sequence[ProcessState] = ()
     # energy account of feed and mount in each block; none without a feed
     feeds: Sequence[FeedAccount] = ()
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Span:
-        """Return itself: copies of a run share what cannot change."""
-        return self
 
     def __len__(self) -> int:
         """Return the number of blocks."""

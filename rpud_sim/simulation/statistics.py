@@ -46,11 +46,7 @@ FIGURES = MappingProxyType(
 
 
 def count_events(event: np.ndarray) -> tuple[int, int]:
-    """Return the number of impacts and ends of contacts, and that of the actuator's impacts.
-
-    Args:
-        event: of the segments, shape (n,).
-    """
+    """Return the number of impacts and ends of contacts, and that of the actuator's impacts."""
     happened = EVENT_ACTUATOR_IMPACT | EVENT_DRILL_TOOL_IMPACT | EVENT_RELEASE
     return (
         int(np.count_nonzero(event & happened)),
@@ -74,8 +70,6 @@ def figures_of(tally: np.void, duration: float, quantile: int) -> dict[str, floa
     """Return duration and ``FIGURES`` in SI units; None if there is nothing to average.
 
     Args:
-        tally: one ``TALLY``.
-        duration: of what was added [s].
         quantile: class of the 99 % quantile of the contact force; -1 for none.
     """
     (
@@ -197,10 +191,7 @@ class Statistics:
     def note_part(self, start: int, end: int, electrical_energy: float) -> None:
         """Note a part of a run that is, or will be, in the sums.
 
-        Args:
-            start: of the part, simulation time [ns].
-            end: of the part [ns].
-            electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
+        electrical_energy: that the actuator drew in it [J]; NaN where its model has no power.
         """
         self._begun = True
         self._duration += end - start

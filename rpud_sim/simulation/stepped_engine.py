@@ -45,11 +45,6 @@ class SteppedEngine(Engine):
 
     All records of a block are written one after the other into the same room. ``Engine`` makes
     fresh arrays in each call, which take longer than the motion of a millisecond.
-
-    Args:
-        initial_phase: of the vibration [cycles].
-        drive: whether the actuator vibrates from the start.
-        resonance: of the vibration, which starts at rest; None if its amplitude is prescribed.
     """
 
     def __init__(

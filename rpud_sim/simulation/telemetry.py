@@ -63,8 +63,6 @@ class Telemetry:
     """Messages of consecutive blocks, changed by the faults of their signals.
 
     Args:
-        telemetry_rate: of the samples [Hz].
-        sample_rate: of the waveform [Hz].
         block_duration: of waveform and trajectory [s], at least one telemetry period.
         wanted: whether a topic that no fault can touch has a subscriber; without one its messages
             are not made.
@@ -176,7 +174,6 @@ class Telemetry:
         return Together(ends, tuple(columns))
 
     def _processes_together(self, span: Span, blocks: np.ndarray, add: Callable[..., None]) -> None:
-        """Add the messages of rotation, mount and borehole of a span."""
         states = span.states
         for topic in PROCESS_TOPICS:
             if not has_part(states, topic):
@@ -201,7 +198,6 @@ class Telemetry:
         return work * SECOND / elapsed if elapsed else 0.0
 
     def _streams_together(self, span: Span, blocks: np.ndarray, add: Callable[..., None]) -> None:
-        """Add the waveforms and trajectories of a span."""
         period = self._stream_period
         last = slice(period - 1, None, period)
         blocks, ends, finished = blocks[last], span.ends[last], span.finished[last]
@@ -319,7 +315,6 @@ def _by_message(values: np.ndarray, counts: np.ndarray) -> np.ndarray | Ragged:
 def _readings(
     readings: Sequence[ActuatorReading], powers: Sequence[float], stamps: np.ndarray
 ) -> Fields:
-    """Return the columns of ``actuator_state``."""
     if all(reading is readings[0] for reading in readings):
         fields = actuator_state_fields(readings[0], 0.0, stamps)
     else:

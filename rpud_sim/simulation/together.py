@@ -106,7 +106,6 @@ def _placed(columns: Columns) -> Iterator[tuple[int, int, Columns]]:
 
 
 def _row(fields: Fields, number: int) -> Fields:
-    """Return the fields of one message of columns."""
     return {name: _value(value, number) for name, value in fields.items()}
 
 

@@ -27,11 +27,7 @@ class Topic:
     models: tuple[tuple[str, ...], ...] = ()
 
     def is_offered(self, values: Mapping[str, Any]) -> bool:
-        """Return whether a drill publishes it.
-
-        Args:
-            values: of the drill's parameters by name.
-        """
+        """Return whether a drill publishes it."""
         on = [all(values[name] not in ("", "none") for name in choice) for choice in self.models]
         return not on or any(on)
 
@@ -68,9 +64,5 @@ PROVED = tuple(name for name, topic in TOPICS.items() if topic.proved)
 
 
 def offered_topics(values: Mapping[str, Any]) -> Mapping[str, Topic]:
-    """Return the topics that a drill publishes, by name.
-
-    Args:
-        values: of the drill's parameters by name.
-    """
+    """Return the topics that a drill publishes, by name."""
     return {name: topic for name, topic in TOPICS.items() if topic.is_offered(values)}

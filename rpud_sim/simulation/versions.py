@@ -13,8 +13,8 @@ from typing import Any
 import rpud_sim
 
 # Revision of the physics, which is 1 where a journal has none. It grows when an error in the
-# equations is mended: runs of an earlier revision that it touches cannot be computed again.
-PHYSICS = 2
+# equations is mended or a law goes: runs that it touches cannot be computed again.
+PHYSICS = 3
 
 
 def mended_since(beginning: Mapping[str, Any]) -> str:
@@ -23,6 +23,11 @@ def mended_since(beginning: Mapping[str, Any]) -> str:
     Args:
         beginning: content of a journal's entry ``begin``.
     """
+    if beginning.get("physics") == 2:
+        return (
+            "the run cannot be computed again, for it was made between versions 0.1.0 and 0.2.0: "
+            "laws of rotation, cuttings, wear and heat have gone since, with their parameters"
+        )
     parameters = beginning.get("parameters")
     model = parameters.get("actuator_model") if isinstance(parameters, dict) else None
     if "physics" not in beginning and model == "resonance":

@@ -1,1 +1,1 @@
-"""Studies of many runs: the reproduction of the paper, and sweeps over parameters."""
+"""Studies of many runs: sweeps, data sets, sensitivity and fits."""

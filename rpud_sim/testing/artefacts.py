@@ -10,7 +10,6 @@ import shutil
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
 
 from rpud_sim.bag import BagError, BagWriter, QosProfile, Topic
 from rpud_sim.bag.definitions import find_definition, find_type_hash
@@ -60,19 +59,7 @@ def leave_artefacts(
     return Artefacts("\n".join(lines), tuple(properties))
 
 
-class Published(Protocol):
-    """Everything that was published in a run: a drill, or the record of one."""
-
-    @property
-    def namespace(self) -> str:
-        """Namespace of the drill."""
-
-    @property
-    def heard(self) -> Mapping[str, Any]:
-        """Topics by absolute name, with the attributes of ``HeardTopic``."""
-
-
-def write_bag(path: Path, drill: Published) -> None:
+def _write_bag(path: Path, drill: Drill) -> None:
     """Write a bag of all that was published since the test began; its clock is simulation time."""
     manifest = Manifest(
         node=f"{drill.namespace}/drill_node",
@@ -109,7 +96,7 @@ def _bag_and_report(
 ) -> list[str]:
     bag, page = folder / "bag", folder / "report.html"
     try:
-        write_bag(bag, drill)
+        _write_bag(bag, drill)
     except BagError as error:
         return [f"bag: not written: {error}"]
     reports.begin(bag, page)

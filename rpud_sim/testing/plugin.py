@@ -1,4 +1,4 @@
-"""Plugin of pytest: drills in lockstep as fixtures, and what a failing test leaves behind.
+"""Plugin of pytest: drills in lockstep, what a failing test leaves behind, and campaigns.
 
 Fixtures: ``drill``, ``drill_factory``, ``recording``. Mark: ``rpud``. Options:
 ``--rpud-artefacts DIR``, ``--rpud-keep``. pytest loads this module in every run, so it imports
@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from rpud_sim.testing.campaign.session import NAME, CampaignSession
+
 if TYPE_CHECKING:
     from rpud_sim.testing.drill import Drill
-    from rpud_sim.testing.pool import DrillPool
     from rpud_sim.testing.recording import Recording
+    from rpud_sim.testing.setup import DrillSetup
 
 _MARK = (
     "rpud(config=FILE, faults=FILE_OR_LIST, seed=N, namespace=NAME, **parameters): drill of the "
@@ -27,6 +29,7 @@ _MARK = (
 class _Stash:
     drills = pytest.StashKey[list[Any]]()
     error = pytest.StashKey[str]()
+    pool = pytest.StashKey[Any]()
     reports = pytest.StashKey[Any]()
 
 
@@ -47,9 +50,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Declare the mark, and ignore a warning that importing ROS's own Python causes."""
+    """Declare the mark, ignore a warning of ROS's own Python, and let campaigns be collected."""
     config.addinivalue_line("markers", _MARK)
     config.addinivalue_line("filterwarnings", "ignore:module 'sre_:DeprecationWarning:lark")
+    config.pluginmanager.register(CampaignSession(config), NAME)
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
@@ -101,25 +105,36 @@ def pytest_runtest_makereport(
         report.sections.append(("rpud_sim", artefacts.text))
 
 
+@pytest.hookimpl(trylast=True)  # after the teardown of a test that was interrupted
 def pytest_sessionfinish(session: pytest.Session) -> None:
+    """End the drills, and wait for the report pages."""
+    pool = session.config.stash.get(_Stash.pool, None)
+    if pool is not None:
+        pool.close()
     reports = session.config.stash.get(_Stash.reports, None)
     if reports is not None:
         reports.finish()
 
 
-@pytest.fixture(scope="session")
-def _rpud_pool() -> Iterator[DrillPool]:
+def take_drill(item: pytest.Item, setup: DrillSetup, folder: Path) -> Drill:
+    """Return a drill at time zero for a test, which leaves its artefacts."""
     from rpud_sim.testing.pool import DrillPool
 
-    pool = DrillPool()
-    yield pool
-    pool.close()
+    pool = item.config.stash.setdefault(_Stash.pool, DrillPool())
+    drill = pool.take(setup, folder)
+    item.stash.setdefault(_Stash.drills, []).append(drill)
+    return drill
+
+
+def give_back_drills(item: pytest.Item) -> None:
+    """Keep the drills of a test for the next ones."""
+    drills = item.stash.get(_Stash.drills, [])
+    while drills:
+        item.config.stash[_Stash.pool].give_back(drills.pop())
 
 
 @pytest.fixture
-def drill_factory(
-    request: pytest.FixtureRequest, _rpud_pool: DrillPool
-) -> Iterator[Callable[..., Drill]]:
+def drill_factory(request: pytest.FixtureRequest) -> Iterator[Callable[..., Drill]]:
     """Start further drills: ``drill_factory(weight_on_bit=20.0)``, with the options of the mark.
 
     Each has a ROS domain of its own. The options of the test's own mark hold where they are not
@@ -128,16 +143,12 @@ def drill_factory(
     item = request.node
     if _Stash.error in item.stash:
         pytest.fail(item.stash[_Stash.error], pytrace=False)
-    drills: list[Drill] = item.stash.setdefault(_Stash.drills, [])
 
     def make(**options: Any) -> Drill:
-        drill = _rpud_pool.take(_setup_of(item, options), item.path.parent)
-        drills.append(drill)
-        return drill
+        return take_drill(item, _setup_of(item, options), item.path.parent)
 
     yield make
-    while drills:
-        _rpud_pool.give_back(drills.pop())
+    give_back_drills(item)
 
 
 @pytest.fixture

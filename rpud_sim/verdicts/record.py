@@ -250,8 +250,9 @@ class Record:
         )
 
     def _relative(self, topic: str) -> str:
-        prefix = f"{self._namespace}/"
-        return topic[len(prefix) :] if topic.startswith(prefix) else topic
+        """Return the name that expectations have for a topic: relative for the drill's own."""
+        relative = topic.removeprefix(f"{self._namespace}/")
+        return relative if relative in TYPES else topic
 
     def _absolute(self, topic: str) -> str:
         return topic if topic.startswith("/") else f"{self._namespace}/{topic}"

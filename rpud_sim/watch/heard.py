@@ -40,11 +40,11 @@ _FIELDS = {
         *("amplitude", "electrical_power", "mechanical_power", "electrical_energy"),
         *("mechanical_work", "temperature"),
     ),
-    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled", "slipping"),
+    "rotation": ("angle", "rate", "torque", "drive_torque", "stalled"),
     "mount": ("position", "feed", "rate", "force", "weight_on_bit", "in_contact", "slip"),
     "borehole": (
         *("depth", "penetration_rate", "layer", "specific_energy", "packed_cuttings"),
-        *("bit_wear", "bit_temperature", "rock_temperature", "side_offset"),
+        *("bit_wear", "side_offset"),
     ),
 }
 # Topics of which ``samples`` hears.

@@ -1,6 +1,6 @@
 """Pages that are files: each works without network, on a phone, in light and dark.
 
-Those of sweeps, campaigns and the reproduction are in test_study_pages.py.
+Those of sweeps and campaigns are in test_study_pages.py.
 """
 
 import pytest

@@ -1,4 +1,4 @@
-"""Pages of sweeps, campaigns and the reproduction in Chromium: zoom, values, themes, widths."""
+"""Pages of sweeps and campaigns in Chromium: zoom, values, themes, widths."""
 
 from pathlib import Path
 
@@ -6,9 +6,7 @@ import pytest
 from browser.pages import PHONE, WIDE
 from campaign_results import FAILURE, flown
 
-from rpud_sim.studies.reproduction.reproduction import Effort, reproduce
-from rpud_sim.studies.reproduction.reproduction_report import REPORT, write_report
-from rpud_sim.studies.sweep.specification import parse_specification
+from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.sweep.sweep import run_sweep
 from rpud_sim.testing.campaign.campaign_file import read_campaign
 from rpud_sim.testing.campaign.page import campaign_page
@@ -54,27 +52,19 @@ def campaign(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module")
-def paper(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("paper")
-    write_report(reproduce(Effort(2, 2, 2, 2, 3, 0.5, 3, 4)), folder, "rpud reproduce --out DIR")
-    return folder / REPORT
-
-
 @pytest.mark.parametrize(
     ("name", "width", "scheme"),
     [
         ("sweep", WIDE, "light"),
         ("campaign", WIDE, "dark"),
         ("campaign", PHONE, "light"),
-        ("paper", PHONE, "dark"),
     ],
 )
 def test_a_page_is_for_all_readers(request, page_of, name, width, scheme):
     page = page_of(request.getfixturevalue(name), width=width, scheme=scheme)
     page.tab.evaluate("rpudPlots.drawAll()")
     page.check()
-    page.keep(f"{name}_{width}_{scheme}", whole=name != "paper")
+    page.keep(f"{name}_{width}_{scheme}", whole=True)
 
 
 def test_values_at_the_cursor_are_those_of_the_table(sweep, page_of):
@@ -115,32 +105,6 @@ def test_plots_over_one_parameter_zoom_together_by_buttons_and_keys(sweep, page_
     page.tab.keyboard.press("Home")
     page.until(f"document.querySelector('.plot-range').textContent === '{whole}'")
     assert page.tab.evaluate(ranges) == pytest.approx(before)
-
-
-def test_the_pointer_shows_a_point_of_a_cloud(paper, page_of):
-    page = page_of(paper)
-    page.tab.evaluate("rpudPlots.drawAll()")
-    host = page.tab.locator("figure.plot", has_text="numbers of the paper")
-    host.scroll_into_view_if_needed()
-    place = page.tab.evaluate(
-        """() => {
-          const host = [...document.querySelectorAll('figure.plot')].find(
-            (each) => each.querySelector('.plot-title').textContent.startsWith('numbers of'));
-          const plot = rpudPlots.plots.get(host.dataset.plot);
-          const source = [...plot.model.references()].find(
-            (m) => m.type === 'ColumnDataSource' && m.name === 'presets');
-          const get = (name) => (source.data.get ? source.data.get(name) : source.data[name]);
-          const box = plot.area.getBoundingClientRect();
-          const { x_scale, y_scale } = plot.view.frame;
-          return { left: box.left + x_scale.compute(get('x')[0]),
-            top: box.top + y_scale.compute(get('y')[0]), value: get('x')[0] };
-        }"""
-    )
-    page.tab.mouse.move(place["left"] - 40, place["top"])
-    page.tab.mouse.move(place["left"], place["top"], steps=4)
-    for words in ("Fig. 3", f"{place['value']:.4g}"):
-        page.tab.locator(".bk-Tooltip", has_text=words).first.wait_for()
-    page.assert_quiet()
 
 
 def test_failures_of_a_campaign_are_at_their_run(campaign, page_of):

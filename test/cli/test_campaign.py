@@ -1,15 +1,9 @@
-"""`rpud test CAMPAIGN.yaml`: in parallel, resumable, the same every time, and nothing stays."""
+"""`rpud test CAMPAIGN.yaml`: exit codes, pytest's options, wrong calls."""
 
-import json
-import os
-import signal
-import subprocess
-import uuid
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
-from support import PATIENCE, Process, until
+from support import rpud
 
 SUPERVISORS = Path(__file__).resolve().parents[1] / "testing"
 CAMPAIGN = f"""\
@@ -19,19 +13,20 @@ system:
   answers: [supervisor/heartbeat]
   hears: [reacting_force]
   answer_timeout: 60.0
-duration: 0.6
+duration: 0.3
 scenarios:
-  nominal: {{}}
-  jammed: {{faults: [{{kind: free_mass_jammed, onset: 0.3}}]}}
+  calm: {{}}
+  jammed: {{faults: [{{kind: free_mass_jammed, onset: 0.1}}]}}
 expectations:
   - name: force
     requirement: SAFE-1
     expect: {{always: reacting_force.force < 500 N}}
-  - name: never jammed
+  - name: after a jam
     requirement: SAFE-2
-    expect: {{always: {{not: {{fault: free_mass_jammed}}}}}}
+    expect:
+      after: {{onset: free_mass_jammed}}
+      expect: {{eventually: reacting_force.force >= 0 N}}
 """
-MARK = "RPUD_TEST_CAMPAIGN"
 
 
 @pytest.fixture
@@ -41,76 +36,54 @@ def campaign(tmp_path):
     return file
 
 
-def rpud_test(*words):
-    return subprocess.run(
-        ["rpud", "test", *map(str, words)], capture_output=True, text=True, timeout=PATIENCE
-    )
+def test_all_requirements_met_give_0_and_a_page_with_all_bags(campaign, tmp_path):
+    junit = tmp_path / "junit.xml"
+    result = rpud("test", campaign, "--out", tmp_path / "out", "--junit", junit, "-n", "2")
+    assert (result.returncode, result.stderr) == (0, "")
+    assert "requirements: 3 passed, 0 failed, 0 undecided" in result.stdout
+    assert "2 passed" in result.stdout.splitlines()[-1]
+    assert len(list((tmp_path / "out").glob("*/bag/metadata.yaml"))) == 2
+    assert len(list((tmp_path / "out").glob("*.html"))) == 1
+    assert junit.read_text().count("<testcase") == 2
 
 
-def marked(mark):
-    """Return the numbers of the processes that have a mark in their environment."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            if f"{MARK}={mark}".encode() in (folder / "environ").read_bytes():
-                found.append(int(folder.name))
-        except OSError:
-            continue
-    return found
-
-
-def test_an_interrupted_campaign_goes_on_and_gives_junit_json_and_a_page(campaign, tmp_path):
-    out, mark = tmp_path / "out", uuid.uuid4().hex
-    words = (campaign, "--out", out, "--repeat", "2")
-    first = ("rpud", "test", *words, "--workers", "1")
-    with Process(*first, env={**os.environ, MARK: mark}) as process:
-        until(lambda: list(out.glob("runs/*/result.json")) or not process.running)
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-        assert process.wait() == 130, process.output
-    until(lambda: not marked(mark))
-
-    result = rpud_test(*words, "--workers", 2, "--json")
-    assert result.returncode == 1, result.stderr
-    printed = json.loads(result.stdout)
-    assert printed["run"] == 3
-    assert printed["repeatable"]
-    outcomes = {each["requirement"]: each["outcome"] for each in printed["requirements"]}
-    assert outcomes == {"system under test": "passed", "SAFE-1": "passed", "SAFE-2": "failed"}
-    assert all((out / run["bag"] / "metadata.yaml").exists() for run in printed["runs"])
-    suites = ElementTree.parse(out / "junit.xml").getroot()
-    assert len(suites.findall("testsuite/testcase/failure")) == 2
-    assert json.loads((out / "results.json").read_text())["digest"] == printed["digest"]
-    assert "free_mass_jammed" in (out / "index.html").read_text()
-
-    again = rpud_test(*words, "--only", "nominal")
-    assert again.returncode == 0
-    assert "requirements: 3 passed, 0 failed, 0 undecided" in again.stdout
-    assert "2 runs: 0 flown, 2 kept" in again.stdout
-    assert "each run gave one result in 2 repetitions" in again.stdout
+def test_a_requirement_that_no_run_decides_gives_1_and_a_failed_one_3(campaign, tmp_path):
+    words = ("test", campaign, "--only", "calm", "--out", tmp_path / "out")
+    result = rpud(*words)
+    assert result.returncode == 1, result.stdout
+    assert "SAFE-2             undecided  undecided" in result.stdout
+    campaign.write_text(CAMPAIGN.replace("< 500 N", "< 0 N"))
+    result = rpud(*words)
+    assert result.returncode == 3, result.stdout
+    assert "[SAFE-1] force: failed" in result.stdout
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ((), "a campaign needs --out DIR"),
-        (("--out", "out", "--expect", "a.yaml"), "--expect is for bags"),
-        (("--out", "out", "--workers", "0"), "--workers = 0 is outside its range [1, 100]"),
-        (("--out", "out", "--only", "jamed"), "no run matches 'jamed'"),
+        (("--expect", "a.yaml"), "--expect is for bags"),
+        (("--json",), "--json is for bags"),
+        (("--only", "jamed"), "2 deselected"),
+        (("--lff",), "unrecognized arguments: --lff"),
     ],
 )
 def test_a_wrong_call_starts_nothing(campaign, tmp_path, words, message):
-    words = [tmp_path / word if word == "out" else word for word in words]
-    result = rpud_test(campaign, *words)
+    result = rpud("test", campaign, "--out", tmp_path / "out", *words)
     assert result.returncode == 2
-    assert message in result.stderr
-    assert len(result.stderr.splitlines()) == 1
+    assert message in result.stdout + result.stderr
     assert not (tmp_path / "out").exists()
 
 
 def test_a_mistake_in_the_file_starts_nothing(campaign, tmp_path):
     campaign.write_text(CAMPAIGN.replace("kind: free_mass_jammed", "kind: free_mass_jamed"))
-    result = rpud_test(campaign, "--out", tmp_path / "out")
-    assert result.returncode == 2
-    assert f"{campaign}:10: " in result.stderr
+    result = rpud("test", campaign, "--out", tmp_path / "out")
+    assert (result.returncode, result.stdout) == (2, "")
+    assert result.stderr.startswith(f"rpud test: {campaign}:10: ")
     assert "did you mean free_mass_jammed?" in result.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_options_of_pytest_are_for_campaigns_only(tmp_path):
+    result = rpud("test", tmp_path, "--expect", "a.yaml", "--lf")
+    assert (result.returncode, result.stdout) == (2, "")
+    assert result.stderr == "rpud test: unrecognized arguments: --lf\n"

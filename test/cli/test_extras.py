@@ -72,16 +72,13 @@ def test_a_report_needs_bokeh_alone(lacking, bag):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("command", ["sweep", "dataset", "sensitivity", "fit", "reproduce"])
+@pytest.mark.parametrize("command", ["sweep", "fit"])
 def test_a_study_names_the_extra_of_all_studies(lacking, command):
     files = {
         "sweep": "sweep.yaml",
-        "dataset": "dataset_example.yaml",
-        "sensitivity": "sensitivity.yaml",
         "fit": "fit_example.yaml",
     }
-    words = [str(CONFIG / files[command])] if command in files else []
-    done = lacking(EXTRAS, command, *words, "--out", "out")
+    done = lacking(EXTRAS, command, str(CONFIG / files[command]), "--out", "out")
     assert (done.returncode, done.stdout) == (1, "")
     (line,) = done.stderr.splitlines()
     missing = line.removeprefix(f"rpud {command}: needs ").partition(":")[0]

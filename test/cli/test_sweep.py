@@ -7,11 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from distributed import LocalCluster
 from support import rpud, until
-
-from rpud_sim.pages.words import number
-from rpud_sim.simulation.statistics import FIGURES
 
 FILES = ("manifest.json", "points.parquet", "simulations.parquet")
 SPECIFICATION = {
@@ -79,20 +75,6 @@ def test_one_object_says_what_was_made(made):
     assert (printed["run"], printed["kept"], printed["failures"]) == (64, 0, 0)
     assert printed["report"] == str(folder / "report.html")
     assert {path.name for path in folder.iterdir()} == {*FILES, "report.html"}
-
-
-def test_the_page_has_every_figure_and_every_point(made):
-    import pyarrow.parquet as pq
-
-    folder, _ = made
-    page = (folder / "report.html").read_text()
-    for name, unit in FIGURES.items():
-        assert f"{name} [{unit}]" in page if unit else name in page
-    points = pq.read_table(folder / "points.parquet").to_pylist()
-    table = page.partition("Means, and standard errors")[2]
-    for point in points:
-        assert f"<td>{point['weight_on_bit']:.6g}</td>" in table
-        assert f"<td>{number(point['contact_force_mean'])} ± " in table
 
 
 def test_any_point_can_be_simulated_again(made):
@@ -174,29 +156,6 @@ def test_ctrl_c_ends_a_sweep_and_its_workers_without_a_trace(spec, tmp_path, pro
     until(lambda: not any(map(alive, begun)))
 
 
-@pytest.fixture
-def cluster():
-    with LocalCluster(
-        n_workers=1, threads_per_worker=1, dashboard_address=None, protocol="tcp"
-    ) as made:
-        yield made
-
-
-@pytest.mark.extended
-def test_a_cluster_gives_the_same_bytes_even_if_it_loses_a_worker(
-    spec, made, tmp_path, process, cluster
-):
-    out = tmp_path / "out"
-    assert cluster.scheduler_address.startswith("tcp://")
-    sweep = process("rpud", "sweep", spec, "--out", out, "--scheduler", cluster.scheduler_address)
-    until(lambda: chunks(out))
-    os.kill(cluster.workers[0].pid, signal.SIGKILL)
-    assert len(chunks(out)) < CHUNKS
-    assert sweep.wait(90.0) == 0
-    assert same(out, made[0])
-
-
-@pytest.mark.extended
 def test_a_cluster_that_is_not_there_is_one_line(spec, tmp_path):
     done = rpud("sweep", spec, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:1")
     assert done.returncode == 1
@@ -225,10 +184,3 @@ def test_a_folder_that_cannot_be_made_is_one_line(spec, tmp_path):
     done = rpud("sweep", spec, "--out", tmp_path / "file" / "folder")
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == f"rpud sweep: {tmp_path}/file/folder: Not a directory\n"
-
-
-def test_the_example_in_the_configuration_is_one():
-    from rpud_sim.studies.sweep.specification import read_specification
-
-    example = read_specification(Path(__file__).parents[2] / "config" / "sweep.yaml")
-    assert example.simulations == 256

@@ -1,6 +1,5 @@
 """The bit cuts as Detournay and Defourny (1992) say."""
 
-import dataclasses
 import math
 
 import pytest
@@ -11,7 +10,7 @@ from rpud_sim.drilling.bit import NO_CUT, BitParameters, cut, radius_of
 from rpud_sim.drilling.strata import Layer, preset_layer
 from rpud_sim.foundation.quantities import ParameterError
 
-BIT = BitParameters(bit_greatest_cut=0.01)
+BIT = BitParameters()
 ROCK = preset_layer("sandstone")
 RADIUS = radius_of(2e-5)
 LAYERS = st.builds(
@@ -73,17 +72,6 @@ def test_below_the_contact_depth_it_is_linear_too_and_continuous():
     assert half.friction_torque == pytest.approx(0.5 * at.friction_torque)
     above = cut(BIT, ROCK, RADIUS, full * (1.0 + 1e-9), BIT.bit_wear_flat)
     assert above.depth == pytest.approx(at.depth, rel=1e-6)
-
-
-def test_at_the_greatest_cut_the_body_of_the_bit_bears_the_rest():
-    short = dataclasses.replace(BIT, bit_greatest_cut=1e-4)
-    one = cut(short, ROCK, RADIUS, 100.0, 0.0)
-    other = cut(short, ROCK, RADIUS, 120.0, 0.0)
-    assert one.depth == other.depth == 1e-4
-    assert one.cutting_torque == other.cutting_torque
-    assert other.friction_torque - one.friction_torque == pytest.approx(
-        0.5 * ROCK.friction * RADIUS * 20.0
-    )
 
 
 @given(LAYERS, WEIGHTS, WEIGHTS, FLATS, FLATS)

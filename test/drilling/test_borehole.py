@@ -1,4 +1,4 @@
-"""The borehole deepens by percussion and rotation, layer by layer, and wears and warms the bit."""
+"""The borehole deepens by percussion and rotation, layer by layer, and wears the bit."""
 
 import copy
 import dataclasses
@@ -46,9 +46,15 @@ class Drill:
             turned = NOT_TURNED
             if self.rotor:
                 resistance = self.borehole.resistance(weight, in_rock, faults)
-                turned = self.rotor.step(STEP, ratio, resistance, faults)
+                turned = self.rotor.step(STEP, ratio, resistance)
             self.borehole.step(STEP, percussion, turned, weight, mount, faults)
         return self.borehole.state
+
+
+def filling(state):
+    """Share of the default flutes that is full, with the tool at the bottom of the hole."""
+    room = BitParameters().flute_area * state.depth
+    return state.packed_cuttings / room if room else 0.0
 
 
 def test_by_percussion_alone_it_is_as_deep_as_by_the_rock_parameters():
@@ -90,7 +96,7 @@ def test_a_sharp_bit_recovers_the_least_specific_energy_of_teale():
 
 def test_deeper_cuts_of_a_blunt_bit_come_close_to_the_least_specific_energy():
     layer = dataclasses.replace(find_strata("sandstone").layers[0], abrasiveness=0.0)
-    blunt = dataclasses.replace(CLEAR, bit_wear_flat=2e-8, bit_greatest_cut=0.1)
+    blunt = dataclasses.replace(CLEAR, bit_wear_flat=2e-8)
     least = layer.specific_energy
     found = []
     for weight in (4.0, 8.0, 16.0, 30.0):
@@ -145,7 +151,6 @@ def test_layers_are_crossed_at_their_depths_also_within_one_step():
 def test_below_the_rock_nothing_resists():
     drill = Drill(THREE, rock=dataclasses.replace(ROCK, rock_energy_transfer=1.0))
     state = drill.run(1.0, energy=10.0)
-    assert state.broken_through
     assert (state.depth, drill.borehole.bottom, state.layer) == (2.5e-3, math.inf, "")
     assert drill.borehole.resistance(10.0, True, UNDISTURBED).cutting == 0.0
     assert drill.run(0.1, energy=10.0).depth == 2.5e-3
@@ -162,15 +167,10 @@ def test_without_rock_at_the_tool_there_is_no_resistance_and_no_progress():
 def test_too_much_weight_stalls_the_rotor_where_the_torques_say():
     bit = BitParameters(bit_wear_flat=0.0)
     radius = radius_of(ROCK.hole_area)
-    # A sharp bit takes the torque a W / (2 zeta); it starts below the breakaway torque.
+    # A sharp bit takes the torque a W / (2 zeta).
     limit = 2.0 * bit.bit_thrust_ratio * DRIVE.rotor_stall_torque / radius
-    start = limit / DRIVE.rotor_breakaway_ratio
-    for weight, stalls in ((0.99 * start, False), (1.01 * start, True)):
+    for weight, stalls in ((0.99 * limit, False), (1.01 * limit, True)):
         drill = Drill(bit=bit)
-        drill.run(0.05, weight=weight)
-        assert drill.rotor.state.stalled is stalls
-    drill = Drill(bit=bit)
-    for weight, stalls in ((0.9 * start, False), (0.99 * limit, False), (1.01 * limit, True)):
         drill.run(0.2, weight=weight)
         assert drill.rotor.state.stalled is stalls
 
@@ -181,7 +181,7 @@ def test_a_drill_that_rotates_keeps_its_flutes_clear_and_one_that_does_not_choke
         drill = Drill(bit=BitParameters(), rotates=rotates)
         drill.borehole._depth = drill.borehole._tip = 0.02  # below the start of the hole
         found[rotates] = drill.run(4.0, energy=0.7)
-    assert found[True].filling < 0.6 < found[False].filling
+    assert filling(found[True]) < 0.6 < filling(found[False])
     assert found[False].penetration_rate < 0.7 * found[True].penetration_rate
 
 
@@ -191,9 +191,9 @@ def test_choking_raises_the_torque_and_holds_up_the_progress_and_retracting_clea
     healthy = drill.run(3.0, energy=0.5)
     torque = drill.rotor.state.torque
     choked = drill.run(6.0, energy=0.5, faults=Disturbances(clearing=0.05))
-    assert drill.rotor.state.torque > 1.2 * torque
+    assert drill.rotor.state.torque > 1.05 * torque
     assert choked.penetration_rate < 0.8 * healthy.penetration_rate
-    assert choked.filling > healthy.filling
+    assert filling(choked) > filling(healthy)
     tip = drill.borehole.state.depth
     for position in np.linspace(tip, 0.0, 50):
         drill.run(STEP, mount=float(position) - 1e-9)
@@ -208,7 +208,7 @@ def test_the_state_includes_what_a_fault_adds_and_its_end_takes_it_away():
     assert healthy.bit_wear == 0.0
     state = drill.run(STEP, faults=Disturbances(clogged=0.9, worn_factor=10.0))
     assert state.bit_wear == pytest.approx(1.0)
-    assert state.filling > 0.9
+    assert filling(state) > 0.9
     assert state.packed_cuttings > 2.0 * healthy.packed_cuttings
     state = drill.run(STEP)
     assert state.bit_wear == 0.0
@@ -216,25 +216,15 @@ def test_the_state_includes_what_a_fault_adds_and_its_end_takes_it_away():
 
 
 def test_a_blunt_bit_wears_on_by_the_work_of_its_friction():
-    bit = BitParameters(flute_area=1.0, bit_wear_rate=1e-7)
+    # The diameter of its flat grows with the distance slid at a constant force: with the work.
+    bit = BitParameters(flute_area=1.0, bit_wear_rate=1e-3)
     drill = Drill(bit=bit)
     state = drill.run(2.0)
-    grown = 1e-7 * 2.0 * drill.rotor.state.work.friction
+    diameter = math.sqrt(4e-7 / math.pi) + 1e-3 * 2.0 * drill.rotor.state.work.friction
+    grown = math.pi / 4.0 * diameter**2 - 1e-7
     assert state.bit_wear == pytest.approx(grown / (1e-6 - 1e-7), rel=1e-9)
+    assert state.bit_wear > 0.1
     assert Drill(bit=bit).run(2.0, mount=-0.01).bit_wear == 0.0
-
-
-def test_bit_and_rock_warm_by_their_shares_of_the_absorbed_energy():
-    drill = Drill(rotates=False)
-    state = drill.run(20.0, energy=0.4)  # 100 W
-    for temperature, resistance, capacity in (
-        (state.bit_temperature, 10.0, 6.3),
-        (state.rock_temperature, 16.0, 850.0 * 2360.0 * 4e-6),
-    ):
-        expected = 10.0 * resistance * -math.expm1(-20.0 / (resistance * capacity))
-        assert temperature - 293.15 == pytest.approx(expected, rel=1e-3)
-    cooled = drill.run(20.0, mount=-0.01)
-    assert cooled.bit_temperature < state.bit_temperature
 
 
 def test_rate_and_specific_energy_are_those_of_the_last_second():
@@ -258,10 +248,8 @@ def test_rate_and_specific_energy_are_those_of_the_last_second():
         (Disturbances(progress=0.2), "slower"),
         (Disturbances(clogged=0.9), "slower"),
         (Disturbances(inclusion_strength=2e8), "slower"),
-        (Disturbances(torque_factor=3.0), "harder to turn"),
         (Disturbances(extra_torque=0.02), "harder to turn"),
-        (Disturbances(gravel_torque=0.04), "harder to turn"),
-        (Disturbances(protrusion=2e-4), "harder to turn"),
+        (Disturbances(screw_torque=0.02), "harder to turn"),
     ],
 )
 def test_each_disturbance_acts(faults, compare):
@@ -284,8 +272,8 @@ def test_rock_that_protrudes_into_the_flutes_screws_the_tool_in():
     for drill in (quiet, screwed):
         drill.run(0.5)
     quiet.run(1.0)
-    screwed.run(1.0, faults=Disturbances(protrusion=1e-4))
-    turns = [drill.rotor.state.turned for drill in (quiet, screwed)]
+    screwed.run(1.0, faults=Disturbances(screw_torque=0.02))
+    turns = [drill.rotor.state.rate for drill in (quiet, screwed)]
     rates = [drill.borehole.state.penetration_rate for drill in (quiet, screwed)]
     assert turns[1] < turns[0]
     assert rates[1] / turns[1] > 1.2 * rates[0] / turns[0]
@@ -295,8 +283,6 @@ def test_a_bit_walks_sideways_only_until_the_hole_guides_it():
     drill = Drill(bit=BitParameters())
     walking = drill.run(0.5, energy=0.15, faults=Disturbances(side_walk=1e-3))
     assert walking.side_offset == pytest.approx(0.5e-3)
-    straight = Drill(bit=BitParameters()).run(0.5, energy=0.15)
-    assert walking.depth < straight.depth
     drill.borehole._depth = drill.borehole._tip = radius_of(ROCK.hole_area)
     guided = drill.run(0.1, energy=0.15, faults=Disturbances(side_walk=1e-3))
     assert guided.side_offset == walking.side_offset
@@ -320,9 +306,8 @@ def test_harder_rock_is_never_faster_and_the_account_closes(weight, energy, name
     for drill in (soft, hard):
         state, work = drill.borehole.state, drill.rotor.state.work
         assert abs(work.residual) <= 1e-12 * max(work.drive, 1e-6)
-        assert 0.0 <= state.filling <= 1.0
+        assert 0.0 <= filling(state) <= 1.0 + 1e-12
         assert state.bit_wear >= 0.0
-        assert min(state.bit_temperature, state.rock_temperature) >= 293.15
 
 
 def test_a_copy_goes_on_alike_and_leaves_the_original_alone():
@@ -357,11 +342,11 @@ def test_it_drills_with_each_parameter_at_the_ends_of_its_range(group, name, end
     strata = Strata((Layer("one", **values[Layer]), Layer("two", 2e-5)), bottom=1e-2)
     borehole = Borehole(BitParameters(**values[BitParameters]), strata, ROCK)
     rotor = Rotor(dataclasses.replace(DRIVE, **values[RotationParameters]))
-    faults = Disturbances(protrusion=1e-4, gravel_torque=1e-3, torque_factor=2.0, clearing=0.0)
+    faults = Disturbances(screw_torque=1e-3, extra_torque=1e-3, clearing=0.0)
     for step in range(60):
         weight, acting = 30.0 * (step % 3), faults if step % 2 else UNDISTURBED
         resistance = borehole.resistance(weight, True, acting)
-        turned = rotor.step(STEP, 1.0 + step / 60, resistance, acting)
+        turned = rotor.step(STEP, 1.0 + step / 60, resistance)
         blow = Percussion(step % 2, 0.2 * (step % 2), 1.0, True)
         borehole.step(STEP, blow, turned, weight, None, acting)
         found = [
@@ -371,5 +356,5 @@ def test_it_drills_with_each_parameter_at_the_ends_of_its_range(group, name, end
         assert math.isfinite(rotor.state.rate)
         assert math.isfinite(rotor.state.angle)
         work = rotor.state.work
-        size = abs(work.drive) + work.resisted + work.kinetic + abs(work.slip)
-        assert abs(work.residual) <= 1e-9 * size
+        size = abs(work.drive) + work.resisted + work.kinetic
+        assert abs(work.residual) <= 1e-9 * size + 1e-17

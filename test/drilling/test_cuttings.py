@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpud_sim.drilling.bit import BitParameters
-from rpud_sim.drilling.cuttings import FULLEST, Cuttings
+from rpud_sim.drilling.cuttings import Cuttings
 
 BIT = BitParameters()
 DEPTH = 0.05  # m
@@ -82,14 +82,14 @@ def test_the_flutes_hold_no_more_than_their_volume():
     assert full.volume == pytest.approx(BIT.flute_area * DEPTH)
     assert full.filling(DEPTH) == 1.0
     assert full.clearance(DEPTH) == 0.0
-    assert full.torque(DEPTH) == pytest.approx(0.05 * DEPTH * FULLEST / (1.0 - FULLEST))
+    assert full.torque(DEPTH) == pytest.approx(0.05 * DEPTH)
 
 
-def test_up_to_the_choke_they_hold_nothing_up_and_half_full_flutes_resist_as_stated():
+def test_up_to_the_choke_they_hold_nothing_up_and_half_full_flutes_resist_by_half():
     half = collect(produced=0.5 * BIT.flute_area * DEPTH / 1.8, turned=0.0)
     assert half.filling(DEPTH) == pytest.approx(0.5)
     assert half.clearance(DEPTH) == pytest.approx(1.0)
-    assert half.torque(DEPTH) == pytest.approx(0.05 * DEPTH)
+    assert half.torque(DEPTH) == pytest.approx(0.5 * 0.05 * DEPTH)
     three_quarters = collect(produced=0.75 * BIT.flute_area * DEPTH / 1.8, turned=0.0)
     assert three_quarters.clearance(DEPTH) == pytest.approx(0.5)
 

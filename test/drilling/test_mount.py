@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rpud_sim.drilling.feed import Motion
+from rpud_sim.drilling.feed import Feed
 from rpud_sim.drilling.inputs import UNDISTURBED, Disturbances
 from rpud_sim.drilling.mount import Mount, MountParameters
 from rpud_sim.foundation.quantities import ParameterError
@@ -26,7 +26,7 @@ class Rig:
         return self.mount.state
 
     def go(self, steps, mode="rate", value=0.0, reaction=None, disturbances=UNDISTURBED):
-        self.mount.motion = Motion(mode, value)
+        self.mount.motion = Feed(mode, value)
         for _ in range(steps):
             force = self.state.weight_on_bit if reaction is None else reaction
             self.mount.step(DT, self.bottom, force, RATE, self.has_rock, disturbances)
@@ -146,6 +146,6 @@ def test_unusable_values_are_named(values, reason):
 def test_motions_beyond_the_limits_are_refused():
     limits = MountParameters(feed_model="arm")
     with pytest.raises(ParameterError, match=r"feed rate = 0.1 m/s is outside its range \[-0.005"):
-        limits.check(Motion("rate", 0.1))
+        limits.check(Feed("rate", 0.1))
     with pytest.raises(ParameterError, match=r"feed position = 0.5 m is outside its range \[-0.1"):
-        limits.check(Motion("position", 0.5))
+        limits.check(Feed("position", 0.5))

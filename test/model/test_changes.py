@@ -33,7 +33,6 @@ constants = st.fixed_dictionaries(
     {"regime": st.sampled_from(REGIMES)},
     optional={
         "contact_model": st.sampled_from(CONTACT_MODELS),
-        "strike_pair": st.booleans(),
         "gravity_on_drill": st.booleans(),
         "actuator_restitution": restitutions,
         "drill_tool_restitution": restitutions,

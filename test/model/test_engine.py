@@ -11,18 +11,14 @@ from hypothesis import strategies as st
 from invariants import check_trajectory
 from support import examples
 
-from rpud_sim.model.drill import STATE, derive
+from rpud_sim.model.drill import derive
 from rpud_sim.model.engine import Engine, EngineError
-from rpud_sim.model.motion import CONTACT_BOTH
 from rpud_sim.model.parameters import CONTACT_MODELS, preset
-from rpud_sim.model.resets import exchange_momentum
 from rpud_sim.model.segment import (
-    CONTACT_DRILL_TOOL,
     EVENT_ACTUATOR_IMPACT,
     EVENT_DRILL_TOOL_IMPACT,
     motion_at,
 )
-from rpud_sim.model.vibration import harmonic_vibration, turn_at
 
 REGIMES = ("free", "drilling")
 
@@ -42,7 +38,6 @@ extremes = st.fixed_dictionaries(
     {
         "regime": st.sampled_from(REGIMES),
         "contact_model": st.sampled_from(CONTACT_MODELS),
-        "strike_pair": st.booleans(),
         "gravity_on_drill": st.booleans(),
         "actuator_restitution": restitutions,
         "drill_tool_restitution": restitutions,
@@ -285,37 +280,6 @@ def test_gravity_on_the_drill_is_borne_by_both_springs():
     segments, _ = run(free, 6.0, drive=False)
     sag = (10.0 + 9.81 * (free.rpud_mass + free.free_mass)) / (2 * 2000.0)
     assert nodal_plane(segments[-1], 0.0) == pytest.approx(sag, rel=1e-3)
-
-
-def test_a_struck_pair_gets_one_blow_where_the_free_mass_alone_strikes_again():
-    """The actuator strikes during contacts in the rock where the weight on bit is great."""
-    new_strikes, squeezes = [], []
-    for pair in (False, True):
-        _, impacts = run(preset("drilling").replace(weight_on_bit=200.0, strike_pair=pair), 2.0)
-        ends = impacts["seconds"] + impacts["fraction"] + impacts["contact_duration"]
-        pauses = impacts["seconds"][1:] + impacts["fraction"][1:] - ends[:-1]
-        new_strikes.append(np.count_nonzero(pauses < 1e-9))
-        squeezes.append(np.count_nonzero(impacts["squeezed"]))
-    assert new_strikes[0] > 50
-    assert squeezes[0] > 50
-    assert new_strikes[1] == squeezes[1] == 0
-
-
-def test_the_blow_on_a_pair_keeps_momentum_and_returns_the_closing_velocity():
-    drill = derive(preset("drilling").replace(strike_pair=True, actuator_restitution=0.7))
-    state = np.zeros(1, STATE)[0]
-    state["contact"] = CONTACT_DRILL_TOOL
-    state["frequency"], state["amplitude"], state["phase"] = 16000.0, 35e-6, 0.0
-    state["v_fm"] = state["v_dt"] = -1.0
-    _, v_hv = harmonic_vibration(35e-6, 16000.0, 0.0)
-    collisions = exchange_momentum(drill, state, CONTACT_BOTH, turn_at(0.0))
-    pair = drill.free_mass + drill.tool_mass
-    assert not collisions.drill_tool_struck
-    assert state["v_fm"] == state["v_dt"]
-    gained = pair * (state["v_fm"] + 1.0)
-    assert gained == pytest.approx(-drill.rpud_mass * state["v_np"], rel=1e-12)
-    assert state["v_fm"] - (state["v_np"] + v_hv) == pytest.approx(0.7 * (v_hv + 1.0), rel=1e-12)
-    assert collisions.impulse == pytest.approx(drill.tool_mass * (state["v_dt"] + 1.0), rel=1e-12)
 
 
 def test_an_impact_is_squeezed_if_the_tip_pressed_meanwhile():

@@ -73,7 +73,7 @@ def test_unknown_names_are_refused():
 
 
 def test_every_number_has_a_quantity_and_nothing_changes_in_place():
-    others = {"contact_model", "gravity_on_drill", "regime", "strike_pair"}
+    others = {"contact_model", "gravity_on_drill", "regime"}
     assert set(NAMES) == {*QUANTITIES, *others}
     with pytest.raises(dataclasses.FrozenInstanceError):
         Parameters().gravity = 1.0

@@ -92,7 +92,6 @@ def resonant_drills(draw):
         weight_on_bit=draw(st.sampled_from([0.0, 1.0, 10.0, 50.0])),
         gravity=draw(st.sampled_from([0.0, 1.6, 9.81])),
         actuator_restitution=draw(st.sampled_from([0.0, 0.4, 1.0])),
-        strike_pair=draw(st.booleans()),
     )
     actuator = ActuatorParameters(
         actuator_model="resonance",

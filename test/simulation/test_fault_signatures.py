@@ -27,7 +27,7 @@ from rpud_sim.drilling.strata import preset_layer
 from rpud_sim.simulation.faults import Fault
 
 # Kinds of which the cause remains when the fault has ended.
-LEFT_BEHIND = ("bit_walk", "choking")
+LEFT_BEHIND = ("choking",)
 # Kinds of the feed: the force that they took comes back slowly.
 FED = ("feed_stall", "arm_slip")
 SIGNATURES = documented("signature of")
@@ -81,7 +81,7 @@ def test_no_two_faults_that_a_recovery_treats_differently_look_alike():
         if SIGNATURES[one] == SIGNATURES[other]
     ]
     groups = [
-        {"binding", "corkscrewing", "gravel_in_flutes"},
+        {"binding", "corkscrewing"},
         {"choking", "hard_inclusion", "worn_bit"},
         {"feed_stall", "arm_slip"},
     ]
@@ -91,7 +91,7 @@ def test_no_two_faults_that_a_recovery_treats_differently_look_alike():
 def test_what_tells_equal_rows_apart():
     """Torque over the first part of a fault, and the feed, as the page says."""
     torque = {}
-    for kind in ("binding", "gravel_in_flutes", "worn_bit"):
+    for kind in ("binding", "worn_bit"):
         simulation = started(PHASES[0])
         before = simulation.process.rotation.torque
         simulation.inject(Fault(kind))
@@ -99,9 +99,9 @@ def test_what_tells_equal_rows_apart():
         torque[kind] = [
             simulation.advance_to(int(time)).process.rotation.torque / before for time in times
         ]
-    spread = {kind: np.std(values[5:]) / np.mean(values[5:]) for kind, values in torque.items()}
-    assert spread["binding"] < 0.15  # after the rotor has slowed down
-    assert spread["gravel_in_flutes"] > 0.3
+    force = {kind: found()[kind]["weight on bit"] for kind in ("binding", "corkscrewing")}
+    assert force["binding"].change - force["binding"].error > 0.0
+    assert force["corkscrewing"].change + force["corkscrewing"].error < 0.0
     assert np.mean(torque["worn_bit"][:10]) < 0.9
     rates = {kind: runs(kind)[1].process.mount.rate for kind in FED}
     assert rates == pytest.approx({"feed_stall": 0.0, "arm_slip": FEED.value})
@@ -118,7 +118,9 @@ def test_the_end_of_a_fault_brings_the_torque_back(kind):
     radius = radius_of(DRILL.rock.hole_area)
     sharp = cut(bit, preset_layer("sandstone"), radius, after["weight on bit"], bit.bit_wear_flat)
     assert after["torque"] == pytest.approx(
-        sharp.cutting_torque + sharp.friction_torque, rel=0.1, abs=1e-5
+        sharp.cutting_torque + sharp.friction_torque,
+        rel=0.1,
+        abs=3e-5,  # the flutes have little in them at this depth
     )
     if kind in FED:
         mount = simulation.process.mount

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from rpud_msgs.msg import Feed as FeedMessage
 from support import examples
 
+from rpud_sim.drilling.feed import STOPPED
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.simulation import Fault, Feed, Simulation, WeightOnBit, to_configuration
 from rpud_sim.simulation.changes import Planned, read_commands
 from rpud_sim.simulation.checkpoints import Checkpoints
-from rpud_sim.simulation.commands import STOPPED
 from rpud_sim.simulation.configuration import to_settings
 from rpud_sim.simulation.control import Control
 from rpud_sim.simulation.energy_account import EnergyAccount

@@ -56,7 +56,7 @@ def run():
     parts = {"rotation": RotorState, "mount": MountState}
     for channel, kind in parts.items():
         names = [field.name for field in dataclasses.fields(kind) if field.name != "work"]
-        flags = {"stalled", "slipping", "in_contact"}
+        flags = {"stalled", "in_contact"}
         states = [
             ProcessState(
                 **{

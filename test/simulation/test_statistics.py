@@ -175,3 +175,16 @@ def test_a_drive_that_stops_ends_the_count():
     after = figures([simulation.advance_to(4 * SECOND)])
     assert before["drill_tool_impact_rate"] > 100.0
     assert after["drill_tool_impact_rate"] == after["actuator_impact_rate"] == 0.0
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_the_reacting_force_is_the_impulse_of_the_collisions(regime):
+    """What the tool receives in a long run, less the weight of the free mass, the RPUD gives."""
+    parameters = preset(regime)
+    block = Simulation(parameters).advance_to(60 * SECOND)
+    statistics = Statistics()
+    statistics.add(block)
+
+    received = float(block.impacts["impulse"].sum()) / 60.0
+    expected = received - parameters.free_mass * parameters.gravity
+    assert statistics.figures()["reacting_force_mean"] == pytest.approx(expected, rel=0.01)

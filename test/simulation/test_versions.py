@@ -6,7 +6,13 @@ from pathlib import Path
 import pytest
 
 import rpud_sim
-from rpud_sim.simulation.versions import engine_and_processor, source_digest, version_of
+from rpud_sim.simulation.versions import (
+    PHYSICS,
+    engine_and_processor,
+    mended_since,
+    source_digest,
+    version_of,
+)
 
 PACKAGE = Path(rpud_sim.__file__).parent
 
@@ -47,3 +53,11 @@ def test_the_versions_are_texts():
     assert all(isinstance(version, str) and version for version in versions.values())
     assert versions["sources"] == source_digest()
     assert version_of("no_such_package") == "unknown"
+
+
+def test_runs_that_have_lost_a_law_cannot_be_computed_again():
+    resonant = {"actuator_model": "resonance"}
+    assert "mended after version 0.1.0" in mended_since({"parameters": resonant})
+    assert "between versions 0.1.0 and 0.2.0" in mended_since({"physics": 2, "parameters": {}})
+    assert mended_since({"parameters": {}}) == ""
+    assert mended_since({"physics": PHYSICS, "parameters": resonant}) == ""

@@ -13,7 +13,7 @@ from rpud_sim.studies.cluster import run_on_cluster
 from rpud_sim.studies.processes import WorkerError
 from rpud_sim.studies.sweep.chunks import make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.specification import parse_specification
+from rpud_sim.studies.sweep.specification_file import parse_specification
 
 pytestmark = pytest.mark.extended
 

@@ -9,7 +9,7 @@ import pytest
 from rpud_sim.studies.processes import WorkerError, run_on_processes
 from rpud_sim.studies.sweep.chunks import Chunk, make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.specification import parse_specification
+from rpud_sim.studies.sweep.specification_file import parse_specification
 
 SPECIFICATION = parse_specification(
     {"design": "grid", "duration": 5.0, "swept": {"weight_on_bit": [5.0, 10.0, 15.0, 20.0, 25.0]}}

@@ -2,10 +2,9 @@
 
 import pytest
 
-from rpud_sim.studies.processes import WorkerError
 from rpud_sim.studies.sweep.chunks import make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.specification import parse_specification
+from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.workers import run_on_workers
 
 SPECIFICATION = parse_specification(
@@ -25,12 +24,3 @@ def test_kernels_are_compiled_once_before_local_processes_start(chunks):
     [(chunk, outcome)] = outcomes
     assert (chunk.number, outcome.failures) == (0, (None, None))
     assert calls == ["compiled"]
-
-
-def test_a_scheduler_is_used_instead_and_nothing_is_compiled_here(chunks):
-    calls = []
-    address = "tcp://127.0.0.1:1"
-    outcomes = run_on_workers(simulate, chunks, 1, address, lambda: calls.append("compiled"))
-    with pytest.raises(WorkerError, match=f"--scheduler {address}: cannot be reached"):
-        next(outcomes)
-    assert calls == []

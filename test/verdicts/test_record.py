@@ -156,6 +156,12 @@ def test_messages_that_come_twice_count_once():
     assert outcome(count(Message("contact_force"), "==", 3), record) == "passed"
 
 
+def test_a_topic_of_others_in_the_namespace_of_the_drill_keeps_its_absolute_name():
+    record = Record()
+    record.add("/rpud/supervisor/heartbeat", SECOND, {})
+    assert outcome(count(Message("/rpud/supervisor/heartbeat"), "==", 1), record) == "passed"
+
+
 def test_reports_of_one_stamp_are_ordered_by_their_counters():
     def report(accepted, weight):
         return {"commands_accepted": accepted, "weight_on_bit": weight}

@@ -13,13 +13,13 @@ import numpy as np
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.segment import IMPACT, join_records
+from rpud_sim.model.single_contact import single_contact
 from rpud_sim.simulation.block import Block
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.members import Figures, QuietRuns, runs_by_itself
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import FIGURES, Statistics
-from rpud_sim.studies.reproduction.single_contact import single_contact
 
 SAMPLE_RATE = 5000  # for the greatest displacements; these motions are slower than 100 Hz [Hz]
 

@@ -17,11 +17,11 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rpud_sim.foundation.whole_folder import whole_file
+from rpud_sim.foundation.whole_folder import whole_file, whole_folder
 from rpud_sim.simulation.versions import engine_versions, version_of
 from rpud_sim.studies.held_folder import held_folder
 from rpud_sim.studies.sweep.chunks import Chunk, Outcome, chunk_count, chunk_size
-from rpud_sim.studies.sweep.specification import Specification, SweepError
+from rpud_sim.studies.sweep.specification import SweepError, SweepSpecification
 from rpud_sim.studies.sweep.tables import PointTables, simulation_table
 
 SIMULATIONS = "simulations.parquet"
@@ -30,13 +30,13 @@ _CHUNKS = "chunks"
 _TOGETHER = 8  # chunks in one group of rows of a table: each group takes its time
 
 
-def make_manifest(specification: Specification) -> dict[str, Any]:
+def make_manifest(specification: SweepSpecification) -> dict[str, Any]:
     """Return the specification, versions and sizes of a sweep, with a digest; no host is in it."""
+    # What draws the design and writes the files.
+    writers = ("scipy", "pyarrow", *(("mcap", "zstandard") if specification.bags else ()))
     depends = {
-        # As JSON reads it back, since it is compared with a manifest from a file.
-        "specification": json.loads(json.dumps(specification.content())),
-        # The engine, and what draws the design and writes the files.
-        "versions": engine_versions() | {name: version_of(name) for name in ("scipy", "pyarrow")},
+        "specification": specification.content(),
+        "versions": engine_versions() | {name: version_of(name) for name in writers},
     }
     text = json.dumps(depends, sort_keys=True)
     return depends | {
@@ -50,7 +50,7 @@ def make_manifest(specification: Specification) -> dict[str, Any]:
 class SweepFolder:
     """Files of one sweep."""
 
-    def __init__(self, path: Path, specification: Specification) -> None:
+    def __init__(self, path: Path, specification: SweepSpecification) -> None:
         self.path = path
         self.manifest = make_manifest(specification)
         self._specification = specification
@@ -78,16 +78,28 @@ class SweepFolder:
         )
 
     def add(self, chunk: Chunk, outcome: Outcome) -> None:
-        """Write the file of a chunk.
+        """Write the bags of a chunk, then its file.
 
-        It is in Arrow's own format: Parquet would take most of the time that a sweep spends on a
-        chunk of a worker, and the file lasts no longer than the sweep.
+        The file is in Arrow's own format: Parquet would take most of the time that a sweep spends
+        on a chunk of a worker, and the file lasts no longer than the sweep.
         """
         table = simulation_table(chunk, outcome)
+        for files, name in zip(outcome.bags, self._bags(table), strict=True):
+            if name is not None:
+                self._write_bag(self.path / name, files)
         path = self._chunk_path(chunk.number)
         path.parent.mkdir(exist_ok=True)
         with whole_file(path) as unfinished, pa.ipc.new_file(unfinished, table.schema) as file:
             file.write_table(table)
+
+    def _write_bag(self, path: Path, files: Mapping[str, bytes]) -> None:
+        """Write a bag, in place of one that a killed call left without its chunk."""
+        for old in (path, path.with_name(f"{path.name}.part")):
+            shutil.rmtree(old, ignore_errors=True)
+        with whole_folder(path) as folder:
+            for name, content in files.items():
+                with whole_file(folder / name) as unfinished:
+                    unfinished.write_bytes(content)
 
     def complete_tables(self) -> None:
         """Write both tables from the chunks, a few at a time in their order, and remove them."""
@@ -125,13 +137,25 @@ class SweepFolder:
         return self.path / _CHUNKS / f"{number:08}.arrow"
 
     def _is_complete(self, number: int) -> bool:
-        """Whether a chunk's file has all rows: the machine may have lost power while writing it."""
+        """Whether a chunk's file has all rows, and its bags are there.
+
+        The machine may have lost power while writing them.
+        """
         size = chunk_size(self._specification)
         rows = min(size, self._specification.simulations - number * size)
         try:
-            return len(_rows(self._chunk_path(number))) == rows
+            table = _rows(self._chunk_path(number))
+            bags = [name for name in self._bags(table) if name is not None]
+            return len(table) == rows and all((self.path / name).is_dir() for name in bags)
         except (OSError, pa.ArrowInvalid):
             return False
+
+    def _bags(self, table: pa.Table) -> list[str | None]:
+        """Return the path of each simulation's bag in the folder; None without one."""
+        if not self._specification.bags:
+            return [None] * len(table)
+        names: list[str | None] = table["bag"].to_pylist()
+        return names
 
 
 def _rows(path: Path) -> pa.Table:

@@ -14,10 +14,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from scipy import stats
 
-from rpud_sim.model.parameters import QUANTITIES
+from rpud_sim.foundation.quantities import Quantity
 from rpud_sim.pages.plot import Axis, Layer, Plot, Points
-from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.sweep.specification import Range, Specification, Values
+from rpud_sim.simulation.configuration import PARAMETERS
+from rpud_sim.studies.sweep.indices import independent
+from rpud_sim.studies.sweep.specification import SWEEP_FIGURES, Range, SweepSpecification, Values
 from rpud_sim.studies.sweep.tables import error_name
 
 _MOST_CLASSES = 12
@@ -27,33 +28,32 @@ _MOST_PLOT_DOTS = 2000
 
 
 def point_plots(
-    specification: Specification, points: Mapping[str, np.ndarray]
+    specification: SweepSpecification, points: Mapping[str, np.ndarray]
 ) -> dict[str, tuple[Plot, ...]]:
-    """Return for each swept parameter the plots of all figures."""
-    plots = len(specification.swept) * len(FIGURES)
+    """Return for each axis the plots of all figures."""
+    points = independent(specification, points)
+    plots = len(specification.axes) * len(specification.figures)
     most = min(_MOST_PLOT_DOTS, _MOST_DOTS // plots)
     return {
         name: tuple(
-            _plot(specification, points, name, figure, unit, most)
-            for figure, unit in FIGURES.items()
+            _plot(specification, points, name, figure, most) for figure in specification.figures
         )
-        for name in specification.swept
+        for name in specification.axes
     }
 
 
 def _plot(
-    specification: Specification,
+    specification: SweepSpecification,
     points: Mapping[str, np.ndarray],
     name: str,
     figure: str,
-    figure_unit: str,
     most: int,
 ) -> Plot:
-    spread = specification.swept[name]
+    spread = specification.axes[name]
     places = _places(points[name], spread)
     choices = _is_choice(spread)
     layers: list[Layer] = []
-    if len(specification.swept) > 1 or _in_classes(specification, name):
+    if len(specification.axes) > 1 or _in_classes(specification, name):
         every = -(-len(places) // most)
         dots = places[::every], points[figure][::every]
         layers.append(Points("points", *dots, size=2.5, color="muted"))
@@ -63,11 +63,13 @@ def _plot(
         ends = mean - half, mean + half
         label = "mean with its 95 % interval"
         layers.append(Points(label, at, mean, *ends, color=0, joined=not choices))
-    unit = QUANTITIES[name].unit if name in QUANTITIES else ""
+    unit = unit_of(name)
     across = Axis(name, unit, log=isinstance(spread, Range) and spread.scale == "log")
     if choices:
         across = Axis(name, categories=tuple(str(value) for value in spread.levels()))
-    return Plot(figure, tuple(layers), _trend(found, across), Axis(unit=figure_unit), across, 200)
+    return Plot(
+        figure, tuple(layers), _trend(found, across), Axis(unit=SWEEP_FIGURES[figure]), across, 200
+    )
 
 
 def _trend(found: list[tuple[float, float, float]], across: Axis) -> str:
@@ -88,7 +90,13 @@ def _place(value: float, across: Axis) -> str:
 
 
 def _is_choice(spread: Range | Values) -> bool:
-    return isinstance(spread, Values) and isinstance(spread.values[0], str)
+    return isinstance(spread, Values) and isinstance(spread.values[0], str | bool)
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of an axis; empty without one."""
+    allowed = PARAMETERS[name].allowed if name in PARAMETERS else None
+    return allowed.unit if isinstance(allowed, Quantity) else ""
 
 
 def _places(values: np.ndarray, spread: Range | Values) -> np.ndarray:
@@ -100,13 +108,13 @@ def _places(values: np.ndarray, spread: Range | Values) -> np.ndarray:
 
 
 def marginal_means(
-    specification: Specification, points: Mapping[str, np.ndarray], name: str, figure: str
+    specification: SweepSpecification, points: Mapping[str, np.ndarray], name: str, figure: str
 ) -> Iterator[tuple[float, float, float]]:
     """Yield value, mean, and half its 95 % interval for each level or class of a parameter.
 
     The interval of a single point with a single member is NaN.
     """
-    spread = specification.swept[name]
+    spread = specification.axes[name]
     places = _places(points[name], spread)
     valid = ~np.isnan(points[figure])
     if _in_classes(specification, name):
@@ -129,6 +137,6 @@ def marginal_means(
         yield float(places[members].mean()), float(values.mean()), float(half)
 
 
-def _in_classes(specification: Specification, name: str) -> bool:
+def _in_classes(specification: SweepSpecification, name: str) -> bool:
     """Whether a parameter has a different value at every point."""
-    return specification.design != "grid" and isinstance(specification.swept[name], Range)
+    return specification.design != "grid" and isinstance(specification.axes[name], Range)

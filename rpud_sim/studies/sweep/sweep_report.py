@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from rpud_sim.model.parameters import QUANTITIES
 from rpud_sim.pages import figures  # noqa: F401 - where Bokeh is missing, it fails before a run
 from rpud_sim.pages.frame import render_page
 from rpud_sim.pages.words import number
-from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.sweep.point_plots import point_plots
-from rpud_sim.studies.sweep.specification import Range, Specification, Values
+from rpud_sim.studies.sweep.point_plots import point_plots, unit_of
+from rpud_sim.studies.sweep.specification import SWEEP_FIGURES, Range, SweepSpecification, Values
 from rpud_sim.studies.sweep.tables import error_name
 
 _MOST_ROWS = 200  # the table of points in Parquet has all
@@ -45,6 +44,16 @@ initial phases of their own. The tables are <code>points.parquet</code> and
 {% if fixed %}
 {{ table(("fixed", "value", "unit"), fixed, caption="Fixed parameters") }}
 {% endif %}
+{% if shares or missing %}
+<h2 id="shares">Shares of the variance</h2>
+<p>An input causes the share <em>alone</em> by itself; <em>in all</em> also counts what it causes
+together with others, and the noise of the chaotic motion. Brackets hold 95 % intervals.
+<code>indices.json</code> has all numbers.</p>
+{{ table(("figure", "input", "alone", "in all"), shares, false, "Sobol indices") }}
+{% for name, reason in missing %}
+<p class="warning">{{ name }} has no indices: {{ reason }}.</p>
+{% endfor %}
+{% endif %}
 {% for section in sections %}
 <h2 id="over-{{ section.name }}">Figures over {{ section.name }}</h2>
 {% if loop.first %}
@@ -64,9 +73,16 @@ spread of the points; a single point has the spread of its simulations. Dots are
 
 
 def sweep_page(
-    specification: Specification, points: Mapping[str, np.ndarray], failures: int
+    specification: SweepSpecification,
+    points: Mapping[str, np.ndarray],
+    failures: int,
+    indices: Mapping[str, Any] = MappingProxyType({}),
 ) -> str:
-    """Return the HTML page of a sweep."""
+    """Return the HTML page of a sweep.
+
+    Args:
+        indices: those of ``figure_indices``; none in other designs than Saltelli's.
+    """
     sections = [
         {"name": name, "plots": plots} for name, plots in point_plots(specification, points).items()
     ]
@@ -85,27 +101,50 @@ def sweep_page(
         ),
         failures=failures,
         swept=[
-            (name, _values(spread), _unit(name)) for name, spread in specification.swept.items()
+            (name, _values(spread), unit_of(name)) for name, spread in specification.axes.items()
         ],
-        fixed=[(name, _shown(value), _unit(name)) for name, value in specification.fixed.items()],
+        fixed=[(name, _shown(value), unit_of(name)) for name, value in specification.fixed.items()],
+        shares=list(_shares(indices)),
+        missing=[(name, item["missing"]) for name, item in indices.items() if "missing" in item],
         sections=sections,
         heading=(
             "point",
-            *(_headed(name, _unit(name)) for name in specification.swept),
+            *(_headed(name, unit_of(name)) for name in specification.axes),
             "members",
-            *(_headed(name, unit) for name, unit in FIGURES.items()),
+            *(_headed(name, SWEEP_FIGURES[name]) for name in specification.figures),
         ),
         rows=[_row(specification, points, i) for i in range(min(count, _MOST_ROWS))],
         hidden=max(count - _MOST_ROWS, 0),
     )
 
 
-def _row(specification: Specification, points: Mapping[str, np.ndarray], i: int) -> tuple[Any, ...]:
+def _shares(indices: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
+    """Yield the rows of the table of indices: for each figure the greatest share first."""
+    for name, item in indices.items():
+        if "missing" in item:
+            continue
+        for cause, share in sorted(item["inputs"].items(), key=lambda each: -each[1]["total"]):
+            first, total = (
+                _interval(share[key], share[f"{key}_interval"]) for key in ("first", "total")
+            )
+            yield name, cause, first, total
+        noise = _interval(item["noise_share"], item["noise_share_interval"])
+        yield name, "noise", "", noise
+
+
+def _interval(value: float, ends: Sequence[float]) -> str:
+    """Return a share with its interval."""
+    return f"{value:.2f} [{ends[0]:.2f}, {ends[1]:.2f}]"
+
+
+def _row(
+    specification: SweepSpecification, points: Mapping[str, np.ndarray], i: int
+) -> tuple[Any, ...]:
     return (
         points["point"][i],
-        *(_shown(points[name][i]) for name in specification.swept),
+        *(_shown(points[name][i]) for name in specification.axes),
         points["members"][i],
-        *(_mean(points[name][i], points[error_name(name)][i]) for name in FIGURES),
+        *(_mean(points[name][i], points[error_name(name)][i]) for name in specification.figures),
     )
 
 
@@ -124,11 +163,7 @@ def _values(spread: Range | Values) -> str:
 
 
 def _shown(value: Any) -> str:
-    return value if isinstance(value, str) else f"{value:.6g}"
-
-
-def _unit(name: str) -> str:
-    return QUANTITIES[name].unit if name in QUANTITIES else ""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _headed(name: str, unit: str) -> str:

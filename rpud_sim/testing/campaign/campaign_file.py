@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from rpud_sim.foundation.quantities import Flag, ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import Flag, ParameterError, Quantity, did_you_mean, shown
 from rpud_sim.foundation.yaml_files import read_yaml_text, yaml_lines
 from rpud_sim.simulation.configuration import PARAMETERS
 from rpud_sim.testing.campaign.entries import (
-    DURATION,
     Place,
     check_keys,
     find_file,
@@ -21,11 +21,10 @@ from rpud_sim.testing.campaign.entries import (
     one_line,
 )
 from rpud_sim.testing.campaign.specification import (
-    Campaign,
     CampaignError,
-    PlannedRun,
-    Scenario,
-    combinations,
+    CampaignRun,
+    CampaignScenario,
+    CampaignSpecification,
 )
 from rpud_sim.testing.campaign.system_entry import to_system
 from rpud_sim.testing.setup import DrillSetup, drill_setup
@@ -44,17 +43,15 @@ _KEYS = (
     "expectations",
 )
 _SCENARIO_KEYS = ("faults", "duration", "parameters")
-MOST_RUNS = 100_000
+_TIME = Quantity("s", "simulation time of a run", 0.0, 1e5, exclusive=True)
+_MOST_RUNS = 100_000
 
 
-def read_campaign(path: str | Path) -> Campaign:
-    """Return the campaign of a file.
-
-    Args:
-        path: of the file; relative paths in it are of its folder.
+def read_campaign(path: str | Path) -> CampaignSpecification:
+    """Return the campaign of a file; relative paths in it begin at its folder.
 
     Raises:
-        CampaignError: if anything in it cannot be used; one line with its name and line.
+        CampaignError: if anything in it cannot be used; one line with the file's name and line.
     """
     file = Path(path)
     try:
@@ -74,7 +71,7 @@ def read_campaign(path: str | Path) -> Campaign:
         raise CampaignError(f"{path}:{lines.get(place, 1)}: {error}", error.path) from None
 
 
-def _campaign(content: Any, file: Path) -> Campaign:
+def _campaign(content: Any, file: Path) -> CampaignSpecification:
     entries = mapping("the file", content, ())
     check_keys(entries, _KEYS, (), ("system", "duration", "scenarios", "expectations"))
     folder = file.parent.absolute()
@@ -82,7 +79,7 @@ def _campaign(content: Any, file: Path) -> Campaign:
     requirements = _requirements(entries.get("requirements", {}))
     system = to_system(entries["system"], folder)
     expectations = _expectations(entries["expectations"], folder, requirements)
-    return Campaign(name, requirements, system, _runs(entries, folder), expectations)
+    return CampaignSpecification(name, requirements, system, _runs(entries, folder), expectations)
 
 
 def _requirements(content: Any) -> dict[str, str]:
@@ -114,8 +111,8 @@ def _expectations(
     return found
 
 
-def _runs(entries: Mapping[Any, Any], folder: Path) -> tuple[PlannedRun, ...]:
-    duration = number("duration", entries["duration"], DURATION, ("duration",))
+def _runs(entries: Mapping[Any, Any], folder: Path) -> tuple[CampaignRun, ...]:
+    duration = number("duration", entries["duration"], _TIME, ("duration",))
     drill = _drill(entries.get("drill", {}), folder)
     seeds = _seeds(entries.get("seeds", [0]))
     scenarios = mapping("scenarios", entries["scenarios"], ("scenarios",))
@@ -125,34 +122,37 @@ def _runs(entries: Mapping[Any, Any], folder: Path) -> tuple[PlannedRun, ...]:
     for name, values in varied.items():
         for index, value in enumerate(values):  # each on its own, for the line in the file
             _setup({**drill, name: value}, folder, ("parameters", name, index))
-    count = len(scenarios) * len(combinations(varied)) * len(seeds)
-    if count > MOST_RUNS:
-        raise CampaignError(f"{count} runs are more than {MOST_RUNS}", ("scenarios",))
-    runs: list[PlannedRun] = []
+    points = [
+        dict(zip(varied, values, strict=True)) for values in itertools.product(*varied.values())
+    ]
+    count = len(scenarios) * len(points) * len(seeds)
+    if count > _MOST_RUNS:
+        raise CampaignError(f"{count} runs are more than {_MOST_RUNS}", ("scenarios",))
+    runs: list[CampaignRun] = []
     for name, content in scenarios.items():
         place: Place = ("scenarios", str(name))
         entry = mapping(f"scenario {name}", content or {}, place)
         check_keys(entry, _SCENARIO_KEYS, place)
-        own = _own(entry, drill, varied, place)
-        length = number("duration", entry.get("duration", duration), DURATION, (*place, "duration"))
-        scenario: Scenario | None = None
-        for point in combinations(varied):
+        own = _own(entry.get("parameters", {}), varied, (*place, "parameters"))
+        length = number("duration", entry.get("duration", duration), _TIME, (*place, "duration"))
+        scenario: CampaignScenario | None = None
+        for point in points:
             for seed in seeds:
                 options = {**drill, **own, **point, "seed": seed}
                 if "faults" in entry:
                     options["faults"] = _faults(entry["faults"], folder, (*place, "faults"))
                 setup = _setup(options, folder, place)
-                scenario = scenario or Scenario(
+                scenario = scenario or CampaignScenario(
                     one_line("scenario", str(name), place), _phrases(setup), length
                 )
-                runs.append(PlannedRun(len(runs) + 1, scenario, point, setup))
+                runs.append(CampaignRun(scenario, point, setup))
     return tuple(runs)
 
 
 def _drill(content: Any, folder: Path) -> dict[str, Any]:
     place: Place = ("drill",)
     entries = mapping("drill", content, place)
-    options = {str(name): to_value(str(name), value) for name, value in entries.items()}
+    options = {str(name): _to_value(str(name), value) for name, value in entries.items()}
     for name, hint in (("seed", "give seeds"), ("faults", "give them to a scenario")):
         if name in options:
             raise CampaignError(f"{name} cannot be set here: {hint}", (*place, name))
@@ -165,34 +165,34 @@ def _drill(content: Any, folder: Path) -> dict[str, Any]:
     return options
 
 
-def _own(
-    entry: Mapping[Any, Any], drill: Mapping[str, Any], varied: Mapping[str, Any], place: Place
-) -> dict[str, Any]:
-    inner = (*place, "parameters")
-    values = mapping("parameters", entry.get("parameters", {}), inner)
+def _parameters(content: Any, place: Place) -> dict[str, Any]:
+    values = mapping("parameters", content, place)
     for name in values:
-        if name in varied:
-            raise CampaignError(f"{shown(name)} is varied by the campaign", (*inner, str(name)))
         if name not in PARAMETERS:
             hint = did_you_mean(name, PARAMETERS)
-            raise CampaignError(f"{shown(name)} is no parameter; {hint}", (*inner, str(name)))
-    return {str(name): to_value(str(name), value) for name, value in values.items()}
+            raise CampaignError(f"{shown(name)} is no parameter; {hint}", (*place, str(name)))
+    return dict(values)
+
+
+def _own(content: Any, varied: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    values = _parameters(content, place)
+    for name in values:
+        if name in varied:
+            raise CampaignError(f"{shown(name)} is varied by the campaign", (*place, name))
+    return {name: _to_value(name, value) for name, value in values.items()}
 
 
 def _varied(content: Any) -> dict[str, list[Any]]:
-    place: Place = ("parameters",)
     found: dict[str, list[Any]] = {}
-    for name, values in mapping("parameters", content, place).items():
-        inner = (*place, str(name))
-        if name not in PARAMETERS:
-            raise CampaignError(
-                f"{shown(name)} is no parameter; {did_you_mean(name, PARAMETERS)}", inner
-            )
+    for name, values in _parameters(content, ("parameters",)).items():
+        place = ("parameters", name)
         if not isinstance(values, list) or not values:
-            raise CampaignError(f"{name} = {shown(values)} is no list of values", inner)
-        found[str(name)] = [to_value(str(name), value) for value in values]
-        if len({repr(value) for value in found[str(name)]}) < len(values):
-            raise CampaignError(f"{name} has a value twice", inner)
+            raise CampaignError(
+                f"{name} = {shown(values)} is no list of values", ("parameters", name)
+            )
+        found[name] = [_to_value(name, value) for value in values]
+        if len({repr(value) for value in found[name]}) < len(values):
+            raise CampaignError(f"{name} has a value twice", place)
     return found
 
 
@@ -235,7 +235,7 @@ def _phrases(setup: DrillSetup) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def to_value(name: str, value: Any) -> Any:
+def _to_value(name: str, value: Any) -> Any:
     """Return the value of a parameter: the file is read without truth values."""
     declaration = PARAMETERS.get(name)
     if declaration and isinstance(declaration.allowed, Flag) and value in ("true", "false"):

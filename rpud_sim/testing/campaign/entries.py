@@ -11,15 +11,9 @@ from rpud_sim.testing.campaign.specification import CampaignError
 
 Place = tuple[str | int, ...]
 
-DURATION = Quantity("s", "simulation time of a run", 0.0, 1e5, exclusive=True)
-
 
 def mapping(name: str, value: Any, place: Place) -> Mapping[Any, Any]:
-    """Return a mapping.
-
-    Raises:
-        CampaignError: if it is none.
-    """
+    """Return a mapping."""
     if not isinstance(value, Mapping):
         raise CampaignError(f"{name} = {shown(value)} is no mapping", place)
     return value
@@ -28,11 +22,7 @@ def mapping(name: str, value: Any, place: Place) -> Mapping[Any, Any]:
 def check_keys(
     entries: Mapping[Any, Any], known: Sequence[str], place: Place, needed: Sequence[str] = ()
 ) -> None:
-    """Check that a mapping has known keys alone, and all that are needed.
-
-    Raises:
-        CampaignError: if not.
-    """
+    """Check that all keys of a mapping are known, and that none is missing."""
     for key in entries:
         if key not in known:
             raise CampaignError(f"{shown(key)}: {did_you_mean(key, known)}", (*place, str(key)))
@@ -42,11 +32,7 @@ def check_keys(
 
 
 def number(name: str, value: Any, quantity: Quantity, place: Place) -> float:
-    """Return a number.
-
-    Raises:
-        CampaignError: if it is outside its range.
-    """
+    """Return a number within its range."""
     try:
         return float(quantity.check(name, value))
     except ParameterError as error:
@@ -54,33 +40,21 @@ def number(name: str, value: Any, quantity: Quantity, place: Place) -> float:
 
 
 def one_line(name: str, value: Any, place: Place) -> str:
-    """Return a text of one line.
-
-    Raises:
-        CampaignError: if it is none.
-    """
+    """Return a text of one line."""
     if not (isinstance(value, str) and value.strip() and value.isprintable()):
         raise CampaignError(f"{name} = {shown(value)} is not a text of one line", place)
     return value
 
 
 def texts(name: str, value: Any, place: Place) -> tuple[str, ...]:
-    """Return a list of texts of one line each.
-
-    Raises:
-        CampaignError: if it is none.
-    """
+    """Return a list of texts of one line each."""
     if not isinstance(value, list):
         raise CampaignError(f"{name} = {shown(value)} is no list", place)
     return tuple(one_line(name, each, (*place, index)) for index, each in enumerate(value))
 
 
 def find_file(given: Any, folder: Path, name: str, place: Place) -> Path:
-    """Return the path of a file, relative to a folder.
-
-    Raises:
-        CampaignError: if there is none.
-    """
+    """Return the path of a file, which is given relative to a folder."""
     path = folder / one_line(name, given, place)
     if path.is_file():
         return path.resolve()

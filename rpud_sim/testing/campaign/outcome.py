@@ -1,99 +1,141 @@
-"""Outcome of a run: how it ended, and the verdicts on it."""
+"""Outcome of a run of a campaign, and the flight that gives it."""
 
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import json
-from collections.abc import Mapping
-from typing import Any
+import math
+import time
+from collections.abc import Sequence
 
-from rpud_sim.verdicts import Verdict
+from rpud_sim.testing.campaign.specification import CampaignRun, CampaignSystem
+from rpud_sim.testing.drill import Drill
+from rpud_sim.testing.errors import DrillError, ExpectationFailedError, SystemUnderTestError
+from rpud_sim.testing.expectations import verdict_line
+from rpud_sim.verdicts import Expectation, Verdict
 from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
 
-COMPLETED = "completed"
-BROKEN = "broken"
-ENDINGS: Mapping[str, str] = {
+COMPLETED, BROKEN = "completed", "broken"
+ENDINGS = {
     COMPLETED: "the system under test has answered every step",
     "died": "the system under test ended by itself",
     "silent": "the system under test does not answer",
     "late": "the system under test answers too late",
-    BROKEN: "the drill or the middleware failed: the run says nothing about the system under test",
+    BROKEN: "drill or middleware failed: the run says nothing about the system under test",
 }
 SYSTEM = "system under test"
-"""Name of the verdict that every run has: whether the system under test has answered to the end."""
-
-_LAST_LINES = 20
+"""Name of the verdict of every run on whether the system under test has answered to the end."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Outcome:
-    """What a run came to."""
+class RunOutcome:
+    """Ending of a run, and the verdicts on it."""
 
-    of: str  # digest of what was run
     ending: str  # one of ``ENDINGS``
     reached: float  # simulation time at its end [s]
     text: str  # why it ended early, with the last lines of output; empty if it is completed
     verdicts: tuple[Verdict, ...]  # on the system under test, and on each expectation
-    record: str  # digest of what was published and commanded
-    wall_time: float  # that it took [s]
-    bag: str  # path of its bag in its folder; empty for none
-    # reasons of earlier flights, in which the drill or the middleware failed
-    broken: tuple[str, ...] = ()
 
     @property
-    def digest(self) -> str:
-        """Digest of all results; no wall time and no output of a program is in it."""
-        content = [
-            self.ending,
-            self.reached,
-            self.record,
-            [_plain(verdict) for verdict in self.verdicts],
+    def failures(self) -> list[str]:
+        """Reason of each failed verdict."""
+        return [
+            self.text if verdict.name == SYSTEM else verdict_line(verdict)
+            for verdict in self.verdicts
+            if verdict.outcome == FAILED
         ]
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content for JSON."""
-        return {
-            **dataclasses.asdict(self),
-            "verdicts": [verdict.to_dict() for verdict in self.verdicts],
-            "digest": self.digest,
-        }
+    def to_json(self) -> str:
+        """Return the text from which ``outcome_from_json`` makes the outcome again."""
+        return json.dumps(dataclasses.asdict(self))
 
 
-def outcome_from_dict(content: Mapping[str, Any]) -> Outcome:
-    """Return the outcome that ``to_dict`` gave.
-
-    Raises:
-        KeyError: if it is of another version.
-        TypeError: likewise.
-    """
-    names = [field.name for field in dataclasses.fields(Verdict)]
-    verdicts = tuple(
-        Verdict(**{name: each[name] for name in names}) for each in content["verdicts"]
-    )
-    own = {field.name for field in dataclasses.fields(Outcome)} - {"verdicts", "broken"}
-    fields = {name: content[name] for name in own}
-    return Outcome(**fields, verdicts=verdicts, broken=tuple(content["broken"]))
+def outcome_from_json(text: str) -> RunOutcome:
+    """Return the outcome that ``to_json`` has written."""
+    content = json.loads(text)
+    verdicts = tuple(Verdict(**each) for each in content.pop("verdicts"))
+    return RunOutcome(**content, verdicts=verdicts)
 
 
-def system_verdict(ending: str, reached: float, text: str) -> Verdict:
-    """Return the verdict on the system under test itself."""
+def outcome_of(
+    ending: str, reached: float, text: str, verdicts: Sequence[Verdict] = ()
+) -> RunOutcome:
+    """Return an outcome with the verdict on the system under test itself."""
     outcome = {COMPLETED: PASSED, BROKEN: UNDECIDED}.get(ending, FAILED)
     reason = text.partition("\n")[0] or ENDINGS[ending]
-    return Verdict(SYSTEM, "", outcome, None, "", reached, None, reason)
+    system = Verdict(SYSTEM, "", outcome, None, "", reached, None, reason)
+    return RunOutcome(ending, reached, text, (system, *verdicts))
 
 
-def last_lines(text: str) -> str:
-    """Return the beginning and the last lines of a long text."""
-    lines = text.splitlines()
-    if len(lines) <= _LAST_LINES:
-        return text
-    return "\n".join([lines[0], "    ...", *lines[-_LAST_LINES:]])
+def fly(
+    drill: Drill, run: CampaignRun, system: CampaignSystem, expectations: Sequence[Expectation]
+) -> RunOutcome:
+    """Step the drill through a run beside the system under test, and judge what was published.
+
+    Raises:
+        DrillError: if the drill fails.
+        LostMessagesError: if the middleware fails.
+    """
+    ending, text = _step_through(drill, run, system, expectations)
+    if ending == COMPLETED:
+        return outcome_of(ending, drill.time, text, _judge(drill, expectations))
+    if not drill.alive:
+        raise DrillError(f"the drill has ended; its last lines:\n{drill.output}")
+    # Without all their topics, nothing was published on which expectations could be judged.
+    listening = not _missing_topics(drill, expectations)
+    verdicts = _judge(drill, expectations) if listening else ()
+    reached = drill.time
+    return outcome_of(ending, reached, text, [_cut_short(each, reached) for each in verdicts])
 
 
-def _plain(verdict: Verdict) -> dict[str, Any]:
-    content = verdict.to_dict()
-    if verdict.name == SYSTEM:
-        del content["text"]  # it may have the number of a process
-    return content
+def _step_through(
+    drill: Drill, run: CampaignRun, system: CampaignSystem, expectations: Sequence[Expectation]
+) -> tuple[str, str]:
+    """Return the ending, and the reason if the run ended early."""
+    deadline = time.monotonic() + system.run_timeout
+    drill.with_answers(*system.answers, period=system.period, timeout=system.answer_timeout)
+    try:
+        drill.start(
+            *system.command,
+            name=system.name,
+            hears=system.hears,
+            ready=system.ready or None,
+            timeout=system.start_timeout,
+        )
+        for topic in _missing_topics(drill, expectations):
+            drill.listen(topic)
+        duration = run.scenario.duration
+        for number in range(1, math.ceil(duration / system.period - 1e-9) + 1):
+            if time.monotonic() > deadline:
+                return "late", (
+                    f"the run has reached {drill.time:.3f} s of simulation time after "
+                    f"{system.run_timeout:g} s"
+                )
+            drill.step(min(number * system.period, duration) - drill.time)
+    except SystemUnderTestError as error:
+        return error.kind, str(error)
+    except OSError as error:
+        return "died", f"{system.command[0]} cannot be started: {error.strerror}"
+    return COMPLETED, ""
+
+
+def _missing_topics(drill: Drill, expectations: Sequence[Expectation]) -> list[str]:
+    """Return the topics of expectations that are not listened to yet."""
+    heard = [name.removeprefix(f"{drill.namespace}/") for name in drill.heard]
+    topics = {topic for expectation in expectations for topic in expectation.topics}
+    return sorted(topics - {*heard, *drill.heard})
+
+
+def _judge(drill: Drill, expectations: Sequence[Expectation]) -> tuple[Verdict, ...]:
+    try:
+        return drill.expect(*expectations)
+    except ExpectationFailedError as error:
+        return error.verdicts
+
+
+def _cut_short(verdict: Verdict, reached: float) -> Verdict:
+    """Return the verdict on a run that ended early: what has held until then proves nothing."""
+    if not verdict.passed:
+        return verdict
+    text = f"the run ended early, at {reached:.9g} s; until then: {verdict.text}"
+    return dataclasses.replace(verdict, outcome=UNDECIDED, margin=None, unit="", text=text)

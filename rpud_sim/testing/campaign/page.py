@@ -1,20 +1,19 @@
-"""Page of a campaign: the matrix of requirements by scenarios and their faults, and all runs.
-
-Over the runs it plots margins, times to react and durations.
-"""
+"""Page of a campaign: the matrix of requirements by scenarios and their faults, and all runs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 from urllib.parse import quote
 
+import numpy as np
+
 from rpud_sim.pages import figures  # noqa: F401 - where Bokeh is missing, it fails before a run
 from rpud_sim.pages.frame import render_page
+from rpud_sim.pages.plot import Axis, Layer, Plot, Points, Rule
 from rpud_sim.testing.campaign.outcome import COMPLETED, ENDINGS, SYSTEM
-from rpud_sim.testing.campaign.results import Cell, FlownRun, Requirement, Results
-from rpud_sim.testing.campaign.run_plots import duration_plots, margin_plots, reaction_plots
-from rpud_sim.testing.campaign.system_entry import program_words
-from rpud_sim.verdicts.verdict import FAILED, UNDECIDED
+from rpud_sim.testing.campaign.results import CampaignResults, FlownRun, MatrixCell, Requirement
+from rpud_sim.verdicts.verdict import FAILED, OUTCOMES, PASSED, UNDECIDED
 
 _BODY = """
 <style>
@@ -25,16 +24,20 @@ _BODY = """
  .matrix th, .matrix td { min-width: 8em; }
  pre { background: var(--panel); padding: .6em; overflow-x: auto; }
 </style>
-<p>{{ account }}</p>
+{%- macro links(run) %}
+{% if run.report %}<a href="{{ run.report }}">report</a> {% endif %}
+{% if run.bag %}<a href="{{ run.bag }}">bag</a>{% endif %}
+{%- endmacro %}
+<p>System under test: {{ system }}</p>
 <div class="tiles">
 {% for name, value in tiles %}
 <div class="tile"><b>{{ value }}</b>{{ name }}</div>
 {% endfor %}
 </div>
 <h2>Requirements by faults</h2>
-<p>Each field has the number of verdicts, the least margin, the longest time to react, and the bag
-of the run with the worst verdict. A verdict is undecided where a run does not decide it: the fault
-of which it speaks does not occur, or the run ends before.</p>
+<p>Each field has the number of verdicts, the least margin, the longest time to react, and the run
+with the worst verdict. A verdict is undecided if the fault of which it speaks does not occur, or
+if the run ends before.</p>
 <div class="wide" tabindex="0" role="region" aria-label="Requirements by faults">
 <table class="matrix"><caption>Requirements by scenarios and their faults</caption>
 <thead><tr><th scope="col">requirement</th>
@@ -50,103 +53,79 @@ of which it speaks does not occur, or the run ends before.</p>
 {% for line in cell.lines %}
 <br>{{ line }}
 {% endfor %}
-{% if cell.bag %}
-<br><a href="{{ cell.bag }}">bag</a>
-{% endif %}
+<br>{{ links(cell) }}
 </td>
 {% else %}
-<td class="undecided"><b>no expectation</b></td>
+<td class="undecided"><b>no verdict</b></td>
 {% endif %}
 {% endfor %}
 </tr>
 {% endfor %}
 </tbody></table></div>
-{% if failed %}
-<h2>Runs that failed</h2>
-{{ table(("run", "scenario", "parameters", "seed", "failed"), failed, false, "Runs that failed") }}
-{{ table(("seed", "runs", "failed", "in the scenarios"), seeds, false, "Failures by seed") }}
-{% endif %}
 {% if failures %}
 <h2>What failed</h2>
 {% for failure in failures %}
-<h3>{{ failure.title }}</h3>
-<p>{{ failure.run }}{% if failure.bag %}, <a href="{{ failure.bag }}">bag</a>{% endif %}</p>
-<pre tabindex="0" role="region" aria-label="Reason">{% for line in failure.lines %}{{ line }}
+<h3>{{ failure.name }}</h3>
+<p>{{ links(failure) }}</p>
+<pre tabindex="0" role="region" aria-label="Reasons">{% for line in failure.lines %}{{ line }}
 {% endfor %}</pre>
 {% endfor %}
 {% endif %}
-<h2>Margins</h2>
-{% if margins %}
+{% if plots %}
+<h2>Margins and reaction times</h2>
 <p>A margin says by how much an expectation holds; below zero it failed. The runs have the numbers
 of the table below.</p>
-{{ grid("margins", margins, 20) }}
-{% else %}
-<p class="none">No verdict has a margin.</p>
+{{ grid("plots", plots, 20) }}
 {% endif %}
-{% if reactions %}
-<h2>Times to react</h2>
-{{ grid("reactions", reactions, 20) }}
-{% endif %}
-<h2>Durations</h2>
-{{ grid("durations", durations, 20) }}
 <h2>Runs</h2>
 <div class="wide" tabindex="0" role="region" aria-label="Runs"><table>
 <caption>All runs</caption>
 <thead><tr>
 {% for name in ("number", "run", "ending", "simulated [s]", "real [s]", "passed", "failed",
- "undecided", "bag", "digest") %}
+ "undecided", "artefacts") %}
 <th scope="col">{{ name }}</th>
 {% endfor %}
 </tr></thead><tbody>
 {% for run in runs %}
-<tr class="{{ run.outcome }}"><td>{{ run.number }}</td><td>{{ run.name }}</td>
-<td>{{ run.ending }}</td>
-<td>{{ run.reached }}</td><td>{{ run.wall_time }}</td>
-{% for count in run.counts %}
-<td>{{ count }}</td>
-{% endfor %}
-<td>{% if run.bag %}<a href="{{ run.bag }}">bag</a>{% endif %}</td><td>{{ run.digest }}</td></tr>
+<tr class="{{ run.outcome }}">{% for cell in run.cells %}<td>{{ cell }}</td>{% endfor %}
+<td>{{ links(run) }}</td></tr>
 {% endfor %}
 </tbody></table></div>
 """
 _MOST_FAILURES = 100  # in full: the table of runs has all
+_MARKERS = {PASSED: ("circle", "series2"), FAILED: ("x", "fault")}
 
 
-def campaign_page(results: Results) -> str:
-    """Return the HTML page of a campaign; its links are relative to the campaign's folder."""
-    campaign = results.campaign
-    scenarios = campaign.scenarios
-    failures = [
-        _failure(flown, verdict)
-        for flown in results.runs
-        for verdict in flown.outcome.verdicts
-        if verdict.outcome == FAILED
-    ]
+def campaign_page(results: CampaignResults) -> str:
+    """Return the HTML page of a campaign."""
+    failed = [flown for flown in results.runs if flown.outcome.failures]
     return render_page(
         _BODY,
-        campaign.name,
-        account=f"System under test: {program_words(campaign.system.command)}",
+        results.campaign.name,
+        system=results.campaign.system.command_line,
         tiles=[
             *((f"requirements {name}", count) for name, count in results.counts.items()),
             ("runs", len(results.runs)),
-            ("digest of the results", results.digest[:16]),
         ],
-        scenarios=[(each.name, ", ".join(each.faults) or "no fault") for each in scenarios],
+        scenarios=[(each.name, ", ".join(each.faults) or "no fault") for each in results.scenarios],
         rows=[
             {
                 "identifier": each.identifier,
                 "text": _text(each),
                 "outcome": each.outcome,
-                "cells": [_cell(each.cells.get(scenario.name)) for scenario in scenarios],
+                "cells": [_cell(each.cells.get(scenario.name)) for scenario in results.scenarios],
             }
             for each in results.requirements
         ],
-        failed=_failed_runs(results),
-        seeds=_seeds(results),
-        failures=failures[:_MOST_FAILURES],
-        margins=margin_plots(results),
-        reactions=reaction_plots(results),
-        durations=duration_plots(results),
+        failures=[
+            {
+                "name": flown.run.name,
+                "lines": [line for text in flown.outcome.failures for line in text.splitlines()],
+                **_links(flown),
+            }
+            for flown in failed[:_MOST_FAILURES]
+        ],
+        plots=_plots(results, "margin", min) + _plots(results, "reaction_time", max),
         runs=[_run(number, flown) for number, flown in enumerate(results.runs, 1)],
     )
 
@@ -157,7 +136,11 @@ def _text(requirement: Requirement) -> str:
     return requirement.text or ", ".join(requirement.expectations)
 
 
-def _cell(cell: Cell | None) -> dict[str, Any] | None:
+def _links(flown: FlownRun) -> dict[str, str]:
+    return {"bag": quote(flown.bag), "report": quote(flown.report)}
+
+
+def _cell(cell: MatrixCell | None) -> dict[str, Any] | None:
     if cell is None:
         return None
     lines = []
@@ -167,66 +150,47 @@ def _cell(cell: Cell | None) -> dict[str, Any] | None:
         lines.append(f"reacts in {cell.reaction_time:.3f} s")
     if cell.outcome == UNDECIDED:
         lines.append(cell.verdict.text)
-    return {
-        "outcome": cell.outcome,
-        "counts": ", ".join(f"{count} {name}" for name, count in cell.counts.items() if count),
-        "lines": lines,
-        "bag": quote(cell.worst.bag),
-    }
-
-
-def _failure(flown: FlownRun, verdict: Any) -> dict[str, Any]:
-    title = f"{verdict.requirement}: {verdict.name}" if verdict.requirement else verdict.name
-    margin = "" if verdict.margin is None else f", margin {verdict.margin:.6g} {verdict.unit}"
-    lines = [f"{verdict.text}{margin}"]
-    if verdict.name == SYSTEM:
-        lines = flown.outcome.text.splitlines()
-    return {"title": title, "run": flown.run.name, "bag": quote(flown.bag), "lines": lines}
-
-
-def _failures(flown: FlownRun) -> list[str]:
-    return [each.name for each in flown.outcome.verdicts if each.outcome == FAILED]
-
-
-def _failed_runs(results: Results) -> list[tuple[Any, ...]]:
-    return [
-        (
-            number,
-            flown.run.scenario.name,
-            ", ".join(f"{name} = {value}" for name, value in flown.run.parameters.items()),
-            flown.run.setup.seed,
-            ", ".join(names),
-        )
-        for number, flown in enumerate(results.runs, 1)
-        if (names := _failures(flown))
-    ]
-
-
-def _seeds(results: Results) -> list[tuple[Any, ...]]:
-    """Return for each seed its runs, and how many of them failed in which scenarios."""
-    rows = []
-    for seed in dict.fromkeys(flown.run.setup.seed for flown in results.runs):
-        runs = [flown for flown in results.runs if flown.run.setup.seed == seed]
-        failed = [flown for flown in runs if _failures(flown)]
-        scenarios = dict.fromkeys(flown.run.scenario.name for flown in failed)
-        rows.append((seed, len(runs), len(failed), ", ".join(scenarios)))
-    return rows
+    counts = ", ".join(f"{count} {name}" for name, count in cell.counts.items() if count)
+    return {"outcome": cell.outcome, "counts": counts, "lines": lines, **_links(cell.worst)}
 
 
 def _run(number: int, flown: FlownRun) -> dict[str, Any]:
     outcome = flown.outcome
-    counts = [
-        sum(each.outcome == name for each in outcome.verdicts)
-        for name in ("passed", "failed", "undecided")
-    ]
+    verdicts = [verdict.outcome for verdict in outcome.verdicts]
+    ending = COMPLETED if outcome.ending == COMPLETED else ENDINGS[outcome.ending]
+    times = (f"{outcome.reached:.3f}", f"{flown.wall_time:.2f}")
     return {
-        "number": number,
-        "name": flown.run.name,
-        "ending": COMPLETED if outcome.ending == COMPLETED else ENDINGS[outcome.ending],
-        "reached": f"{outcome.reached:.3f}",
-        "wall_time": f"{outcome.wall_time:.2f}",
-        "counts": counts,
-        "outcome": FAILED if counts[1] else "",
-        "bag": quote(flown.bag),
-        "digest": outcome.digest[:16],
+        "outcome": FAILED if FAILED in verdicts else "",
+        "cells": [number, flown.run.name, ending, *times, *map(verdicts.count, OUTCOMES)],
+        **_links(flown),
     }
+
+
+def _plots(results: CampaignResults, field: str, worst: Any) -> tuple[Plot, ...]:
+    """Return a number of the verdicts over the runs, a plot for each expectation that has it."""
+    found = []
+    for expectation in results.campaign.expectations:
+        points = [
+            (number, getattr(verdict, field), verdict)
+            for number, flown in enumerate(results.runs, 1)
+            for verdict in flown.outcome.verdicts
+            if verdict.name == expectation.name and getattr(verdict, field) is not None
+        ]
+        if points:
+            number, value, verdict = worst(points, key=lambda point: point[1])
+            unit = verdict.unit if field == "margin" else "s"
+            title = f"{field.replace('_', ' ')}: {expectation.name}"
+            alt = f"Worst: {value:.4g} {unit}".rstrip() + f" in run {number}."
+            axes = Axis(unit=unit), Axis("run")
+            found.append(Plot(title, _layers(points, field == "margin"), alt, *axes))
+    return tuple(found)
+
+
+def _layers(points: Sequence[tuple[int, float, Any]], limited: bool) -> tuple[Layer, ...]:
+    layers: list[Layer] = [Rule("limit", 0.0, color="muted")] if limited else []
+    for outcome, (marker, color) in _MARKERS.items():
+        chosen = [(number, value) for number, value, each in points if each.outcome == outcome]
+        if chosen:
+            x, y = np.array(chosen, float).T
+            layers.append(Points(outcome, x, y, marker=marker, size=7.0, color=color))
+    return tuple(layers)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib.util
 import re
 import shlex
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from rpud_sim.testing.campaign.entries import (
     one_line,
     texts,
 )
-from rpud_sim.testing.campaign.specification import CampaignError, System
+from rpud_sim.testing.campaign.specification import CampaignError, CampaignSystem
 from rpud_sim.verdicts.names import COMMANDS
 
 _KEYS = (
@@ -31,7 +30,6 @@ _KEYS = (
     "launch",
     "arguments",
     "folder",
-    "files",
     "answers",
     "hears",
     "ready",
@@ -53,12 +51,8 @@ _INTERPRETERS = ("python", "python3")
 _LAUNCHER = "rpud_sim.testing.campaign.launcher"
 
 
-def to_system(content: Any, folder: Path) -> System:
-    """Return the system under test.
-
-    Raises:
-        CampaignError: if the entry cannot be used.
-    """
+def to_system(content: Any, folder: Path) -> CampaignSystem:
+    """Return the system under test."""
     entries = mapping("system", content, _PLACE)
     check_keys(entries, _KEYS, _PLACE, ("answers",))
     place = folder
@@ -66,27 +60,22 @@ def to_system(content: Any, folder: Path) -> System:
         place = (folder / one_line("folder", entries["folder"], (*_PLACE, "folder"))).resolve()
         if not place.is_dir():
             raise CampaignError(f"folder = {place} is no folder", (*_PLACE, "folder"))
-    words, named = _command(entries, place)
-    for index, name in enumerate(texts("files", entries.get("files", []), (*_PLACE, "files"))):
-        named.append(find_file(name, place, "files", (*_PLACE, "files", index)))
     numbers = {
         name: number(name, entries.get(name, default), quantity, (*_PLACE, name))
         for name, (quantity, default) in _DEFAULTS.items()
     }
-    return System(
-        tuple(words),
+    return CampaignSystem(
+        tuple(_command(entries, place)),
         place,
         _answers(entries["answers"]),
         _hears(entries.get("hears", [])),
         _ready(entries.get("ready", "")),
         **numbers,
-        files={_name(file, place): _digest(file) for file in sorted(set(named))},
         name=Path(entries["launch"]).name if "launch" in entries else "",
     )
 
 
-def _command(entries: Mapping[Any, Any], folder: Path) -> tuple[list[str], list[Path]]:
-    """Return the words of the command, and the files that it names."""
+def _command(entries: Mapping[Any, Any], folder: Path) -> list[str]:
     if ("command" in entries) == ("launch" in entries):
         raise CampaignError("system needs either command or launch", _PLACE)
     if "launch" in entries:
@@ -111,11 +100,10 @@ def _command(entries: Mapping[Any, Any], folder: Path) -> tuple[list[str], list[
         raise CampaignError(f"command: no program {shown(words[0])} on the PATH", place)
     if words[0] == sys.executable and len(words) > 1 and words[1].endswith(".py"):
         find_file(words[1], folder, "command", place)
-    own = words[1:] if words[0] == sys.executable else words
-    return words, [folder / word for word in own if (folder / word).is_file()]
+    return words
 
 
-def _launch(entries: Mapping[Any, Any], folder: Path) -> tuple[list[str], list[Path]]:
+def _launch(entries: Mapping[Any, Any], folder: Path) -> list[str]:
     place = (*_PLACE, "launch")
     file = find_file(entries["launch"], folder, "launch", place)
     if importlib.util.find_spec("launch_ros") is None:
@@ -127,7 +115,7 @@ def _launch(entries: Mapping[Any, Any], folder: Path) -> tuple[list[str], list[P
     inner = (*_PLACE, "arguments")
     arguments = mapping("arguments", entries.get("arguments", {}), inner)
     words = [f"{name}:={value}" for name, value in arguments.items()]
-    return [sys.executable, "-m", _LAUNCHER, str(file), *words], [file]
+    return [sys.executable, "-m", _LAUNCHER, str(file), *words]
 
 
 def _answers(content: Any) -> tuple[str, ...]:
@@ -136,27 +124,26 @@ def _answers(content: Any) -> tuple[str, ...]:
     if not found:
         raise CampaignError("answers names no topic: a step would not wait for the system", place)
     for index, name in enumerate(found):
-        hint = suggestion(name, COMMANDS)
         if name in TOPICS:
             raise CampaignError(f"answers: {name} is a topic of the drill itself", (*place, index))
-        if name not in COMMANDS and (hint or name.startswith("command/")):
-            raise CampaignError(
-                f"answers: the drill has no topic {shown(name)}; {did_you_mean(name, COMMANDS)}",
-                (*place, index),
-            )
+        if suggestion(name, COMMANDS) or name.startswith("command/"):
+            _check_known("answers", name, COMMANDS, index)
     return found
 
 
 def _hears(content: Any) -> tuple[str, ...]:
-    place = (*_PLACE, "hears")
-    found = texts("hears", content, place)
+    found = texts("hears", content, (*_PLACE, "hears"))
     for index, name in enumerate(found):
-        if name not in TOPICS:
-            raise CampaignError(
-                f"hears: the drill publishes no topic {shown(name)}; {did_you_mean(name, TOPICS)}",
-                (*place, index),
-            )
+        _check_known("hears", name, TOPICS, index)
     return found
+
+
+def _check_known(entry: str, name: str, known: Collection[str], index: int) -> None:
+    if name not in known:
+        raise CampaignError(
+            f"{entry}: the drill has no topic {shown(name)}; {did_you_mean(name, known)}",
+            (*_PLACE, entry, index),
+        )
 
 
 def _ready(content: Any) -> str:
@@ -171,17 +158,3 @@ def _ready(content: Any) -> str:
             f"ready = {shown(text)} is no regular expression: {error}", place
         ) from None
     return text
-
-
-def _name(file: Path, folder: Path) -> str:
-    return str(file.relative_to(folder)) if file.is_relative_to(folder) else str(file)
-
-
-def _digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def program_words(words: Sequence[str]) -> str:
-    """Return a command for people."""
-    shown_words = ["python" if word == sys.executable else word for word in words]
-    return shlex.join(shown_words)

@@ -195,8 +195,7 @@ var rpudLive = (() => {
       put(find("drive"), status.drive_enabled
         ? `${number(status.drive_voltage)} V, ${number(status.drive_frequency)} Hz` : "off");
     const { rotation } = state.values;
-    put(find("stalled"), rotation && rotation.stalled ? "stalled"
-      : rotation && rotation.slipping ? "the drive slips" : "");
+    put(find("stalled"), rotation && rotation.stalled ? "stalled" : "");
     const active = frame.faults.filter((each) => each.active);
     put(find("active-faults"), active.length ? active.map((each) => each.kind).join(", ") : "none");
     const fast = tables[0];

@@ -48,7 +48,7 @@ FIELDS = {
     "mount": "slip",
     "nodal_plane": "velocity",
     "reacting_force": "force",
-    "rotation": "slipping",
+    "rotation": "stalled",
     "trajectory": "drill_tool_sine[",
     "waveform": "reacting_force[",
     "wrench": "wrench.force.z",

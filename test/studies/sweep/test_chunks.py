@@ -16,11 +16,11 @@ from rpud_sim.studies.sweep.chunks import (
     chunk_count,
     chunk_size,
     make_chunks,
-    point_seed,
     simulate,
 )
 from rpud_sim.studies.sweep.design import design_points
-from rpud_sim.studies.sweep.specification import parse_specification
+from rpud_sim.studies.sweep.plan import point_seed
+from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.sweep.tables import PointTables, error_name, simulation_table
 
 
@@ -68,20 +68,12 @@ def test_chunks_hold_every_simulation_once_with_its_point(points, repeat, durati
     assert len(found) == chunk_count(specification)
 
 
-def test_finished_chunks_are_left_out():
-    specification = sweep(40, 1, 10.0)
-    every = [chunk.number for chunk in chunks_of(specification)]
-    assert len(every) > 4
-    left = [chunk.number for chunk in chunks_of(specification, finished=frozenset({0, 3}))]
-    assert left == [number for number in every if number not in (0, 3)]
-
-
 def test_a_point_is_the_ensemble_of_its_seed():
     specification = sweep(seed=7)
     (chunk,) = chunks_of(specification)
     outcome = simulate(chunk)
     for point, weight in enumerate(chunk.points["weight_on_bit"].tolist()):
-        phases = initial_phases(2, point_seed(specification, point))
+        phases = initial_phases(2, point_seed(specification, point, {}))
         parameters = preset("drilling").replace(weight_on_bit=weight)
         expected = run_ensemble(parameters, 0.02, phases).members
         rows = slice(2 * point, 2 * point + 2)
@@ -101,21 +93,6 @@ def test_the_cut_into_chunks_changes_no_row_and_no_point(size):
     one, many = PointTables(specification), PointTables(specification)
     points = [row for table in tables for row in many.add(table).to_pylist()]
     assert points == one.add(expected).to_pylist()
-
-
-def test_points_have_the_mean_and_the_error_of_their_ensemble():
-    specification = sweep(points=2, repeat=5)
-    (chunk,) = chunks_of(specification)
-    table = PointTables(specification).add(simulation_table(chunk, simulate(chunk)))
-    for point, row in enumerate(table.to_pylist()):
-        parameters = specification.parameters({"weight_on_bit": row["weight_on_bit"]})
-        ensemble = run_ensemble(parameters, 0.02, initial_phases(5, row["seed"]))
-        mean, error = ensemble.mean(), ensemble.standard_error()
-        assert row["point"] == point
-        assert row["members"] == 5
-        for name in FIGURES:
-            assert row[name] == pytest.approx(mean[name], rel=1e-12)
-            assert row[error_name(name)] == pytest.approx(error[name], rel=1e-9)
 
 
 def test_a_simulation_without_impacts_has_nulls_and_no_failure():

@@ -9,7 +9,8 @@ from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep.chunks import make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.folder import SweepFolder, make_manifest
-from rpud_sim.studies.sweep.specification import SweepError, parse_specification
+from rpud_sim.studies.sweep.specification import SweepError
+from rpud_sim.studies.sweep.specification_file import parse_specification
 
 CONTENT = {
     "design": "grid",

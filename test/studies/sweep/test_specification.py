@@ -15,9 +15,8 @@ from rpud_sim.studies.sweep.specification import (
     Range,
     SweepError,
     Values,
-    parse_specification,
-    read_specification,
 )
+from rpud_sim.studies.sweep.specification_file import parse_specification, read_specification
 
 GRID = {
     "design": "grid",
@@ -51,20 +50,12 @@ def test_a_file_is_read_with_its_defaults(file):
     assert (found.point_count, found.simulations) == (10, 10)
 
 
-def test_numbers_without_a_point_are_numbers(file):
-    text = "{design: sobol, points: 4, duration: 1e-1, swept: {free_mass: {minimum: 1e-3, "
-    text += "maximum: 1e-2}}}"
-    found = read_specification(file(text))
-    assert found.duration == 0.1
-    assert found.swept["free_mass"] == Range(1e-3, 1e-2)
-
-
 def test_a_point_is_the_preset_with_what_is_fixed_and_swept():
     found = parse_specification(
         GRID | {"fixed": {"regime": "free", "gravity": 0}, "swept": {"free_mass": [2e-3, 4e-3]}}
     )
     expected = preset("free").replace(gravity=0.0, free_mass=2e-3)
-    assert found.parameters({"free_mass": 2e-3}) == expected
+    assert found.configuration({"free_mass": 2e-3}).parameters == expected
 
 
 def changed(**entries):
@@ -83,7 +74,7 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
     [
         (None, "the file: holds no mapping"),
         ([1], "the file: holds no mapping"),
-        (changed(sweeps=1), "sweeps: is unknown; known are design, points, seed"),
+        (changed(sweeps=1), "sweeps: is unknown; did you mean swept?"),
         (changed(design=...), "design: is missing"),
         (changed(design="random"), "design: 'random' is not one of grid, latin_hypercube, sobol"),
         (changed(points=4), "points: a grid has its points at each range of swept"),
@@ -91,13 +82,13 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
         (changed(design="sobol", points=12), "points: 12 is no power of two"),
         (changed(design="latin_hypercube", points=0), "points: 0 is no whole number from 1 to"),
         (changed(duration=...), "duration: is missing"),
-        (changed(duration=math.nan), "duration: duration = nan s is outside its range"),
-        (changed(duration="1 s"), "duration: duration = '1 s' s is outside its range"),
+        (changed(duration=math.nan), "duration = nan s is outside its range"),
+        (changed(duration="1 s"), "duration = '1 s' s is outside its range"),
         (changed(seed=-1), "seed: -1 is no whole number from 0 to"),
         (changed(repeat=1.5), "repeat: 1.5 is no whole number from 1 to"),
         (changed(repeat=True), "repeat: True is no whole number from 1 to"),
         (changed(fixed=[1]), "fixed: holds no mapping"),
-        (changed(fixed={"weight": 1}), "fixed.weight: is unknown; known are rpud_mass"),
+        (changed(fixed={"weight": 1}), "fixed.weight: is unknown; did you mean weight_on_bit?"),
         (changed(fixed={"gravity": -1}), "fixed: gravity = -1 m/s^2 is outside its range"),
         (changed(fixed={"weight_on_bit": 1}), "swept.weight_on_bit: is fixed as well"),
         (swept(), "swept: names no parameter"),
@@ -122,6 +113,15 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
             swept(free_mass=LINE | {"maximum": 20}),
             "swept.free_mass.maximum: free_mass = 20 kg is outside its range [1e-12, 10] kg",
         ),
+        (swept(free_mass=LINE | {"source": 7}), "swept.free_mass.source: 7 is not a text"),
+        (changed(figures=["force"]), "figures: force is unknown; known are events, drill_tool"),
+        (changed(figures=3), "figures: 3 is not a list of names"),
+        (changed(design="saltelli", points=6), "points: 6 is no power of two, as a saltelli"),
+        (
+            changed(design="saltelli", points=4, swept={"gravity": [1, 2]}, cases={"a": {}}),
+            "design: a saltelli design takes neither cases nor faults",
+        ),
+        (changed(design="sobol", points=4, swept={}, cases={"a": {}}), "swept: names no parameter"),
         (changed(repeat=1_000_000, swept={"free_mass": LINE | {"points": 11}}), "are more than"),
     ],
 )

@@ -9,7 +9,7 @@ from scipy import stats
 from rpud_sim.simulation.statistics import FIGURES
 from rpud_sim.studies.sweep import sweep_report
 from rpud_sim.studies.sweep.point_plots import marginal_means, point_plots
-from rpud_sim.studies.sweep.specification import parse_specification
+from rpud_sim.studies.sweep.specification_file import parse_specification
 from rpud_sim.studies.sweep.sweep_report import sweep_page
 from rpud_sim.studies.sweep.tables import error_name
 

@@ -1,1 +1,0 @@
-"""Reproduction of the paper: every figure and number, with intervals, under every reading."""

@@ -1,0 +1,145 @@
+"""Sobol indices of a sweep's figures: which parameter causes how much of their variance.
+
+The points are Saltelli's design. Its first matrix stands in it twice, with other initial phases:
+the motion is chaotic, and the total index of this change of nothing is the share of the noise.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.stats import qmc, sobol_indices
+
+from rpud_sim.studies.sweep.specification import SWEEP_FIGURES, SweepSpecification
+
+_CONFIDENCE = 0.95
+_RESAMPLES = 400
+
+
+@dataclasses.dataclass(frozen=True)
+class Indices:
+    """Sobol indices of several figures; each array has the shape (figures, inputs)."""
+
+    first: np.ndarray  # share of the variance that an input explains alone
+    first_interval: np.ndarray  # lower and upper end of its confidence interval, shape (2, ...)
+    total: np.ndarray  # share in which an input takes part, alone or with others
+    total_interval: np.ndarray  # of the total
+
+
+def saltelli_shares(inputs: int, samples: int, seed: int) -> np.ndarray:
+    """Return the points of Saltelli's design in the unit cube.
+
+    Args:
+        samples: of each matrix, a power of two.
+
+    Returns:
+        Shape (inputs + 3, samples, inputs): the matrices A and B, for each input A with that
+        input's column of B, and A again.
+    """
+    # Every version of SciPy accepts a generator by this name.
+    sequence = qmc.Sobol(2 * inputs, seed=np.random.default_rng(seed))
+    both = sequence.random_base2(samples.bit_length() - 1)
+    a, b = both[:, :inputs], both[:, inputs:]
+    mixed = np.repeat(a[np.newaxis], inputs + 1, axis=0)
+    for column in range(inputs):
+        mixed[column, :, column] = b[:, column]
+    return np.array([a, b, *mixed])
+
+
+def find_indices(values: np.ndarray, seed: int) -> Indices:
+    """Return the indices from the figures at the points of a design.
+
+    Args:
+        values: shape (matrices, samples, figures), finite, in the order of ``saltelli_shares``.
+    """
+    a, b, mixed = values[0].T, values[1].T, np.swapaxes(values[2:], 1, 2)
+    samples = a.shape[1]
+    random = np.random.default_rng(seed)
+
+    def estimate(chosen: np.ndarray) -> np.ndarray:
+        # A resample of few points may have no variance to divide.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = sobol_indices(
+                func={"f_A": a[:, chosen], "f_B": b[:, chosen], "f_AB": mixed[..., chosen]},
+                n=samples,
+            )
+        # SciPy drops the axis of the figures if there is only one.
+        return np.array([found.first_order, found.total_order]).reshape(2, len(a), -1)
+
+    first, total = estimate(np.arange(samples))
+    resampled = np.array(
+        [estimate(random.integers(0, samples, samples)) for _ in range(_RESAMPLES)]
+    )
+    tail = 0.5 * (1.0 - _CONFIDENCE)
+    ends = np.nanquantile(resampled, [tail, 1.0 - tail], axis=0)
+    return Indices(first, ends[:, 0], total, ends[:, 1])
+
+
+def figure_indices(
+    specification: SweepSpecification, points: Mapping[str, np.ndarray]
+) -> dict[str, dict[str, Any]]:
+    """Return distribution and indices of each figure as plain values.
+
+    A figure that a point lacks has the entry ``missing`` instead, which gives the reason.
+    """
+    reasons = {name: _missing(points, name) for name in specification.figures}
+    names = [name for name, reason in reasons.items() if not reason]
+    shape = (len(specification.swept) + 3, specification.points or 0, len(names))
+    found: dict[str, dict[str, Any]] = {}
+    if names:
+        values = np.column_stack([points[name] for name in names]).reshape(shape)
+        indices = find_indices(values, specification.seed)
+        for i, name in enumerate(names):
+            found[name] = _plain(specification, values[:2, :, i].ravel(), indices, i)
+    return {
+        name: {"unit": SWEEP_FIGURES[name], **found.get(name, {"missing": reason})}
+        for name, reason in reasons.items()
+    }
+
+
+def independent(
+    specification: SweepSpecification, points: Mapping[str, np.ndarray]
+) -> Mapping[str, np.ndarray]:
+    """Return the points that do not repeat values of others: in Saltelli's design A and B."""
+    if specification.design != "saltelli":
+        return points
+    return {name: values[: 2 * (specification.points or 0)] for name, values in points.items()}
+
+
+def _missing(points: Mapping[str, np.ndarray], name: str) -> str:
+    """Return why a figure has no indices; empty if it has."""
+    values = points[name]
+    lacking = np.flatnonzero(np.isnan(values))
+    if len(lacking):
+        first = int(lacking[0])
+        failed = points["members"][first] == 0
+        reason = "every simulation failed" if failed else "there is nothing to average"
+        return f"{len(lacking)} of {len(values)} points lack it; at point {first} {reason}"
+    if np.ptp(values) == 0.0:
+        return "it is the same at all points"
+    return ""
+
+
+def _plain(
+    specification: SweepSpecification, values: np.ndarray, indices: Indices, figure: int
+) -> dict[str, Any]:
+    low, high = np.quantile(values, [0.05, 0.95]).tolist()
+    return {
+        "mean": float(values.mean()),
+        "standard_deviation": float(values.std(ddof=1)),
+        "interval_90": [low, high],
+        "noise_share": float(indices.total[figure, -1]),
+        "noise_share_interval": indices.total_interval[:, figure, -1].tolist(),
+        "inputs": {
+            name: {
+                "first": float(indices.first[figure, i]),
+                "first_interval": indices.first_interval[:, figure, i].tolist(),
+                "total": float(indices.total[figure, i]),
+                "total_interval": indices.total_interval[:, figure, i].tolist(),
+            }
+            for i, name in enumerate(specification.swept)
+        },
+    }

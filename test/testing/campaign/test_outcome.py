@@ -1,0 +1,113 @@
+"""One run: a system under test that dies, hangs or answers late gives a verdict, and no hang."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from rpud_sim.testing.campaign.campaign_file import read_campaign
+from rpud_sim.testing.campaign.outcome import fly
+from rpud_sim.testing.pool import DrillPool
+from rpud_sim.verdicts.verdict import FAILED, PASSED, UNDECIDED
+
+SUPERVISORS = Path(__file__).resolve().parents[1]  # with the plugin's node under test
+CAMPAIGN = """\
+system:
+  {system}
+  folder: {folder}
+  answers: [supervisor/heartbeat]
+  hears: [reacting_force]
+  answer_timeout: {patience}
+  run_timeout: {limit}
+duration: 1.0
+scenarios:
+  jammed: {{faults: [{{kind: free_mass_jammed, onset: 0.5}}]}}
+expectations:
+  - name: force
+    requirement: SAFE-1
+    expect: {{always: reacting_force.force < 500 N}}
+  - name: heartbeat
+    requirement: LIVE-1
+    expect: {{count: {{message: /rpud/supervisor/heartbeat}}, is: '>= 10'}}
+"""
+
+
+@pytest.fixture(scope="module")
+def pool():
+    pool = DrillPool()
+    yield pool
+    pool.close()
+
+
+@pytest.fixture
+def flight(pool, tmp_path):
+    drills = []
+
+    def start(how="works", patience=60.0, limit=600.0, launch=None):
+        file = tmp_path / "campaign.yaml"
+        command = f"command: python supervisor.py {how} --ros-args -r __ns:=/rpud"
+        if launch:
+            command = f"launch: {launch}"
+        file.write_text(
+            CAMPAIGN.format(system=command, folder=SUPERVISORS, patience=patience, limit=limit)
+        )
+        campaign = read_campaign(file)
+        drills.append(pool.take(campaign.runs[0].setup, campaign.system.folder))
+        return fly(drills[-1], campaign.runs[0], campaign.system, campaign.expectations)
+
+    yield start
+    for drill in drills:
+        pool.give_back(drill)
+
+
+def outcomes(outcome):
+    return {verdict.name: verdict.outcome for verdict in outcome.verdicts}
+
+
+def test_a_run_ends_with_its_verdicts(flight):
+    outcome = flight("works")
+    assert set(outcomes(outcome).values()) == {PASSED}, outcome.verdicts
+    assert (outcome.ending, outcome.reached, outcome.text) == ("completed", 1.0, "")
+
+
+def test_a_system_that_dies_is_a_verdict_with_its_last_lines(flight):
+    outcome = flight("dies")
+    assert outcome.ending == "died"
+    assert "exit code 3" in outcome.text
+    assert "the supervisor dies" in outcome.text
+    assert outcome.reached == 0.4
+    # What held until then proves nothing.
+    assert outcomes(outcome) == {
+        "system under test": FAILED,
+        "force": UNDECIDED,
+        "heartbeat": outcomes(outcome)["heartbeat"],
+    }
+    assert outcomes(outcome)["heartbeat"] != PASSED
+
+
+@pytest.mark.parametrize(("how", "ending"), [("hangs", "silent"), ("lags", "late")])
+def test_a_system_that_does_not_answer_in_time_is_a_verdict(flight, how, ending):
+    outcome = flight(how, patience=2.0)
+    assert outcome.ending == ending
+    assert "no answer for 0.400 s of simulation time within 2 s" in outcome.text
+    assert outcomes(outcome)["system under test"] == FAILED
+
+
+def test_a_launch_file_is_a_system_under_test(flight, tmp_path):
+    pytest.importorskip("launch_ros")
+    words = [sys.executable, "supervisor.py", "dies", "--ros-args", "-r", "__ns:=/rpud"]
+    (tmp_path / "mission.launch.py").write_text(
+        "from launch import LaunchDescription, actions\n"
+        "def generate_launch_description():\n"
+        f"    node = actions.ExecuteProcess(cmd={words!r}, cwd={str(SUPERVISORS)!r})\n"
+        "    return LaunchDescription([node])\n"
+    )
+    outcome = flight(launch=tmp_path / "mission.launch.py")
+    assert (outcome.ending, outcome.reached) == ("died", 0.4)
+    assert "mission.launch.py ended" in outcome.text
+
+
+def test_a_run_that_takes_too_long_ends_as_late(flight):
+    outcome = flight("works", limit=1e-3)
+    assert outcome.ending == "late"
+    assert "after 0.001 s" in outcome.text

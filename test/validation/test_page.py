@@ -1,0 +1,129 @@
+"""A fast validation agrees with the page of the documents, and both with what we say of them."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from validation.choices import energy_shares, figure_12_implies
+from validation.contradictions import contradiction_rows
+from validation.named_choices import AS_FIGURE_12, FITTED, NAMED, PRESETS, REASONED
+from validation.page import page
+from validation.paper_numbers import MEASURED, NUMBERS, SIMULATED
+from validation.results import Effort, run_validation
+from validation.tables import tool_table
+
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "validation.md"
+TEXT = PAGE.read_text(encoding="utf-8")
+
+# The fifth percentile of the forces is a mean over few impacts of each run.
+LOOSE = "Fig. 11 low"
+
+
+@pytest.fixture(scope="module")
+def results():
+    return run_validation(Effort(12, 4, 6.0, 20, seed=7))
+
+
+def table(text, heading):
+    """Return the rows of the first table below a heading, by their first cell."""
+    below = text.partition(f"\n## {heading}\n")[2]
+    lines = re.search(r"(?:^\|.*\n)+", below, re.MULTILINE).group().splitlines()
+    rows = [[cell.strip(" *") for cell in line.strip("|").split("|")] for line in lines]
+    return rows[0], {row[0]: row for row in rows[2:]}
+
+
+def test_the_page_has_the_sections_and_tables_that_are_made(results):
+    def shape(text):
+        return [line for line in text.splitlines() if line.startswith(("#", "| ---"))]
+
+    assert shape(TEXT) == shape(page(results))
+
+
+def test_the_ten_numbers_on_the_page_are_those_of_the_model(results):
+    heading, rows = table(TEXT, "The paper's ten simulated numbers")
+
+    assert heading[1:11] == [number.label for number in SIMULATED]
+    assert set(rows) == {choices.name for choices in NAMED}
+    for fit in results.fits:
+        cells = rows[fit.choices.name]
+        for number, cell in zip(SIMULATED, cells[1:11], strict=True):
+            value = fit.values[number]
+            allowed = 3.0 * value.half_interval / number.paper + 0.006
+            assert float(cell) == pytest.approx(value.over(number), abs=allowed), number.label
+        within = sum(abs(float(cell) - 1.0) <= 0.1 for cell in cells[1:11])
+        assert cells[11] == f"{within} of 10"
+
+
+def test_the_measured_numbers_on_the_page_are_those_of_the_model(results):
+    heading, rows = table(TEXT, "What no choice reaches")
+
+    assert heading[1:] == [number.label for number in MEASURED]
+    for fit in results.fits:
+        for number, cell in zip(MEASURED, rows[str(fit.choices.before)][1:], strict=True):
+            value = fit.values[number]
+            allowed = 3.0 * value.half_interval / number.paper + 0.006
+            assert float(cell) == pytest.approx(value.over(number), abs=allowed)
+
+
+def test_the_verdicts_on_trends_are_those_of_the_page(results):
+    for number, name in ((2, PRESETS), (3, FITTED)):
+        below = TEXT.partition("## Trends of Figs. 15 to 18")[2].partition("\n## ")[0]
+        rows = [line.strip("| ").split(" | ") for line in below.splitlines() if line[:1] == "|"][2:]
+        stated = {(row[0], row[1]): row[number].partition(",")[0] for row in rows}
+        assert len(stated) == 16
+        found = {(trend.parameter, trend.output): trend.verdict for trend in results.trends[name]}
+        assert found == stated
+
+
+def test_what_needs_no_runs_is_on_the_page_to_the_letter(results):
+    assert tool_table() in TEXT
+    for row in contradiction_rows(results):
+        assert f"| {' | '.join(row[:3])} |" in TEXT
+    for choices in NAMED:
+        assert choices.reasons
+        assert f"| {choices.name} | {choices.before} | {choices.rock} |" in TEXT
+        assert f"- {choices.name}: {' '.join(choices.reasons)}" in TEXT
+
+
+def outside(fit):
+    return [number.label for number in SIMULATED if not fit.values[number].near(number)]
+
+
+def test_with_the_tool_of_figure_12_at_least_nine_of_ten_numbers_are_reached(results):
+    assert len(SIMULATED) == 10
+    assert set(outside(results.fit(AS_FIGURE_12))) <= {LOOSE}
+    assert set(outside(results.fit(FITTED))) <= {LOOSE}
+    assert results.fit(FITTED).misfit() < 0.08
+
+
+def test_without_fitting_the_numbers_are_near_and_the_presets_are_far_off(results):
+    reasoned = results.fit(REASONED)
+
+    assert reasoned.near() >= 6
+    assert reasoned.misfit() < 0.15
+    assert results.fit(PRESETS).near() <= 1
+    assert results.fit(PRESETS).misfit() > 1.0
+
+
+def test_the_tool_that_figure_12_implies_gives_figure_12():
+    mass, spring_rate = figure_12_implies()
+    free_mass = 5e-3
+    rate = (spring_rate / (free_mass + mass)) ** 0.5
+    velocity = 5.0 * free_mass / (free_mass + mass)
+
+    assert velocity / rate == pytest.approx(42e-6)
+    assert free_mass * rate * velocity == pytest.approx(1650.0)
+
+
+def test_the_energy_after_a_blow_is_that_of_both_bodies():
+    shares = energy_shares(5e-3, 2e-3)
+
+    assert shares["common"] == pytest.approx(5 / 7)
+    assert shares["tool"] == pytest.approx(shares["common"] * 2 / 7)
+    assert shares["net"] == pytest.approx(1.0 - (5 / 7) ** 2)
+
+
+def test_a_number_of_the_paper_is_compared_in_its_unit():
+    assert {number.unit for number in NUMBERS} == {"1/s", "N", "J", "m"}
+    assert len({(number.source, number.label) for number in NUMBERS}) == len(NUMBERS)

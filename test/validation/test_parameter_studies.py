@@ -1,0 +1,45 @@
+"""Verdicts on trends, on cases that are known."""
+
+import numpy as np
+import pytest
+
+from validation.parameter_studies import OUTPUTS, Study, find_trends, holm
+
+
+def study(*slopes, noise=0.01, seed=0):
+    """A study in which each output follows its slope from 1 on, with noise."""
+    values = np.linspace(0.0, 1.0, 9)
+    random = np.random.default_rng(seed)
+    members = {
+        output: 1.0 + slope * values[:, None] + noise * random.standard_normal((9, 12))
+        for output, slope in zip(OUTPUTS, slopes, strict=True)
+    }
+    return Study("free_mass", values, members)
+
+
+def test_a_trend_rises_falls_or_is_flat():
+    trends = find_trends([study(0.5, -0.5, 0.0, 0.02)])
+
+    assert [trend.verdict for trend in trends] == ["rises", "falls", "flat", "flat"]
+    assert trends[3].p_value < 0.05, "a change of 2 % is significant here, and little"
+    assert trends[0].change == pytest.approx(0.5 / 1.25, abs=0.02)
+
+
+def test_noise_alone_is_seldom_a_trend():
+    noisy = [study(0.0, 0.0, 0.0, 0.0, noise=0.5, seed=seed) for seed in range(40)]
+    verdicts = [trend.verdict for case in noisy for trend in find_trends([case])]
+
+    assert sum(verdict != "flat" for verdict in verdicts) <= 5
+
+
+def test_a_slope_is_that_of_the_output():
+    slope, half = study(0.5, 0.0, 0.0, 0.0).slope(OUTPUTS[0])
+
+    assert slope == pytest.approx(0.5, abs=0.01)
+    assert 0.0 < half < 0.01
+
+
+def test_holm_is_no_less_strict_than_each_test_and_no_stricter_than_bonferroni():
+    p_values = [0.04, 0.001, 0.02, 0.5]
+
+    assert holm(p_values) == pytest.approx([0.08, 0.004, 0.06, 0.5])

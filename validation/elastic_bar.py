@@ -1,0 +1,165 @@
+"""Elastic bar in place of the drill tool: a reference for the energy balance, eqs. (20)-(39).
+
+The stepped bar obeys the one-dimensional wave equation
+
+    rho A u_tt = (E A u_x)_x,   0 < x < L_dt1 + L_dt2,   u = 0 at the rock
+
+and the rigid free mass strikes its upper end, x = 0, with unilateral contact. In space: linear
+finite elements with lumped masses, all of one length. The contact is a spring as stiff as one
+element of part I, so that mesh and contact become rigid together. In time: the explicit Runge-Kutta
+method of order 8 of SciPy's ``solve_ivp``.
+
+With a finer mesh the displacement and the time of contact converge. The peak of the contact force
+does not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from rpud_sim.model.parameters import CONTACT_MODELS
+from rpud_sim.model.single_contact import Contact, single_contact
+from rpud_sim.simulation import Parameters, preset
+from validation.jobs import Track, gather
+from validation.paper_numbers import CONTACT_SPEED
+
+FREE_MASSES = (1e-3, 2e-3, 5e-3, 10e-3, 20e-3, 50e-3)  # [kg]
+
+# The mass has left the bar after this share of the slowest period of both together.
+_HORIZON = 0.9
+
+
+@dataclasses.dataclass(frozen=True)
+class BarImpact:
+    """Result of one blow of the free mass on the bar."""
+
+    peak_displacement: float  # of the bar's upper end [m]
+    duration: float  # from the first touch to the last [s]
+    restitution: float  # velocity of the free mass after the last touch over that before the first
+    impulse: float  # of the contact force [N s]
+    energy_error: float  # change of the total energy over the initial energy
+
+
+def strike(parameters: Parameters, impact_velocity: float, elements: int = 10) -> BarImpact:
+    """Return the result of a blow of the free mass on the resting bar.
+
+    Args:
+        parameters: of the drill; the contact model has no effect.
+        impact_velocity: of the free mass [m/s].
+        elements: number of elements in part I; those in part II have about the same length.
+    """
+    masses, springs, contact_rate = _mesh(parameters, elements)
+    count = len(masses)
+    free_mass, gravity = parameters.free_mass, parameters.gravity
+    stretch = np.empty(count + 1)
+
+    def force_of(state: np.ndarray) -> float:
+        return contact_rate * max(state[count] - state[0], 0.0)
+
+    def derivative(_: float, state: np.ndarray) -> np.ndarray:
+        # state: positions of nodes and mass, then velocities, then the impulse of the contact
+        slope = np.empty_like(state)
+        slope[: count + 1] = state[count + 1 : -1]
+        stretch[0] = force_of(state)
+        stretch[1:count] = springs[:-1] * (state[: count - 1] - state[1:count])
+        stretch[count] = springs[-1] * state[count - 1]
+        slope[count + 1 : -2] = (stretch[:-1] - stretch[1:]) / masses
+        slope[-2] = gravity - stretch[0] / free_mass
+        slope[-1] = stretch[0]
+        return slope
+
+    start = np.zeros(2 * count + 3)
+    start[-2] = impact_velocity
+    stop = _HORIZON * _slowest_period(parameters)
+    solution = solve_ivp(
+        derivative, (0.0, stop), start, "DOP853", rtol=1e-7, atol=1e-10 * impact_velocity * stop
+    )
+    state = solution.y
+    force = contact_rate * np.maximum(state[count] - state[0], 0.0)
+    touches = np.flatnonzero(force > 0.0)
+    end = float(solution.t[min(touches[-1] + 1, len(force) - 1)])
+    final = state[:, -1]
+    return BarImpact(
+        peak_displacement=float(state[0].max()),
+        duration=end,
+        restitution=float(-(final[-2] - gravity * (stop - end)) / impact_velocity),
+        impulse=float(final[-1]),
+        energy_error=_energy_error(state, masses, springs, contact_rate, parameters),
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """Results of one blow at 5 m/s by the bar and by the energy balance."""
+
+    free_mass: float  # [kg]
+    bar: BarImpact
+    contacts: dict[str, Contact]  # the energy balance, by contact model
+
+
+def compare_with_bar(elements: int, track: Track) -> list[Comparison]:
+    """Return a comparison for each of ``FREE_MASSES``."""
+    drills = [preset("drilling").replace(free_mass=mass) for mass in FREE_MASSES]
+    bars = gather(
+        lambda drill: strike(drill, CONTACT_SPEED, elements), drills, "elastic bar", track
+    )
+    return [
+        Comparison(
+            drill.free_mass,
+            bar,
+            {
+                model: single_contact(drill.replace(contact_model=model), CONTACT_SPEED)
+                for model in CONTACT_MODELS
+            },
+        )
+        for drill, bar in zip(drills, bars, strict=True)
+    ]
+
+
+def _mesh(parameters: Parameters, elements: int) -> tuple[np.ndarray, np.ndarray, float]:
+    length = parameters.section_1_length / elements
+    rest = max(round(parameters.section_2_length / length), 1)
+    area = np.repeat([parameters.section_1_area, parameters.section_2_area], [elements, rest])
+    lengths = np.repeat([length, parameters.section_2_length / rest], [elements, rest])
+    springs = parameters.elastic_modulus * area / lengths
+    pieces = parameters.drill_tool_density * area * lengths
+    masses = 0.5 * pieces
+    masses[1:] += 0.5 * pieces[:-1]
+    return masses, springs, float(springs[0])
+
+
+def _slowest_period(parameters: Parameters) -> float:
+    masses, springs, _ = _mesh(parameters, 4)
+    stiffness = np.diag(springs + np.concatenate([[0.0], springs[:-1]]))
+    stiffness -= np.diag(springs[:-1], 1) + np.diag(springs[:-1], -1)
+    inertia = masses + np.concatenate([[parameters.free_mass], np.zeros(len(masses) - 1)])
+    root = np.sqrt(inertia)
+    least = np.linalg.eigvalsh(stiffness / np.outer(root, root))[0]
+    return 2.0 * np.pi / float(np.sqrt(least))
+
+
+def _energy_error(
+    state: np.ndarray,
+    masses: np.ndarray,
+    springs: np.ndarray,
+    contact_rate: float,
+    parameters: Parameters,
+) -> float:
+    count = len(masses)
+
+    def energy(column: np.ndarray) -> float:
+        nodes = np.append(column[:count], 0.0)
+        velocities = column[count + 1 : -2]
+        squeeze = max(column[count] - column[0], 0.0)
+        return float(
+            0.5 * np.sum(springs * np.diff(nodes) ** 2)
+            + 0.5 * np.sum(masses * velocities**2)
+            + 0.5 * parameters.free_mass * column[-2] ** 2
+            - parameters.free_mass * parameters.gravity * column[count]
+            + 0.5 * contact_rate * squeeze**2
+        )
+
+    return energy(state[:, -1]) / energy(state[:, 0]) - 1.0

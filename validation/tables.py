@@ -1,0 +1,161 @@
+"""Tables of the page, as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from rpud_sim.model.parameters import CONTACT_MODELS
+from rpud_sim.model.single_contact import single_contact
+from validation.choices import TOOLS, figure_12_implies, with_tool
+from validation.named_choices import AS_FIGURE_12, FITTED, PRESETS, REASONED
+from validation.paper_numbers import CONTACT_SPEED, FIGURE_12, MEASURED, NUMBERS, SIMULATED, Number
+from validation.parameter_studies import CLAIMS, OUTPUTS
+from validation.results import Results
+from validation.scores import Fit, Value
+from validation.wording import plain, show
+
+
+def table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [heading, ["---"] * len(heading), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def score_table(results: Results) -> str:
+    """Return model over paper for each set of choices and each simulated number."""
+    heading = [*(number.label for number in SIMULATED), "within 10 %", "misfit"]
+    rows = [
+        [
+            fit.choices.name,
+            *(_ratio(fit, number) for number in SIMULATED),
+            f"{fit.near()} of {len(SIMULATED)}",
+            f"{fit.misfit():.2f}",
+        ]
+        for fit in results.fits
+    ]
+    return table(["choices", *heading], rows)
+
+
+def _ratio(fit: Fit, number: Number) -> str:
+    value = fit.values[number]
+    ratio = value.over(number)
+    text = f"{ratio:.2f}" if ratio < 10.0 else plain(ratio)
+    return f"**{text}**" if value.near(number) else text
+
+
+def choice_table(results: Results) -> str:
+    """Return the values of each set of choices."""
+    rows = [
+        [fit.choices.name, str(fit.choices.before), str(fit.choices.rock)] for fit in results.fits
+    ]
+    return table(["choices", "before drilling", "in the rock"], rows)
+
+
+def number_table(results: Results) -> str:
+    """Return the paper's numbers beside the model's, with intervals."""
+    names = (PRESETS, REASONED, AS_FIGURE_12, FITTED)
+    rows = [
+        [
+            number.label,
+            number.statement,
+            show(number.paper, number.unit),
+            *(_interval(results.fit(name).values[number], number.unit) for name in names),
+        ]
+        for number in NUMBERS
+    ]
+    return table(["figure", "what it is", "paper", *names], rows)
+
+
+def _interval(value: Value, unit: str) -> str:
+    mean = show(value.mean, unit)
+    if value.low == value.high:
+        return mean
+    factor = 1e3 if unit == "m" else 1.0  # millimetres, as the mean
+    half, low, high = (
+        plain(factor * each, digits)
+        for each, digits in ((value.half_interval, 2), (value.low, 3), (value.high, 3))
+    )
+    return f"{mean} ± {half} ({low} to {high})"
+
+
+def measured_table(results: Results) -> str:
+    """Return model over paper for the measured numbers, each drill once."""
+    rows = {
+        str(fit.choices.before): [
+            str(fit.choices.before),
+            *(_ratio(fit, number) for number in MEASURED),
+        ]
+        for fit in results.fits
+    }
+    return table(["before drilling", *(number.label for number in MEASURED)], rows.values())
+
+
+def tool_table() -> str:
+    """Return each tool in the rock, and the tool that Fig. 12 implies."""
+    rows = []
+    for name, tool in TOOLS.items():
+        contact = single_contact(with_tool(name), CONTACT_SPEED)
+        rows.append(
+            [
+                name,
+                tool.meaning,
+                *_tool(contact.tool_mass, contact.tool_spring_rate),
+                show(contact.peak_force, "N"),
+                show(contact.peak_displacement, "m"),
+            ]
+        )
+    rows.append(
+        [
+            "paper",
+            "Fig. 12, and what it implies by (21), (30) and (36) without gravity",
+            *_tool(*figure_12_implies()),
+            *(show(number.paper, number.unit) for number in FIGURE_12),
+        ]
+    )
+    heading = ["tool", "meaning", "effective mass", "effective spring rate"]
+    return table([*heading, "force at 5 m/s", "displacement at 5 m/s"], rows)
+
+
+def _tool(mass: float, spring_rate: float) -> tuple[str, str]:
+    return f"{1e3 * mass:.3f} g", f"{spring_rate:.4g} N/m"
+
+
+def trend_table(results: Results) -> str:
+    """Return the verdicts on Figs. 15 to 18 beside the paper's three statements."""
+    sources = ("section", "abstract", "conclusion")
+    rows = []
+    for presets, fitted in zip(results.trends[PRESETS], results.trends[FITTED], strict=True):
+        place = OUTPUTS.index(presets.output)
+        claims = [CLAIMS[presets.parameter][source][place] or "-" for source in sources]
+        verdicts = [
+            f"{trend.verdict}, {100.0 * trend.change:+.1f} ± {100.0 * trend.change_interval:.1f} %"
+            for trend in (presets, fitted)
+        ]
+        rows.append([presets.parameter, presets.output, *verdicts, *claims])
+    heading = ["parameter", "output", PRESETS, FITTED, "Section IV", "abstract", "conclusion"]
+    return table(heading, rows)
+
+
+def bar_table(results: Results, name: str, unit: str) -> str:
+    """Return a quantity of the bar and of the energy balance, by free mass."""
+    rows = []
+    for item in results.bar:
+        bar = getattr(item.bar, name)
+        values = [getattr(item.contacts[model], name) for model in CONTACT_MODELS]
+        ratios = [f"{show(value, unit)} (×{plain(value / bar, 2)})" for value in values]
+        rows.append([show(1e3 * item.free_mass, "g"), show(bar, unit), *ratios])
+    return table(["free mass", "bar", *CONTACT_MODELS], rows)
+
+
+def mesh_table(results: Results) -> str:
+    """Return the convergence of the bar."""
+    rows = [
+        [
+            str(elements),
+            show(bar.peak_displacement, "m"),
+            show(bar.duration, "s"),
+            f"{bar.energy_error:.1e}",
+        ]
+        for elements, bar in results.meshes.items()
+    ]
+    return table(["elements in part I", "displacement", "contact time", "energy error"], rows)
