@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from browser.pages import PHONE, SCHEMES, WIDE
 from sample_bags import START, serialized, write_commanded_bag
 
 import rpud_sim.bag
@@ -62,29 +61,6 @@ def cursor(page):
     """Give the time at the cursor [s], and what is said there."""
     text = page.tab.locator(".plot-cursor").first.text_content()
     return float(re.match(r"at ([\d.]+) s", text)[1]), text
-
-
-def move(page, time, number=0):
-    """Put the pointer at a time in a plot."""
-    area = areas(page).nth(number)
-    area.scroll_into_view_if_needed()
-    box = area.bounding_box()
-    place = area.evaluate(
-        "(area, time) => rpudPlots.plots.get(area.closest('figure').dataset.plot)"
-        ".view.frame.x_scale.compute(time)",
-        time,
-    )
-    page.tab.mouse.move(box["x"] + place, box["y"] + 0.4 * box["height"])
-
-
-@pytest.mark.parametrize("width", [PHONE, WIDE])
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_anyone_can_read_it(report, page_of, width, scheme):
-    page = page_of(report, width=width, scheme=scheme)
-    page.tab.locator("figure.plot", has_text=PEAKS).first.scroll_into_view_if_needed()
-    page.until("rpudPlots.plots.size >= 2")
-    page.check()
-    page.keep(f"report_{width}_{scheme}", whole=False)
 
 
 def test_a_plot_zooms_and_all_others_with_it(page):
@@ -158,34 +134,6 @@ def test_a_step_is_read_exactly_on_both_sides_of_it(page):
     for time, value in ((0.4999, "10"), (0.5001, "40"), (1.9, "40")):
         page.tab.evaluate(f"rpudPlots.setCursor(rpudPlots.groups.get('time'), {time})")
         assert figure.locator("output").first.text_content() == value
-
-
-def test_the_cursor_is_on_all_plots_and_names_marks(page):
-    move(page, 1.2)
-    time, text = cursor(page)
-    assert time == pytest.approx(1.2, abs=0.01)
-    assert "bias wrench" in text
-    lines = page.tab.evaluate(
-        "[...rpudPlots.plots.values()].filter((p) => p.visible && p.group.key === 'time')"
-        ".map((p) => p.line.style.visibility)"
-    )
-    assert len(lines) > 1
-    assert set(lines) == {"visible"}
-    move(page, 0.5, 1)
-    assert "weight on bit 40 N" in cursor(page)[1]
-    page.tab.mouse.move(1, 1)
-    assert page.tab.locator(".plot-cursor").first.text_content() == ""
-
-
-def test_commands_and_faults_are_drawn_where_they_are(page):
-    found = page.tab.evaluate(
-        "[...rpudPlots.plots.get('plot-1').model.references()]"
-        ".filter((m) => String(m.name).startsWith('marks'))"
-        ".map((m) => [m.name, [...m.get_column('time')], [...m.get_column('end')]])"
-    )
-    marks = {name: (times, ends) for name, times, ends in found}
-    assert marks["marks command"][0] == [pytest.approx(0.5)]
-    assert marks["marks fault"] == ([pytest.approx(1.0)], [pytest.approx(1.5)])
 
 
 def test_the_colours_follow_the_reader_at_once(page):
