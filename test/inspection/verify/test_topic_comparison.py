@@ -12,7 +12,6 @@ from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.inspection.verify import recorded_topics
 from rpud_sim.inspection.verify.computed_block import computed_blocks
 from rpud_sim.inspection.verify.installed_types import installed_codec
-from rpud_sim.inspection.verify.messages import computed_key
 from rpud_sim.inspection.verify.recorded_journal import Span, Stretches
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.topic_comparison import TopicComparison
@@ -190,14 +189,6 @@ def test_undamaged_blocks_are_compared_without_single_messages():
         ):
             comparison.add_block(block)
     assert comparison.counts.equal == len(recorded) > 100
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_key_of_a_computed_message_is_that_of_its_fields(name):
-    for together, stretch in COMPUTED[1]:
-        for _, block in computed_blocks(together, {name: CODECS[name]}, stretch, 0):
-            for number in range(len(block.messages)):
-                assert block.key(number) == computed_key(block.fields(number))
 
 
 def small_messages():
