@@ -21,7 +21,6 @@ from sample_bags import (
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter
-from rpud_sim.bag.message_block import MessageBlock, gathered, joined
 
 TOPICS = st.sampled_from(["/a", "/b", "/c"])
 ENTRIES = st.lists(
@@ -234,21 +233,3 @@ def test_an_iteration_that_is_left_stops_reading(tmp_path):
         assert first.message(0) == serialized_string("message 0")
     with pytest.raises(BagError, match="was closed"):
         next(bag.blocks())
-
-
-@given(st.lists(st.lists(st.integers(0, 5), max_size=5), min_size=1, max_size=4), st.data())
-def test_packed_and_joined_blocks_hold_the_same(sizes, data):
-    blocks, expected = [], []
-    for counts in sizes:
-        content = np.frombuffer(data.draw(st.binary(min_size=40, max_size=40)), np.uint8)
-        starts = np.array([data.draw(st.integers(0, 35)) for _ in counts], np.int64)
-        times = np.arange(len(counts))
-        block = MessageBlock("/a", times, times, content, starts, np.array(counts, np.int64))
-        messages = [block.message(number) for number in range(len(block))]
-        packed = block.packed()
-        assert [packed.message(number) for number in range(len(block))] == messages
-        assert gathered(content, starts, block.sizes).tobytes() == b"".join(messages)
-        blocks.append(packed)
-        expected += messages
-    whole = joined(blocks)
-    assert [whole.message(number) for number in range(len(whole))] == expected

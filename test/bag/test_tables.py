@@ -211,20 +211,6 @@ def test_one_name_in_a_list_gives_a_table_by_its_name(drilled):
     assert {len(each) for table in late.values() for each in table.values()} == {0}
 
 
-@given(st.lists(st.tuples(st.integers(0, 40), st.integers(0, 3)), max_size=12))
-def test_arrays_are_all_batches_one_behind_the_other(parts):
-    """Whatever the number of messages that the bag claims to hold."""
-    batches, number = [], 0
-    for rows, messages in parts:
-        values = np.arange(number, number + rows)
-        number += rows
-        batches.append(Batch("/talk", dict.fromkeys(COLUMNS, values), messages))
-    for claimed in (0, 5, 2**62):
-        found = filled({"/talk": TABLE}, {"/talk": claimed}, batches)["/talk"]
-        for column in COLUMNS:
-            assert found[column].tolist() == list(range(number))
-
-
 def test_a_part_of_the_time(tmp_path):
     with rpud_sim.bag.open(write_everything(tmp_path / "bag", 10)) as bag:
         assert bag.arrays("/all", SECOND, 2 * SECOND)["small"].tolist() == [-2, -1]
@@ -412,20 +398,3 @@ def test_without_pandas_a_frame_is_one_clear_line(tmp_path, monkeypatch):
         with pytest.raises(BagError, match=r"^a frame needs the Python module pandas: pip install"):
             bag.frame(TALK.name)
         assert len(bag.arrays(TALK.name)["data"]) == 10
-
-
-def test_no_two_columns_share_a_name(tmp_path):
-    definition = "int32 log_time\nint32 log_time_\nint32 publish_time\n"
-    values = {"log_time": 1, "log_time_": 2, "publish_time": 3}
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(Topic("/a", "pkg/msg/Times"), definition)
-        bag.write("/a", serialized("pkg/msg/Times", definition, values), START, START)
-    with rpud_sim.bag.open(tmp_path / "bag") as bag:
-        found = {name: values.tolist() for name, values in bag.arrays("/a").items()}
-    assert found == {
-        "log_time": [START],
-        "publish_time": [START],
-        "log_time_": [1],
-        "log_time__": [2],
-        "publish_time_": [3],
-    }
