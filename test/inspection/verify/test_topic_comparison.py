@@ -162,35 +162,6 @@ def test_by_the_block_the_result_is_that_of_single_messages(name, runs, damages,
     assert results[1] == results[0]
 
 
-def test_undamaged_blocks_are_compared_without_single_messages():
-    """Otherwise the comparison would take ten times as long."""
-    recorded = []
-    for together, _ in COMPUTED[1]:
-        for time, topic, fields in together.messages():
-            if topic == "contact_force":
-                data = CODECS[topic].encode(fields)
-                recorded.append(Message("/rpud/contact_force", time, time, data))
-
-    class Blocks(RecordedMessages):
-        def pop(self):
-            raise AssertionError("a single message")
-
-    source = Blocks(Source(recorded, [7, 30]), "/rpud/contact_force")
-    comparison = TopicComparison(
-        "/rpud/contact_force",
-        CODECS["contact_force"],
-        source,
-        stretches_of(1),
-        Span((0, 0), (0, SECOND)),
-    )
-    for together, stretch in COMPUTED[1]:
-        for _, block in computed_blocks(
-            together, {"contact_force": CODECS["contact_force"]}, stretch, 0
-        ):
-            comparison.add_block(block)
-    assert comparison.counts.equal == len(recorded) > 100
-
-
 def small_messages():
     """Messages of several small sizes, each with bytes of its own."""
     data = [bytes([number + 1]) * (4 + number % 3) for number in range(9)]
