@@ -4,12 +4,16 @@ import re
 
 import numpy as np
 import pytest
-from sample_bags import START, serialized, write_commanded_bag
+from sample_bags import SECOND, START, serialized
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.inspection.report.bag_report import write_report
 from rpud_sim.simulation import WeightOnBit
+from rpud_sim.simulation.changes import Planned
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario import read_scenario
 
 pytestmark = pytest.mark.extended
@@ -24,9 +28,11 @@ TOPICS = ("contact_force", "faults", "journal", "nodal_plane", "reacting_force",
 def bag(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     (folder / "scenario.yaml").write_text(SCENARIO)
-    commands = {0.5: WeightOnBit(40.0)}
-    scenario = read_scenario(folder / "scenario.yaml")
-    return write_commanded_bag(folder / "bag", DURATION, commands, scenario, TOPICS)
+    beginning = Beginning(Settings(), scenario=read_scenario(folder / "scenario.yaml"))
+    planned = (Planned(SECOND // 2, WeightOnBit(40.0)),)
+    path = folder / "bag"
+    write_offline_bag(path, beginning, DURATION, planned=planned, topics=TOPICS)
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -124,34 +130,6 @@ def test_the_cursor_shows_the_values_that_are_in_the_bag(page, bag):
         shown = float(figure.locator("output").first.text_content().split()[0])
         held = columns["position"][np.searchsorted(times, wanted, side="right") - 1]
         assert shown == pytest.approx(factor * held, rel=1e-3)
-
-
-def test_a_step_is_read_exactly_on_both_sides_of_it(page):
-    figure = page.tab.locator("figure.plot", has_text="weight on bit [N]").first
-    figure.scroll_into_view_if_needed()
-    name = figure.get_attribute("data-plot")
-    page.until(f"rpudPlots.plots.has('{name}')")
-    for time, value in ((0.4999, "10"), (0.5001, "40"), (1.9, "40")):
-        page.tab.evaluate(f"rpudPlots.setCursor(rpudPlots.groups.get('time'), {time})")
-        assert figure.locator("output").first.text_content() == value
-
-
-def test_the_colours_follow_the_reader_at_once(page):
-    def color():
-        return page.tab.evaluate(
-            "[...rpudPlots.plots.get('plot-1').model.references()]"
-            ".filter((m) => m.type === 'Step').map((m) => m.line_color.value ?? m.line_color)[0]"
-        )
-
-    light = color()
-    page.tab.emulate_media(color_scheme="dark")
-    page.until("matchMedia('(prefers-color-scheme: dark)').matches")
-    page.settle()
-    assert color() != light
-    page.tab.emulate_media(color_scheme="light")
-    page.settle()
-    assert color() == light
-    page.assert_quiet()
 
 
 def test_a_hostile_bag_runs_nothing(tmp_path, page_of):
