@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import struct
-from collections.abc import Iterable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,16 +14,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition
 from rpud_sim.inspection import offline_bag
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import Configuration, Settings
-from rpud_sim.simulation.fields import Bookkeeping
-from rpud_sim.simulation.journal import Journal
-from rpud_sim.simulation.run import Beginning, Run
-from rpud_sim.simulation.scenario import Scenario
-from rpud_sim.simulation.together import Entry
-from rpud_sim.simulation.topics import TOPICS, offered_topics
+from rpud_sim.simulation.run import Beginning
+from rpud_sim.simulation.topics import offered_topics
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -185,41 +179,4 @@ def write_without_walk(path: Path, source: Path) -> Path:
             if message.topic == name:
                 data = old.encode(dataclasses.asdict(new.decode(data)))
             writer.write(message.topic, data, message.log_time, message.publish_time)
-    return path
-
-
-def write_commanded_bag(
-    path: Path,
-    duration: float,
-    commands: dict[float, Any],
-    scenario: Scenario | None = None,
-    topics: Iterable[str] = tuple(TOPICS),
-) -> Path:
-    """Write some topics of a run without ROS in which commands take effect at times [s]."""
-    run = Run(Beginning(Settings(), scenario=scenario), Journal())
-    later = {round(time * SECOND): command for time, command in sorted(commands.items())}
-    run.begin(0)
-    with BagWriter(path) as bag:
-        codecs = {}
-        for name in topics:
-            topic = TOPICS[name]
-            definition = find_definition(topic.type)
-            codecs[name] = Codec(topic.type, definition)
-            bag.add_topic(Topic(f"{offline_bag.NAMESPACE}/{name}", topic.type), definition)
-
-        def write(messages: Iterable[Entry]) -> None:
-            for time, name, values in messages:
-                if name not in codecs:
-                    continue
-                data = codecs[name].encode(values)
-                bag.write(f"{offline_bag.NAMESPACE}/{name}", data, time, time)
-
-        for time in [*later, round(duration * SECOND)]:
-            write(run.changes())
-            write([run.status("running", Bookkeeping())])
-            write(run.advance_to(time))
-            if time in later:
-                run.control.apply(later[time])
-        write(run.flush("end"))
-        write([run.status("stopped", Bookkeeping())])
     return path

@@ -1,5 +1,6 @@
-"""The encoder writes the bytes of ROS for every message."""
+"""The encoder writes the bytes of ROS for every message, and the codec reads them."""
 
+import dataclasses
 import struct
 from array import array
 
@@ -29,7 +30,7 @@ from rpud_msgs.msg import (
 from sensor_msgs.msg import JointState
 
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.bag.definitions import find_definition
+from rpud_sim.bag.definitions import find_definition, find_type_hash
 from rpud_sim.bag.encoder import CODES, Encoder
 from rpud_sim.foundation.ragged import Ragged
 from rpud_sim.ros.types import members_of, message_class
@@ -99,6 +100,7 @@ def test_every_topic_is_here():
 def test_the_bytes_are_those_of_ros(kind, data):
     encoder = Encoder(members_of(kind))
     codec = Codec(type_name(kind), find_definition(type_name(kind)))
+    assert codec.type_hash == find_type_hash(type_name(kind))
     for values in data.draw(st.lists(values_of(kind), min_size=1, max_size=3)):
         content = encoder.encode(values)
         expected = serialize_message(message_of(kind, values))
@@ -106,6 +108,7 @@ def test_the_bytes_are_those_of_ros(kind, data):
         assert content == codec.without_padding(expected[: len(content)])
         assert repr(deserialize_message(content, kind)) == repr(message_of(kind, values))
         assert content == codec.encode(values)
+        assert content == codec.encode(dataclasses.asdict(codec.decode(content)))
 
 
 def columns_of(rows):

@@ -100,6 +100,10 @@ def test_a_file_named_twice_is_refused(tmp_path, name):
 @pytest.mark.parametrize(
     "text",
     [
+        "",
+        "3",
+        "{}",
+        '{"transport": "x", "queue": 1}',
         "[" * 100_000,
         '{"transport": Infinity, "queue": 0}',
         '{"transport": NaN, "queue": 0}',

@@ -17,12 +17,10 @@ from sample_bags import (
     TALK,
     serialized_string,
     write_bag,
-    write_commanded_bag,
 )
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagFormatError, BagWriter
-from rpud_sim.bag.message_block import MessageBlock, gathered, joined
 
 TOPICS = st.sampled_from(["/a", "/b", "/c"])
 ENTRIES = st.lists(
@@ -152,15 +150,6 @@ def test_they_are_the_same_in_every_storage(tmp_path, storage, mode):
     assert sum(map(len, found.values())) == 210
 
 
-def test_a_run_s_bag_comes_in_few_blocks_of_views(tmp_path):
-    path = write_commanded_bag(tmp_path / "bag", 0.4, {})
-    assert_same(path)
-    with rpud_sim.bag.open(path) as bag:
-        blocks = [*bag.blocks()]
-    assert len(blocks) < 30
-    assert len({id(block.data) for block in blocks}) < len(blocks)
-
-
 @pytest.fixture(scope="module")
 def whole_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("whole") / "bag.mcap"
@@ -244,21 +233,3 @@ def test_an_iteration_that_is_left_stops_reading(tmp_path):
         assert first.message(0) == serialized_string("message 0")
     with pytest.raises(BagError, match="was closed"):
         next(bag.blocks())
-
-
-@given(st.lists(st.lists(st.integers(0, 5), max_size=5), min_size=1, max_size=4), st.data())
-def test_packed_and_joined_blocks_hold_the_same(sizes, data):
-    blocks, expected = [], []
-    for counts in sizes:
-        content = np.frombuffer(data.draw(st.binary(min_size=40, max_size=40)), np.uint8)
-        starts = np.array([data.draw(st.integers(0, 35)) for _ in counts], np.int64)
-        times = np.arange(len(counts))
-        block = MessageBlock("/a", times, times, content, starts, np.array(counts, np.int64))
-        messages = [block.message(number) for number in range(len(block))]
-        packed = block.packed()
-        assert [packed.message(number) for number in range(len(block))] == messages
-        assert gathered(content, starts, block.sizes).tobytes() == b"".join(messages)
-        blocks.append(packed)
-        expected += messages
-    whole = joined(blocks)
-    assert [whole.message(number) for number in range(len(whole))] == expected

@@ -1,12 +1,10 @@
 """Parts of a bag that can be read by themselves, and files that were not closed."""
 
 import pytest
-from mcap.reader import make_reader
 from sample_bags import TALK, write_bag
 
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError
-from rpud_sim.bag.mcap_index import read_summary
 
 
 def everything(bag):
@@ -47,21 +45,6 @@ def test_a_file_that_was_cut_off_is_read_up_to_there(tmp_path, part):
         assert talk.last_time <= found[-1].log_time  # the index of the last chunk may be missing
 
 
-def test_the_index_of_chunks_is_that_of_the_library(tmp_path):
-    path = write_bag(tmp_path / "bag", 500, chunk_size=2000)
-    with next(path.glob("*.mcap")).open("rb") as stream:
-        expected = make_reader(stream).get_summary().chunk_indexes
-        size = stream.seek(0, 2)
-        assert read_summary(stream, size).chunk_indexes == expected
-    assert len(expected) > 5
-
-
 def test_a_whole_file_is_none_that_was_cut_off(tmp_path):
     with rpud_sim.bag.open(write_bag(tmp_path / "bag"), unclosed=True) as bag:
         assert bag.unclosed == ()
-
-
-def test_what_is_no_bag_at_all_is_an_error(tmp_path):
-    (tmp_path / "bag_0.mcap").write_bytes(b"nothing of a bag")
-    with pytest.raises(BagFormatError, match="is not an MCAP file"):
-        rpud_sim.bag.open(tmp_path / "bag_0.mcap", unclosed=True)

@@ -18,8 +18,6 @@ from support import examples
 
 import rpud_sim.bag
 from rpud_sim.bag import BagError, BagExistsError, BagFormatError, BagNotFoundError, BagWriter
-from rpud_sim.bag.metadata import FILE_NAME as METADATA_FILE
-from rpud_sim.bag.metadata import BagMetadata, FileInformation
 from rpud_sim.bag.recovery import recover
 
 COUNT = 60
@@ -249,19 +247,6 @@ def test_what_cannot_be_recovered_is_named_and_leaves_nothing(tmp_path):
         file.write_bytes(content)
         with pytest.raises(BagFormatError, match="holds nothing of an MCAP file"):
             recover(file, tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("mode", ["MESSAGE", "FILE"])
-def test_what_rosbag2_compressed_on_its_own_is_refused(whole, tmp_path, mode):
-    torn = tmp_path / "torn"
-    torn.mkdir()
-    (torn / "torn_0.mcap").write_bytes(whole("none"))
-    files = (FileInformation("torn_0.mcap", 0, 0, 0),)
-    metadata = BagMetadata(0, 0, 0, (), files, compression_format="zstd", compression_mode=mode)
-    (torn / METADATA_FILE).write_text(metadata.to_document())
-    with pytest.raises(BagFormatError, match=f"compression_mode is '{mode}'"):
-        recover(torn, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

@@ -41,10 +41,3 @@ def test_thousands_of_short_publishers_leave_no_gap_and_no_trace():
         for number in (steady, 1, 2, 3):
             gaps.note(number)
     assert gaps.missing == 0
-
-
-def test_a_publisher_that_returns_begins_a_new_sequence():
-    gaps = SequenceGaps(lambda: 1)
-    for number in (7, 8, 9, 1, 2, 5):
-        gaps.note(number)
-    assert gaps.missing == 2

@@ -26,7 +26,6 @@ from rpud_sim.bag import BagError, BagFormatError, BagWriter, Topic
 from rpud_sim.bag.blocks import _offsets as offsets_of_blocks
 from rpud_sim.bag.columns import Kind
 from rpud_sim.bag.definitions import find_definition
-from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.bag.tables import Batch, Table
 from rpud_sim.bag.topic_summary import TopicSummary
 from rpud_sim.bag.whole_tables import filled
@@ -212,20 +211,6 @@ def test_one_name_in_a_list_gives_a_table_by_its_name(drilled):
     assert {len(each) for table in late.values() for each in table.values()} == {0}
 
 
-@given(st.lists(st.tuples(st.integers(0, 40), st.integers(0, 3)), max_size=12))
-def test_arrays_are_all_batches_one_behind_the_other(parts):
-    """Whatever the number of messages that the bag claims to hold."""
-    batches, number = [], 0
-    for rows, messages in parts:
-        values = np.arange(number, number + rows)
-        number += rows
-        batches.append(Batch("/talk", dict.fromkeys(COLUMNS, values), messages))
-    for claimed in (0, 5, 2**62):
-        found = filled({"/talk": TABLE}, {"/talk": claimed}, batches)["/talk"]
-        for column in COLUMNS:
-            assert found[column].tolist() == list(range(number))
-
-
 def test_a_part_of_the_time(tmp_path):
     with rpud_sim.bag.open(write_everything(tmp_path / "bag", 10)) as bag:
         assert bag.arrays("/all", SECOND, 2 * SECOND)["small"].tolist() == [-2, -1]
@@ -244,31 +229,6 @@ def test_batches_are_the_whole_in_pieces_of_bounded_size(tmp_path, monkeypatch):
     assert sum(piece.message_count for piece in pieces) == 50
     joined = np.concatenate([piece.columns["log_time"] for piece in pieces])
     assert np.array_equal(joined, whole["log_time"])
-
-
-def test_a_block_that_fills_a_batch_is_neither_divided_nor_copied(tmp_path, monkeypatch):
-    with BagWriter(tmp_path / "bag", compression="none", chunk_size=30_000) as bag:
-        bag.add_topic(TALK, STRING_DEFINITION)
-        for number in range(45):
-            bag.write(TALK.name, serialized_string(f"{number:02d}" * 1000), number, 0)
-    copied = []
-    pack = MessageBlock.packed
-    monkeypatch.setattr(MessageBlock, "packed", lambda block: copied.append(block) or pack(block))
-
-    def counts(size):
-        copied.clear()
-        monkeypatch.setattr("rpud_sim.bag.tables.BATCH_SIZE", size)
-        with rpud_sim.bag.open(tmp_path / "bag") as bag:
-            batches = list(bag.batches(TALK.name))
-        texts = [text[:2] for batch in batches for text in batch.columns["data"]]
-        assert texts == [f"{number:02d}" for number in range(45)]
-        return [len(batch) for batch in batches]
-
-    # Chunks of 15 messages.
-    assert counts(20_000) == [15, 15, 15]
-    assert not copied
-    assert counts(50_000) == [23, 22]
-    assert len(copied) == 4
 
 
 def test_the_first_rows_make_no_room_that_a_damaged_count_would_waste():
@@ -307,16 +267,6 @@ def test_memory_stays_bounded_while_the_bag_grows(tmp_path, monkeypatch):
     # Four chunks that threads read ahead, with their copies, and what waits to become batches: as
     # much of 8 MB as of 24 MB.
     assert max(peak(4_000), peak(12_000)) < 6_000_000
-
-
-def test_a_topic_that_is_not_there_is_named_with_those_that_are(tmp_path):
-    with rpud_sim.bag.open(write_bag(tmp_path / "bag")) as bag:
-        for get in (bag.arrays, bag.frame, bag.columns, lambda topic: list(bag.batches([topic]))):
-            with pytest.raises(BagError) as failure:
-                get("/tlak")
-            assert str(failure.value) == (
-                f"{tmp_path / 'bag'} holds no topic '/tlak'; it holds /rpud/chat, /rpud/talk"
-            )
 
 
 def test_a_type_without_fields_is_a_table_of_times(tmp_path):
@@ -435,14 +385,6 @@ def test_blocks_of_unequal_arrays_are_an_error(tmp_path):
         bag.arrays("/w")
 
 
-def test_a_type_that_only_has_the_name_of_ours_is_a_table_like_any_other(tmp_path):
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(Topic("/w", "rpud_msgs/msg/Waveform"), STRING_DEFINITION)
-        bag.write("/w", serialized_string("hello"), START, START)
-    with rpud_sim.bag.open(tmp_path / "bag") as bag:
-        assert bag.arrays("/w")["data"].tolist() == ["hello"]
-
-
 def test_without_pandas_a_frame_is_one_clear_line(tmp_path, monkeypatch):
     found = builtins.__import__
 
@@ -456,20 +398,3 @@ def test_without_pandas_a_frame_is_one_clear_line(tmp_path, monkeypatch):
         with pytest.raises(BagError, match=r"^a frame needs the Python module pandas: pip install"):
             bag.frame(TALK.name)
         assert len(bag.arrays(TALK.name)["data"]) == 10
-
-
-def test_no_two_columns_share_a_name(tmp_path):
-    definition = "int32 log_time\nint32 log_time_\nint32 publish_time\n"
-    values = {"log_time": 1, "log_time_": 2, "publish_time": 3}
-    with BagWriter(tmp_path / "bag") as bag:
-        bag.add_topic(Topic("/a", "pkg/msg/Times"), definition)
-        bag.write("/a", serialized("pkg/msg/Times", definition, values), START, START)
-    with rpud_sim.bag.open(tmp_path / "bag") as bag:
-        found = {name: values.tolist() for name, values in bag.arrays("/a").items()}
-    assert found == {
-        "log_time": [START],
-        "publish_time": [START],
-        "log_time_": [1],
-        "log_time__": [2],
-        "publish_time_": [3],
-    }

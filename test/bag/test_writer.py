@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.records import Message as McapMessage
 from mcap.stream_reader import StreamReader
-from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.typesys import Stores, get_typestore
@@ -52,14 +51,6 @@ def test_rosbags_reads_topics_offers_times_and_content(tmp_path, compression):
             for connection, time, data in bag.messages()
         ]
     assert messages == [(START + n * 1_000_000, f"message {n}") for n in range(10)]
-
-
-def test_mcap_ros2_support_decodes_it(tmp_path):
-    write_bag(tmp_path / "run", 10)
-    with (tmp_path / "run" / "run_0.mcap").open("rb") as stream:
-        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        texts = [item.decoded_message.data for item in reader.iter_decoded_messages()]
-    assert texts == [f"message {n}" for n in range(10)]
 
 
 def test_the_file_has_what_rosbag2_s_has(tmp_path):

@@ -1,16 +1,12 @@
 """The fixtures of this folder find what they are there to find."""
 
-import contextlib
 import os
 import subprocess
 import sys
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
 
 import pytest
 from browser.pages import PHONE
-from support import until
 
 pytestmark = pytest.mark.extended
 
@@ -73,26 +69,6 @@ def test_another_machine_is_out_of_reach(page_of, file):
     assert "Failed to fetch" in page.tab.evaluate("said")
 
 
-def test_a_page_of_a_server_on_this_machine_passes(page_of):
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self):
-            found = self.path == "/"
-            self.send_response(200 if found else 404)  # the icon that browsers request
-            self.end_headers()
-            self.wfile.write(GOOD.encode() if found else b"")
-
-        def log_message(self, *_):
-            pass
-
-    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
-        Thread(target=server.serve_forever).start()
-        try:
-            page_of(f"http://127.0.0.1:{server.server_port}/").check()
-        finally:
-            server.shutdown()
-
-
-MARK = "RPUD_TEST_BROWSER"
 SHORT = """
 import os
 def test_one(page_of, tmp_path):
@@ -127,12 +103,6 @@ def test_a_failed_test_leaves_a_screenshot_and_the_next_may_have_a_loop(tmp_path
     assert [path.name for path in tmp_path.glob("rpud-artefacts/browser/*/*")] == ["failed_1.png"]
 
 
-def test_a_test_without_end_is_ended_and_the_next_one_runs(tmp_path):
-    printed = run(tmp_path, "page.until('false')", "--timeout=25")
-    assert "Timeout" in printed
-    assert "1 failed, 1 passed" in printed
-
-
 def test_without_a_browser_tests_are_skipped_and_in_ci_they_fail(tmp_path):
     nowhere = {"PATH": str(tmp_path), "RPUD_BROWSER": ""}
     printed = run(tmp_path, "pass", "-rs", **nowhere)
@@ -142,21 +112,3 @@ def test_without_a_browser_tests_are_skipped_and_in_ci_they_fail(tmp_path):
         printed = run(tmp_path, "pass", **{**nowhere, **required})
         assert "1 passed, 1 error" in printed
         assert "never skipped in CI: no Chromium" in printed
-
-
-def marked(mark):
-    """Return the processes that carry a mark in their environment."""
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            if f"{MARK}={mark}".encode() in (process / "environ").read_bytes():
-                found.append(process.name)
-    return found
-
-
-def test_a_browser_ends_with_a_test_run_that_is_killed(tmp_path):
-    mark = str(tmp_path)
-    body = f"open({str(tmp_path / 'went')!r}, 'w').close(); os.kill(os.getpid(), 9)"
-    run(tmp_path, body, **{MARK: mark})
-    assert (tmp_path / "went").exists()
-    until(lambda: not marked(mark))

@@ -211,17 +211,6 @@ def test_a_hostile_namespace_stays_text(server, page_of, namespace):
     page.assert_quiet()
 
 
-def test_a_drill_may_come_later_vanish_and_return(server, page_of):
-    page = opened(page_of, server, "/comes_later")
-    text_has(page, "#banner", "searching")
-    for run in ("run 1", "run 2"):
-        with start_drill("/comes_later"):
-            text_has(page, "#banner", f"^connected.*{run}")
-            page.until("rpudLive.tables[0].rows.length > 5")
-        text_has(page, "#banner", "^vanished")
-    page.assert_quiet()
-
-
 def test_the_server_comes_back_and_the_page_goes_on(drill, page_of):
     with served(NAMESPACE) as base:
         page = opened(page_of, base, NAMESPACE)

@@ -1,11 +1,11 @@
-"""Pages that are files: each works without network, on a phone, in light and dark.
+"""Pages that are files: each works without network, on a phone, in light and dark."""
 
-Those of sweeps and campaigns are in test_study_pages.py.
-"""
+from pathlib import Path
 
 import pytest
 import yaml
 from browser.pages import PHONE, WIDE
+from campaign_results import FAILURE, flown
 from sample_bags import STRING_DEFINITION, TALK, serialized_string, write_offline_bag
 
 from rpud_sim.bag import BagWriter, Topic
@@ -14,9 +14,12 @@ from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import read_scenario
 from rpud_sim.studies.fit import branches
 from rpud_sim.studies.fit import fit as rounds
+from rpud_sim.testing.campaign.campaign_file import read_campaign
+from rpud_sim.testing.campaign.page import campaign_page
 
 pytestmark = pytest.mark.extended
 
+CAMPAIGN = Path(__file__).resolve().parents[2] / "config" / "campaign.yaml"
 SCENARIO = """
 faults:
   - {kind: bias, channel: wrench, magnitude: 100, onset: 0.25, duration: 0.5}
@@ -32,6 +35,15 @@ FIT = {
         {"figure": "reacting_force_mean", "window": 0.5, "value": 15.0, "tolerance": "4 %"},
         {"figure": "contact_force", "window": 0.5, "value": 1000.0, "tolerance": "4 %"},
     ],
+}
+SWEEP = {
+    "design": "grid",
+    "repeat": 2,
+    "duration": 0.05,
+    "swept": {
+        "weight_on_bit": {"minimum": 10, "maximum": 40, "points": 4},
+        "contact_model": ["printed", "rayleigh"],
+    },
 }
 HOSTILE = (
     '/rpud/<script>console.error("x")</script><img src=x onerror=alert(1)>/{{ 7*7 }}/' + "W" * 300
@@ -57,8 +69,9 @@ def hostile(folder):
 
 def compared(folder):
     drilled(folder)
-    write_offline_bag(folder / "other", preset("drilling").replace(weight_on_bit=20.0), 1.0)
-    return "compare", folder / "bag", folder / "other", "--out", folder / "out.html"
+    other = folder / "<script>console.error(1)<"
+    write_offline_bag(other, preset("drilling").replace(weight_on_bit=20.0), 1.0)
+    return "compare", folder / "bag", other, "--out", folder / "out.html"
 
 
 def fitted(folder):
@@ -66,11 +79,26 @@ def fitted(folder):
     return "fit", folder / "targets.yaml", "--out", folder / "out"
 
 
+def swept(folder):
+    (folder / "sweep.yaml").write_text(yaml.safe_dump(SWEEP))
+    return "sweep", folder / "sweep.yaml", "--workers", 1, "--out", folder / "out"
+
+
+def tested(folder):
+    """The page of a campaign whose outcomes are given."""
+    campaign = read_campaign(CAMPAIGN)
+    broken = campaign.runs[2]
+    results = flown(campaign, lambda run: {"judged": {"force": FAILURE}} if run is broken else {})
+    (folder / "index.html").write_text(campaign_page(results))
+
+
 PAGES = {
     "report": drilled,
     "hostile report": hostile,
     "comparison": compared,
     "fit": fitted,
+    "sweep": swept,
+    "campaign": tested,
 }
 
 
@@ -82,9 +110,10 @@ def file(request, tmp_path_factory):
         patch.setattr(branches, "PARTICLES", 512)
         patch.setattr(rounds, "CANDIDATES", 4)
         patch.setattr(rounds, "CANDIDATE_RUNS", 4)
-        with pytest.raises(SystemExit) as end:
-            main([str(word) for word in PAGES[request.param](folder)])
-    assert end.value.code in (0, 1, 3)
+        if words := PAGES[request.param](folder):
+            with pytest.raises(SystemExit) as end:
+                main([str(word) for word in words])
+            assert end.value.code in (0, 1, 3)
     (page,) = folder.rglob("*.html")
     return page
 

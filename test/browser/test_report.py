@@ -4,13 +4,16 @@ import re
 
 import numpy as np
 import pytest
-from browser.pages import PHONE, SCHEMES, WIDE
-from sample_bags import START, serialized, write_commanded_bag
+from sample_bags import SECOND, START, serialized
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.inspection.offline_bag import write_offline_bag
 from rpud_sim.inspection.report.bag_report import write_report
 from rpud_sim.simulation import WeightOnBit
+from rpud_sim.simulation.changes import Planned
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.run import Beginning
 from rpud_sim.simulation.scenario import read_scenario
 
 pytestmark = pytest.mark.extended
@@ -25,9 +28,11 @@ TOPICS = ("contact_force", "faults", "journal", "nodal_plane", "reacting_force",
 def bag(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     (folder / "scenario.yaml").write_text(SCENARIO)
-    commands = {0.5: WeightOnBit(40.0)}
-    scenario = read_scenario(folder / "scenario.yaml")
-    return write_commanded_bag(folder / "bag", DURATION, commands, scenario, TOPICS)
+    beginning = Beginning(Settings(), scenario=read_scenario(folder / "scenario.yaml"))
+    planned = (Planned(SECOND // 2, WeightOnBit(40.0)),)
+    path = folder / "bag"
+    write_offline_bag(path, beginning, DURATION, planned=planned, topics=TOPICS)
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -62,29 +67,6 @@ def cursor(page):
     """Give the time at the cursor [s], and what is said there."""
     text = page.tab.locator(".plot-cursor").first.text_content()
     return float(re.match(r"at ([\d.]+) s", text)[1]), text
-
-
-def move(page, time, number=0):
-    """Put the pointer at a time in a plot."""
-    area = areas(page).nth(number)
-    area.scroll_into_view_if_needed()
-    box = area.bounding_box()
-    place = area.evaluate(
-        "(area, time) => rpudPlots.plots.get(area.closest('figure').dataset.plot)"
-        ".view.frame.x_scale.compute(time)",
-        time,
-    )
-    page.tab.mouse.move(box["x"] + place, box["y"] + 0.4 * box["height"])
-
-
-@pytest.mark.parametrize("width", [PHONE, WIDE])
-@pytest.mark.parametrize("scheme", SCHEMES)
-def test_anyone_can_read_it(report, page_of, width, scheme):
-    page = page_of(report, width=width, scheme=scheme)
-    page.tab.locator("figure.plot", has_text=PEAKS).first.scroll_into_view_if_needed()
-    page.until("rpudPlots.plots.size >= 2")
-    page.check()
-    page.keep(f"report_{width}_{scheme}", whole=False)
 
 
 def test_a_plot_zooms_and_all_others_with_it(page):
@@ -148,62 +130,6 @@ def test_the_cursor_shows_the_values_that_are_in_the_bag(page, bag):
         shown = float(figure.locator("output").first.text_content().split()[0])
         held = columns["position"][np.searchsorted(times, wanted, side="right") - 1]
         assert shown == pytest.approx(factor * held, rel=1e-3)
-
-
-def test_a_step_is_read_exactly_on_both_sides_of_it(page):
-    figure = page.tab.locator("figure.plot", has_text="weight on bit [N]").first
-    figure.scroll_into_view_if_needed()
-    name = figure.get_attribute("data-plot")
-    page.until(f"rpudPlots.plots.has('{name}')")
-    for time, value in ((0.4999, "10"), (0.5001, "40"), (1.9, "40")):
-        page.tab.evaluate(f"rpudPlots.setCursor(rpudPlots.groups.get('time'), {time})")
-        assert figure.locator("output").first.text_content() == value
-
-
-def test_the_cursor_is_on_all_plots_and_names_marks(page):
-    move(page, 1.2)
-    time, text = cursor(page)
-    assert time == pytest.approx(1.2, abs=0.01)
-    assert "bias wrench" in text
-    lines = page.tab.evaluate(
-        "[...rpudPlots.plots.values()].filter((p) => p.visible && p.group.key === 'time')"
-        ".map((p) => p.line.style.visibility)"
-    )
-    assert len(lines) > 1
-    assert set(lines) == {"visible"}
-    move(page, 0.5, 1)
-    assert "weight on bit 40 N" in cursor(page)[1]
-    page.tab.mouse.move(1, 1)
-    assert page.tab.locator(".plot-cursor").first.text_content() == ""
-
-
-def test_commands_and_faults_are_drawn_where_they_are(page):
-    found = page.tab.evaluate(
-        "[...rpudPlots.plots.get('plot-1').model.references()]"
-        ".filter((m) => String(m.name).startsWith('marks'))"
-        ".map((m) => [m.name, [...m.get_column('time')], [...m.get_column('end')]])"
-    )
-    marks = {name: (times, ends) for name, times, ends in found}
-    assert marks["marks command"][0] == [pytest.approx(0.5)]
-    assert marks["marks fault"] == ([pytest.approx(1.0)], [pytest.approx(1.5)])
-
-
-def test_the_colours_follow_the_reader_at_once(page):
-    def color():
-        return page.tab.evaluate(
-            "[...rpudPlots.plots.get('plot-1').model.references()]"
-            ".filter((m) => m.type === 'Step').map((m) => m.line_color.value ?? m.line_color)[0]"
-        )
-
-    light = color()
-    page.tab.emulate_media(color_scheme="dark")
-    page.until("matchMedia('(prefers-color-scheme: dark)').matches")
-    page.settle()
-    assert color() != light
-    page.tab.emulate_media(color_scheme="light")
-    page.settle()
-    assert color() == light
-    page.assert_quiet()
 
 
 def test_a_hostile_bag_runs_nothing(tmp_path, page_of):

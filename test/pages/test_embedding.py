@@ -11,9 +11,7 @@ import numpy as np
 
 from rpud_sim.pages.embedding import (
     bokeh_script,
-    controls,
     group_content,
-    host,
     plots_script,
     server_scripts,
 )
@@ -54,19 +52,6 @@ def test_texts_reach_the_scripts_as_they_are():
     assert group["marks"][0]["text"] == EVIL
     assert (group["begin"], group["end"]) == (0.0, 2.0)
     assert sum("root_id" in content for content in contents) == 3
-
-
-def test_a_plot_has_its_title_its_legend_and_a_text_for_all_readers():
-    element = host(
-        Plot("force", (Line("mean", *np.ones((2, 3))),), "It rises.", Axis(unit="N")), "p"
-    )
-    assert "force [N]" in element
-    assert 'role="img" aria-labelledby="p-seen"' in element
-    assert '<span class="plot-seen" id="p-seen">It rises.</span>' in element
-    assert re.search('class="key" data-layer="0">.*mean <output></output>', element)
-    bare = host(Plot("force", ()), "q", inner=controls("time"))
-    assert 'role="img" aria-label="force"' in bare
-    assert 'data-act="whole"' in bare
 
 
 def test_a_server_s_page_has_the_theme_and_the_script_but_no_bokeh():

@@ -6,7 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rpud_sim.pages.extent import axis_ends, readable_unit
-from rpud_sim.pages.plot import Axis, Bars, Line, Plot, Points, Rule, Stems, Zone
+from rpud_sim.pages.plot import Axis, Line, Plot
 
 numbers = st.floats(-1e12, 1e12)
 
@@ -31,20 +31,6 @@ def test_a_logarithmic_axis_holds_what_is_positive(values):
     assert (found[found > 0.0] >= low * (1.0 - 1e-12)).all()
 
 
-def test_bars_and_stems_stand_on_zero_and_lines_across_count():
-    bars = Plot("a", (Bars("b", np.array([1.0, 2.0, 3.0]), np.array([5.0, 6.0])),))
-    assert axis_ends(bars, "y") == (0.0, pytest.approx(6.3))
-    assert axis_ends(bars, "x") == (pytest.approx(0.9), pytest.approx(3.1))
-    stems = Plot("a", (Stems("b", np.arange(2.0), np.array([1.0, 2.0])),))
-    assert axis_ends(stems, "y")[0] == 0.0
-    points = Points("b", np.zeros(1), np.ones(1), np.array([-4.0]), np.array([2.0]))
-    layers = (points, Rule("c", 9.0), Zone("d", 20.0, 30.0, across=False))
-    low, high = axis_ends(Plot("a", layers), "y")
-    assert low < -4.0
-    assert 9.0 < high < 20.0
-    assert axis_ends(Plot("a", layers, y=Axis(low=1.0, high=2.0)), "y") == (1.0, 2.0)
-
-
 @given(st.floats(1e-9, 1e11))
 def test_a_readable_unit_leaves_one_to_three_digits_before_the_point(greatest):
     factor, unit = readable_unit("N", greatest)
@@ -54,10 +40,3 @@ def test_a_readable_unit_leaves_one_to_three_digits_before_the_point(greatest):
         greatest
         / {"n": 1e-9, "µ": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9}.get(unit[:-1], 1.0)
     )
-
-
-@pytest.mark.parametrize(
-    ("unit", "greatest"), [("rad", 1e-6), ("N", 0.0), ("N", np.nan), ("s", 1e5)]
-)
-def test_other_units_stay(unit, greatest):
-    assert readable_unit(unit, greatest) == (1.0, unit)

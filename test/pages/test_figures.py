@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from bokeh.embed import json_item
-from bokeh.models import DataRange1d, LogScale, Quad, Span, Step, VSpan, VStrip
+from bokeh.models import DataRange1d, VSpan, VStrip
 
 from rpud_sim.pages.figures import draw_column, draw_plot, mark_sources, standalone
 from rpud_sim.pages.plot import (
@@ -68,31 +68,6 @@ def test_each_layer_is_drawn_with_its_data(layer, live):
     assert not live or isinstance(drawn.figure.y_range, DataRange1d)
 
 
-def test_steps_are_steps_and_gaps_stay_gaps():
-    drawn = draw_plot(Plot("title", (Line("a", X, Y, steps=True),)), "p")
-    [step] = [r.glyph for r in drawn.figure.renderers]
-    assert isinstance(step, Step)
-    assert step.mode == "after"
-    np.testing.assert_array_equal(drawn.sources["a"].data["y"], Y)
-    envelope = draw_plot(Plot("title", (LAYERS[1],)), "p")
-    assert isinstance(envelope.figure.renderers[0].glyph, Quad)
-    assert list(envelope.sources["envelope"].data["until"]) == [1.0, 2.0, 3.0, 3.0]
-
-
-def test_axes_are_what_their_descriptions_say():
-    plot = Plot(
-        "title", (Line("a", X + 1.0, X + 1.0),), y=Axis(unit="N", log=True, flipped=True),
-        x=Axis("length", "m"),
-    )  # fmt: skip
-    figure = draw_plot(plot, "p").figure
-    assert isinstance(figure.y_scale, LogScale)
-    assert figure.y_range.start > figure.y_range.end
-    assert figure.xaxis[0].axis_label == "length [m]"
-    named = Plot("title", (Points("a", X, X),), y=Axis(categories=("one", "two", "three", "four")))
-    axis = draw_plot(named, "p").figure.yaxis[0]
-    assert axis.major_label_overrides == {0: "one", 1: "two", 2: "three", 3: "four"}
-
-
 def column(*plots):
     return TimeColumn(plots, 0.0, 4.0, MARKS)
 
@@ -104,14 +79,6 @@ def test_a_column_of_a_file_has_figures_that_stand_alone():
     assert (one.figure.x_range.start, two.figure.x_range.end) == (0.0, 4.0)
 
 
-def test_a_column_of_a_server_shares_its_time_and_its_marks():
-    one, two = draw_column(
-        column(Plot("a", (LAYERS[0],)), Plot("b", (LAYERS[1],))), ("p", "q"), live=True
-    )
-    assert one.figure.x_range is two.figure.x_range
-    assert one.marks[FAULT] is two.marks[FAULT]
-
-
 def test_marks_are_on_every_plot_and_faults_have_their_ends():
     sources = mark_sources(MARKS, 4.0)
     assert list(sources[FAULT].data["time"]) == [2.0, 3.5]
@@ -120,20 +87,6 @@ def test_marks_are_on_every_plot_and_faults_have_their_ends():
     for drawn in draw_column(column(Plot("a", (LAYERS[0],)), Plot("b", ())), ("p", "q")):
         glyphs = [r.glyph for r in drawn.figure.renderers if r.name and r.name.startswith("mark")]
         assert [type(glyph) for glyph in glyphs] == [VStrip, VStrip, VSpan, VSpan, VSpan]
-
-
-def test_lines_across_are_drawn_through_the_plot():
-    found = draw_plot(Plot("a", (LAYERS[0], Rule("r", 2.0, across=False))), "p").figure
-    [span] = [model for model in found.references() if isinstance(model, Span)]
-    assert (span.location, span.dimension) == (2.0, "height")
-
-
-@pytest.mark.parametrize(("live", "expected"), [(False, set()), (True, {COMMAND, FAULT, GAP})])
-def test_marks_that_cannot_come_are_not_drawn(live, expected):
-    column = TimeColumn((Plot("title", (LAYERS[0],)),), 0.0, 4.0)
-    (drawn,) = draw_column(column, ("plot-1",), live=live)
-    names = {renderer.name or "" for renderer in drawn.figure.renderers}
-    assert {name.removeprefix("mark ") for name in names if name.startswith("mark ")} == expected
 
 
 @pytest.mark.parametrize("layer", LAYERS, ids=lambda layer: layer.name)

@@ -26,11 +26,6 @@ def test_bands_are_as_wide_as_their_amounts():
     assert 'aria-label="8 W come in."' in picture
 
 
-def test_what_is_no_share_has_no_band_and_nothing_flows_at_rest():
-    assert len(bands(flow_picture({"a": 1.0}, {"b": 1.0, "c": 1e-9}, "W", ""))) == 2
-    assert bands(flow_picture({}, {}, "W", "")) == []
-
-
 def test_names_are_text():
     picture = flow_picture({"<script>": 1.0}, {"b": 1.0}, "W", '"><script>')
     assert "<script" not in picture

@@ -26,18 +26,16 @@ def live(faulty_messages):
     return record
 
 
-def test_a_thousand_random_expectations_have_the_same_verdict_live_and_over_the_bag(
-    faulty_bag, live
-):
+def test_random_expectations_have_the_same_verdict_live_and_over_the_bag(faulty_bag, live):
     recorded = Record.from_bag(faulty_bag, TOPICS)
     source = RandomFormulas(random.Random(13))
     outcomes = Counter()
-    for number in range(1000):
+    for number in range(300):
         expectation = Expectation(f"number {number}", source.formula())
         verdict = evaluate(expectation, recorded)
         assert evaluate(expectation, live) == verdict, expectation
         outcomes[verdict.outcome] += 1
-    assert all(outcomes[outcome] > 50 for outcome in OUTCOMES), outcomes
+    assert all(outcomes[outcome] > 15 for outcome in OUTCOMES), outcomes
 
 
 def test_a_verdict_depends_on_no_topic_but_those_of_its_expectation(faulty_bag, live):

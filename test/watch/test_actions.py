@@ -6,11 +6,6 @@ from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.watch.actions import Actions
 
 
-def test_an_unknown_action_is_refused_with_a_hint():
-    with pytest.raises(ParameterError, match=r"action 'pres' is unknown.*press"):
-        Actions().add("pres", {})
-
-
 @pytest.mark.parametrize("name", ["close", "set_parameters", "__init__", "node"])
 def test_nothing_but_actions_of_the_drill_can_be_called(name):
     with pytest.raises(ParameterError, match="unknown"):

@@ -31,9 +31,3 @@ def test_a_snapshot_does_not_change_and_cannot_be_changed():
     rows.row(0)[:] = 2.0
     assert shown.tolist() == [[1.0, 1.0]]
     assert not shown.flags.writeable
-
-
-def test_a_row_from_before_the_kept_ones_is_refused():
-    rows = Rows(1, LENGTH)
-    rows.row(100)[0] = 1.0
-    assert rows.row(100 - LENGTH) is None

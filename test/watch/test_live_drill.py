@@ -91,15 +91,6 @@ def test_a_pause_need_not_wait_for_a_long_step(live):
     assert outcome_of(live, "play").state == "done"
 
 
-def test_a_picture_stays_the_same_and_so_does_what_it_holds(live):
-    picture = live.picture()
-    rows = picture.series.rows.copy()
-    until(lambda: live.picture().version > picture.version)
-    assert (picture.series.rows[:-5] == rows[:-5])[~(rows[:-5] != rows[:-5])].all()
-    with pytest.raises(TypeError):
-        picture.status["weight_on_bit"] = 1.0
-
-
 def test_a_drill_comes_later_vanishes_and_returns_as_a_new_run():
     with LiveDrill("/comes_later") as live:
         assert live.picture().connection.state == "searching"

@@ -36,18 +36,6 @@ def test_commands_stay_in_force_until_the_next_one():
     assert again.in_force == "weight on bit 10 N"
 
 
-def test_changed_parameters_are_named():
-    _, change, same = taken(
-        ("begin", BEGIN),
-        ("configure", {"parameters": {"weight_on_bit": 10.0, "free_mass": 0.006}}),
-        ("configure", {"parameters": {"free_mass": 0.006}}),
-    )
-    assert change.text == "parameters: free_mass 0.006"
-    assert same.text == "parameters"
-    [many] = taken(("configure", {"parameters": {f"p{n}": n for n in range(9)}}))
-    assert many.text.endswith("p5 5 and 3 more")
-
-
 def test_what_a_checkpoint_holds_is_not_known():
     _, change = taken(("begin", BEGIN), ("restore", {"name": "a"}))
     assert (change.text, change.in_force, change.weight_on_bit) == ("restore of a", "", None)

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rpud_sim.inspection.report.charts import distributions, power_flow, spectra
+from rpud_sim.inspection.report.charts import distributions, spectra
 from rpud_sim.inspection.report.drill_topics import CHANNELS, Impacts
-from rpud_sim.inspection.report.power_flow import INFLOWS, OUTFLOWS
 from rpud_sim.inspection.report.running_statistics import Distribution
 
 
@@ -38,9 +37,3 @@ def test_a_histogram_has_every_impact():
     assert (force.x.unit, force.layers[1].name) == ("kN", "mean 1 kN")
     assert interval.x.log
     assert interval.x.unit == "ms"
-
-
-def test_the_flow_says_where_power_goes():
-    powers = dict.fromkeys((*INFLOWS, *OUTFLOWS), 0.0)
-    picture = power_flow({**powers, "actuator_power": 8.0, "absorbed_power": 8.0})
-    assert "8 W come in, most by work of the vibration; 8 W go to: drill tool and rock." in picture

@@ -53,15 +53,6 @@ def test_a_clear_change_is_of_mode_sign_or_size(one, other, alike):
     assert one.is_like(other) is other.is_like(one) is alike
 
 
-def test_single_commands_begin_segments_at_their_times():
-    commands = [(1.0, rate(2e-4)), (3.0, rate(2.1e-4)), (5.0, rate(0.0)), (9.0, position(-0.01))]
-    assert begun(commands) == [1.0, 5.0, 9.0]
-
-
-def test_a_motion_shorter_than_a_second_has_no_segment():
-    assert begun([(1.0, rate(2e-4)), (1.5, rate(0.0)), (4.0, rate(-1e-3))]) == [4.0]
-
-
 def test_a_controller_at_100_hz_whose_rate_oscillates_makes_no_more_than_one_segment():
     seek = streamed(lambda time: rate(1e-3), 5.0)
     # 0.1 mm/s on the average, of either sign.

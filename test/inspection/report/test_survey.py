@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from inspection.report.read_page import DURATION, Page, surveyed
-from sample_bags import SECOND, START, serialized, write_commanded_bag
+from sample_bags import SECOND, START, serialized
 
 import rpud_sim.bag
 from rpud_sim.bag import BagWriter, Topic
@@ -13,8 +13,8 @@ from rpud_sim.bag.manifest import Manifest
 from rpud_sim.inspection.report import rows
 from rpud_sim.inspection.report.bag_report import render
 from rpud_sim.inspection.report.run_marks import run_marks
-from rpud_sim.pages.plot import COMMAND, GAP
-from rpud_sim.simulation import WeightOnBit, preset
+from rpud_sim.pages.plot import GAP
+from rpud_sim.simulation import preset
 from rpud_sim.simulation.scenario import read_scenario
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics
@@ -30,22 +30,6 @@ def test_segments_lie_between_commands_and_faults(seen, page):
     assert sum(period.energy for period in found) == pytest.approx(topic.find("energy").total)
     assert found[-1].end == pytest.approx(DURATION, abs=0.01)
     assert "0.250000 0.750000 weight on bit 10 N bias wrench" in page.text
-
-
-def test_a_command_begins_a_segment_and_is_marked(tmp_path):
-    seen = surveyed(write_commanded_bag(tmp_path / "bag", DURATION, {0.5: WeightOnBit(40.0)}))
-    found = seen.periods["/rpud"].all
-    assert [period.commands for period in found] == ["weight on bit 10 N", "weight on bit 40 N"]
-    assert found[1].begin == pytest.approx(0.5)
-    assert found[1].reacting_force.mean > 2.0 * found[0].reacting_force.mean
-    assert [(mark.kind, mark.time, mark.text) for mark in run_marks(seen)] == [
-        (COMMAND, pytest.approx(0.5), "weight on bit 40 N")
-    ]
-    plots = Page(render(seen)).plots
-    assert plots["weight on bit [N]"] == (
-        "Weight on bit: between 10 and 40 N; 10 N at first, 40 N at last."
-    )
-    assert "with the command weight on bit 40 N" in plots["reacting force [N]"]
 
 
 def test_the_figures_are_those_of_the_simulation(seen, drilled):

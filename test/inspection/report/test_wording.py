@@ -4,7 +4,7 @@ import numpy as np
 
 from rpud_sim.inspection.report import wording
 from rpud_sim.inspection.report.running_statistics import Distribution, Envelope
-from rpud_sim.pages.plot import COMMAND, FAULT, GAP, Line, Mark
+from rpud_sim.pages.plot import COMMAND, FAULT, GAP, Mark
 
 MARKS = [
     Mark(COMMAND, 31.0, "weight on bit 5 N"),
@@ -37,32 +37,3 @@ def test_chance_and_small_changes_are_no_words():
     assert said(noise).endswith(" kN.")
     assert "its mean" not in said(noise)
     assert "its mean" not in said(np.where(TIMES < 31.0, 1000.0, 1050.0))
-
-
-def test_without_marks_a_drift_is_named():
-    text = said(TIMES + 1.0, [])
-    assert "rises from" in text
-    assert said(np.array([np.nan])) == "Force: no values."
-    assert said(np.array([1.0])) == "Force over 60 s: between 0.001 and 0.001 kN, mean 0.001 kN."
-
-
-def test_distributions_spectra_faults_lines_and_flows_have_their_numbers():
-    values = Distribution()
-    values.add(np.arange(1001.0))
-    text = wording.of_distribution("Force", values, (1.0, "N"))
-    assert text.startswith("Force of 1001 impacts: 90 % between 49.9 and 950.1 N")
-    assert text.endswith("greatest 1000 N.")
-    assert wording.of_distribution("Force", Distribution(), (1.0, "N")) == "Force: no values."
-    frequencies = np.arange(1.0, 100.0)
-    density = np.where(frequencies == 40.0, 5.0, 0.1)
-    assert wording.of_spectrum("Tip", frequencies, density) == "Tip: most power near 40 Hz."
-    assert wording.of_spectrum("Tip", np.empty(0), np.empty(0)) == "Tip: no power."
-    lasting = [Mark(FAULT, float(n), "jam") for n in range(6)]
-    assert wording.of_faults(MARKS) == "1 fault: bias from 45 s to 50 s."
-    assert wording.of_faults(lasting).endswith("jam from 3 s on; and 2 more.")
-    line = Line("tip", np.arange(3.0), np.array([-1.0, np.nan, 2.0]))
-    assert wording.of_lines([line], "mm") == "Tip: between -1 and 2 mm."
-    assert wording.of_flow({"a": 1.0, "b": 3.0}, {"rock": 4.0}) == (
-        "4 W come in, most by b; 4 W go to: rock."
-    )
-    assert wording.of_flow({}, {}) == "No power flows."

@@ -22,13 +22,16 @@ VALUES = {
 }
 
 
-def arrays(tmp_path, **values):
-    write_offline_bag(tmp_path / "bag", Beginning(to_settings(values)), 0.5)
-    return rpud_sim.bag.open(tmp_path / "bag")
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    """Bag of a drill that rotates on an arm in a rock."""
+    path = tmp_path_factory.mktemp("arm") / "bag"
+    write_offline_bag(path, Beginning(to_settings(VALUES)), 0.5)
+    return path
 
 
-def test_all_topics_of_an_arm_are_proved(tmp_path):
-    with arrays(tmp_path, **VALUES) as bag:
+def test_all_topics_of_an_arm_are_proved(arm):
+    with rpud_sim.bag.open(arm) as bag:
         mount = bag.arrays("/rpud/mount")
         rotation = bag.arrays("/rpud/rotation")
         wrench = bag.arrays("/rpud/wrench")
@@ -39,7 +42,7 @@ def test_all_topics_of_an_arm_are_proved(tmp_path):
     assert rotation["angle"][-1] > 1.0
     last_two = np.stack(joints["position"])[:, -2:]
     np.testing.assert_array_equal(last_two, np.stack([rotation["angle"], mount["feed"]], axis=1))
-    found = verify(tmp_path / "bag")
+    found = verify(arm)
     assert found.proved
     proved = {
         name.removeprefix("/rpud/") for name, each in found.topics.items() if each.equal == 50
@@ -69,8 +72,8 @@ def test_the_walk_of_the_bit_is_recorded_and_proved(tmp_path):
     assert verify(tmp_path / "bag").proved
 
 
-def test_powers_of_the_feed_are_recorded(tmp_path):
-    with arrays(tmp_path, **VALUES) as bag:
+def test_powers_of_the_feed_are_recorded(arm):
+    with rpud_sim.bag.open(arm) as bag:
         status = bag.arrays("/rpud/status")
     sums = status["mount_power"] + status["weight_on_bit_power"]
     np.testing.assert_allclose(status["feed_power"], sums, atol=1e-9)
@@ -79,16 +82,16 @@ def test_powers_of_the_feed_are_recorded(tmp_path):
 
 def test_a_tool_that_rotates_in_one_rock_has_a_borehole_too(tmp_path):
     values = {"rotation_model": "friction_drive", "rock_model": "specific_energy"}
-    with arrays(tmp_path, **values) as bag:
+    write_offline_bag(tmp_path / "bag", Beginning(to_settings(values)), 0.5)
+    with rpud_sim.bag.open(tmp_path / "bag") as bag:
         assert (bag.arrays("/rpud/borehole")["depth"][-1]) > 0.0
     assert verify(tmp_path / "bag").proved
     assert {"rotation", "borehole"} <= set(offered_topics(to_settings(values).values()))
 
 
-def test_a_bag_from_before_the_walk_of_the_bit_is_proved(tmp_path):
+def test_a_bag_from_before_the_walk_of_the_bit_is_proved(arm, tmp_path):
     name = "/rpud/borehole"
-    arrays(tmp_path, **VALUES).close()
-    write_without_walk(tmp_path / "old", tmp_path / "bag")
+    write_without_walk(tmp_path / "old", arm)
     found = verify(tmp_path / "old")
     assert found.proved
     assert found.topics[name].equal == 50

@@ -12,7 +12,6 @@ from rpud_sim.bag.message_block import MessageBlock
 from rpud_sim.inspection.verify import recorded_topics
 from rpud_sim.inspection.verify.computed_block import computed_blocks
 from rpud_sim.inspection.verify.installed_types import installed_codec
-from rpud_sim.inspection.verify.messages import computed_key
 from rpud_sim.inspection.verify.recorded_journal import Span, Stretches
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.topic_comparison import TopicComparison
@@ -161,43 +160,6 @@ def test_by_the_block_the_result_is_that_of_single_messages(name, runs, damages,
         assert comparison.exhausted
         results.append((comparison.counts, repr(comparison.suspects)))
     assert results[1] == results[0]
-
-
-def test_undamaged_blocks_are_compared_without_single_messages():
-    """Otherwise the comparison would take ten times as long."""
-    recorded = []
-    for together, _ in COMPUTED[1]:
-        for time, topic, fields in together.messages():
-            if topic == "contact_force":
-                data = CODECS[topic].encode(fields)
-                recorded.append(Message("/rpud/contact_force", time, time, data))
-
-    class Blocks(RecordedMessages):
-        def pop(self):
-            raise AssertionError("a single message")
-
-    source = Blocks(Source(recorded, [7, 30]), "/rpud/contact_force")
-    comparison = TopicComparison(
-        "/rpud/contact_force",
-        CODECS["contact_force"],
-        source,
-        stretches_of(1),
-        Span((0, 0), (0, SECOND)),
-    )
-    for together, stretch in COMPUTED[1]:
-        for _, block in computed_blocks(
-            together, {"contact_force": CODECS["contact_force"]}, stretch, 0
-        ):
-            comparison.add_block(block)
-    assert comparison.counts.equal == len(recorded) > 100
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_key_of_a_computed_message_is_that_of_its_fields(name):
-    for together, stretch in COMPUTED[1]:
-        for _, block in computed_blocks(together, {name: CODECS[name]}, stretch, 0):
-            for number in range(len(block.messages)):
-                assert block.key(number) == computed_key(block.fields(number))
 
 
 def small_messages():

@@ -108,15 +108,6 @@ def test_a_contact_shows_its_peak(recording, windows, impacts, number):
     assert peak == pytest.approx(impacts["peak_force"][number], rel=1e-5, abs=pixel * fall)
 
 
-def test_samples_give_way_to_the_waveform_that_they_sample(recording, windows):
-    answer = windows.answer(asked(recording, 0.5, 0.5 + 0.5 * WAVEFORM_RANGE))
-    assert answer.detail == WAVEFORM
-    for name in ("nodal plane", "drill tool", "reacting force"):
-        assert not len(named(answer, name).x)
-        assert len(named(answer, f"rebuilt {name}").x)
-    assert len(named(answer, "weight on bit").x)
-
-
 def test_the_impact_after_and_before_a_time_are_found(windows, impacts):
     times = impacts["header.stamp"] / 1e9
     for number in (1, 17, len(times) - 1):
