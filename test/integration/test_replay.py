@@ -182,15 +182,18 @@ def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
     process = process("replayer", tmp_path / "bag", "--rate", "1e6", "--wait-for-subscribers")
     heard = []
 
-    def complete():
-        for _ in range(100):
+    def take(most):
+        for _ in range(most):
             if taken := subscription.handle.take_message(String, True):
                 heard.append(taken[0])
         return len(heard) == count
 
-    until(complete)
+    until(lambda: take(100) or not process.running)
+    take(count)
     node.destroy_node()
     numbers = [int(deserialize_message(data, String).data) for data in heard]
+    missing = sorted(set(range(count)) - set(numbers))
+    assert not missing, process.output
     assert numbers == list(range(count))
     assert process.wait() == 0
 

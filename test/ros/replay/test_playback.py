@@ -284,6 +284,9 @@ def test_what_nothing_paces_is_hurried():
     stage.now += SECOND
     stage.run()
     assert stage.hurried == [False, True, False]
+    stage = Stage([0, SECOND, 2 * SECOND], rate=2.0)
+    stage.run()
+    assert stage.hurried == [True, True, True]
     stage = Stage([0, SECOND, 2 * SECOND], paused=True)
     stage.playback.burst(0)
     assert stage.hurried == [True, True, True]
