@@ -11,23 +11,15 @@ from sample_bags import (
     write_damaged,
     write_offline_bag,
 )
+from support import called
 
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.cli.main import main
 from rpud_sim.simulation import preset
 
 
 @pytest.fixture
 def rpud(capsys):
-    """Call the command line in this process; give exit code, output and errors."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as end:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return end.value.code, printed.out, printed.err
-
-    return call
+    return lambda *words: called(capsys, *words)
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ import math
 
 import pytest
 from ament_index_python.packages import get_package_share_directory
+from support import called
 
-from rpud_sim.cli.main import main
 from rpud_sim.model.parameters import NAMES
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.simulation import Simulation
@@ -30,13 +30,7 @@ CONTRACT = {
 @pytest.fixture
 def simulate(capsys):
     """Call `rpud simulate` in this process; give exit code, standard output and standard error."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as end:
-            main(["simulate", *map(str, words)])
-        return (end.value.code or 0, *capsys.readouterr())
-
-    return call
+    return lambda *words: called(capsys, "simulate", *words)
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import time
 
 import numpy as np
 import pytest
-from ament_index_python.packages import get_package_share_directory
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
 from numpy.testing import assert_allclose
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -17,7 +16,6 @@ from rpud_sim.simulation import preset
 from rpud_sim.simulation.fields import JOINTS
 
 FREE_MASS = 5e-3
-CONFIG = get_package_share_directory("rpud_sim") + "/config"
 
 
 @pytest.fixture(scope="module")
@@ -124,30 +122,6 @@ def test_the_status_is_latched_for_who_comes_late(client):
     assert second.commands_accepted == second.commands_rejected == second.messages_dropped == 0
 
 
-def test_the_diagnostics_show_timing_and_commands(client):
-    heard = client.listen("/diagnostics")
-
-    def ours():
-        return [
-            status
-            for message in heard
-            for status in message.status
-            if status.name.startswith("/listened/drill_node: ")
-        ]
-
-    client.until(lambda: len(ours()) >= 2)
-    assert {status.name for status in ours()} == {
-        "/listened/drill_node: timing",
-        "/listened/drill_node: commands",
-        "/listened/drill_node: drill",
-        "/listened/drill_node: messages",
-    }
-    values = {pair.key: pair.value for status in ours() for pair in status.values}
-    assert float(values["real_time_factor"]) > 0.0
-    assert int(values["blocks"]) > 0
-    assert {"deadlines_missed", "lag [s]", "lateness_max [s]", "commands_rejected"} <= set(values)
-
-
 def test_the_diagnostics_count_what_is_refused_and_say_why(client):
     heard = client.listen("/diagnostics")
 
@@ -231,30 +205,3 @@ def test_streams_have_no_gap_and_rebuild_each_other_at_rates_that_do_not_divide(
     numbers = [round(at * 30 / SECOND) for at in times]
     assert set(steps(numbers)) == {1}
     assert times == [number * SECOND // 30 for number in numbers]
-
-
-def test_the_drill_needs_no_subscriber_and_late_ones_get_the_present(client):
-    """A listener that comes second hears what the first one hears, from then on."""
-    early = client.listen("contact_force")
-    client.until(lambda: len(early) >= 10)
-    late = client.listen("contact_force")
-    client.until(lambda: len(late) >= 50)
-    assert late[0].sequence > early[0].sequence
-    client.until(lambda: early[-1].sequence >= late[40].sequence)
-    mine = {message.sequence: message for message in early}
-    assert all(mine[message.sequence] == message for message in late[:40])
-
-
-def test_a_parameter_file_chooses_the_regime(process, connect):
-    drill = process(
-        *("drill_node", "--ros-args", "-r", "__ns:=/free"),
-        *("--params-file", f"{CONFIG}/free.yaml"),
-    )
-    client = connect("/free")
-    heard, impacts = client.status, client.listen("contact_force")
-    client.until(lambda: heard and len(impacts) >= 5)
-    assert heard[0].regime == Status.REGIME_FREE
-    assert heard[0].weight_on_bit == 0.0
-    assert all(message.peak_force > 0.0 for message in impacts)
-    drill.interrupt()
-    assert drill.wait() == 0
