@@ -52,22 +52,17 @@ def simulate(*words):
     )
 
 
-@pytest.fixture(scope="module", params=["free", "drilling"])
-def regime(request):
-    return request.param
-
-
 @pytest.fixture(scope="module")
-def bag(regime, tmp_path_factory):
+def bag(tmp_path_factory):
     path = tmp_path_factory.mktemp("offline") / "bag"
-    result = simulate("--regime", regime, "--duration", DURATION, "--bag", path)
+    result = simulate("--duration", DURATION, "--bag", path)
     assert (result.returncode, result.stderr) == (0, "")
     return path
 
 
 @pytest.fixture(scope="module")
-def block(regime):
-    return Simulation(preset(regime)).advance_to(END)
+def block():
+    return Simulation(preset("drilling")).advance_to(END)
 
 
 @pytest.fixture(scope="module")
@@ -159,11 +154,11 @@ def test_the_trajectory_is_the_segments_themselves(messages, block):
     assert column(found, "sequence") == [0, *itertools.accumulate(lengths[:-1])]
 
 
-def test_status_comes_every_second_and_at_the_end(messages, regime):
+def test_status_comes_every_second_and_at_the_end(messages):
     found = messages["/rpud/status"]
     assert stamps(found) == [0, SECOND, END]
     assert column(found, "state") == ["running", "running", "stopped"]
-    assert column(found, "regime") == [regime] * 3
+    assert column(found, "regime") == ["drilling"] * 3
     assert column(found, "impacts")[-1] >= len(messages["/rpud/contact_force"])
 
 

@@ -204,12 +204,6 @@ def test_a_feed_that_cannot_be_used_is_refused_with_the_reason(on_an_arm, messag
     assert on_an_arm.inbox.rejected == before + 1
 
 
-def test_what_ros2_control_sends_moves_the_feed(on_an_arm):
-    names = ["rpud_feed", "rpud_rotation"]
-    assert on_an_arm.give(JointState(name=names, velocity=[2e-3])) == Feed("rate", 2e-3)
-    assert on_an_arm.give(JointState(name=names, position=[0.01])) == Feed("position", 0.01)
-
-
 def test_a_command_interface_that_no_controller_has_claimed_is_no_command(on_an_arm):
     before = on_an_arm.inbox.rejected
     unclaimed = JointState(name=["rpud_feed", "rpud_rotation"], velocity=[math.nan])

@@ -246,14 +246,6 @@ def test_a_block_is_computed_ahead_of_its_deadline_and_published_at_it(rate, fac
     assert run.elapsed == pytest.approx(period * SECOND, abs=2)
 
 
-def test_a_late_block_waits_for_nothing():
-    run = Sleeper()
-    run.clock.now += 15 * MILLISECOND
-    assert run.pacer.idle(10 * MILLISECOND) == pytest.approx(-0.015)
-    run.pacer.wait(10 * MILLISECOND)
-    assert run.clock.slept == []
-
-
 def test_without_deadlines_nothing_is_computed_ahead_or_waited_for():
     fast = Sleeper(factor=0.0)
     assert (fast.pacer.idle(10 * MILLISECOND), fast.pacer.paces) == (0.0, False)
