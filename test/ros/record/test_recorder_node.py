@@ -136,6 +136,24 @@ def test_messages_of_all_topics_are_in_the_order_in_which_they_were_received(pee
     assert times == sorted(times)
 
 
+def test_what_the_queue_refuses_is_counted_for_its_topic(peer, record):
+    publishers = {name: peer.create_publisher(Int32, name, RELIABLE) for name in "ab"}
+    messages = MessageQueue(capacity=8 * 30)  # a serialized Int32 has eight bytes
+    recorder = record(messages)
+    until(discovered(recorder, 2))
+    for publisher in publishers.values():
+        until(lambda publisher=publisher: publisher.get_subscription_count() == 1)
+    for number in range(25):
+        publishers["a"].publish(Int32(data=number))
+    until(lambda: recorder.receive() or publishers["a"].wait_for_all_acked())
+    for number in range(25):
+        publishers["b"].publish(Int32(data=number))
+    publishers["b"].wait_for_all_acked()
+    until(lambda: not recorder.receive() and recorder.losses["/rpud/b"].queue == 20)
+    assert recorder.losses == {"/rpud/a": Losses(0, 0), "/rpud/b": Losses(0, 20)}
+    assert sum(isinstance(item, Message) for item in items(messages)) == 30
+
+
 def test_before_its_first_publisher_a_topic_is_recorded_as_its_subscribers_want(peer, record):
     peer.create_subscription(String, "command", lambda _: None, RELIABLE)
     messages = MessageQueue()
