@@ -8,7 +8,6 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
-    DescribeParameters,
     GetParameters,
     SetParameters,
     SetParametersAtomically,
@@ -18,7 +17,7 @@ from rpud_msgs.msg import Result, SimulationState, Status
 from rpud_msgs.srv import ResetSimulation
 from std_srvs.srv import SetBool
 
-from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS
+from rpud_sim.simulation.configuration import CHANGEABLE
 
 NODE = "/changed/drill_node"
 
@@ -72,13 +71,7 @@ def engage(client, data):
     assert response.success, response.message
 
 
-def test_exactly_those_that_may_change_are_not_read_only(client):
-    request = DescribeParameters.Request(names=list(PARAMETERS))
-    described = client.call(DescribeParameters, f"{NODE}/describe_parameters", request).descriptors
-    assert {it.name for it in described if not it.read_only} == set(CHANGEABLE)
-    [result] = set_each(client, weight_on_bit=20.0)
-    assert not result.successful
-    assert "read-only" in result.reason
+def test_the_source_of_time_is_read_only(client):
     [result] = set_each(client, use_sim_time=True)
     assert not result.successful
     assert "use_sim_time is read-only" in result.reason

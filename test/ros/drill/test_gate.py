@@ -192,10 +192,6 @@ def test_a_weight_on_bit_is_taken_and_a_feed_is_not_without_an_arm(commander):
             JointState(name=["rpud_feed"], velocity=[math.inf]),
             "feed rate = inf m/s is outside its range",
         ),
-        (
-            JointState(name=["rpud_feed"], effort=[20.0]),
-            "joint_commands: rpud_feed takes no effort, given 20",
-        ),
     ],
 )
 def test_a_feed_that_cannot_be_used_is_refused_with_the_reason(on_an_arm, message, reason):
