@@ -14,7 +14,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, TypeVar
 
+import pytest
 from ament_index_python.packages import get_package_share_directory
+
+from rpud_sim.cli.main import main
 
 _PROFILE = Path(get_package_share_directory("rpud_sim"), "config", "fastdds_loopback.xml")
 _FAST_DDS = os.environ.get("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp").startswith("rmw_fastrtps")
@@ -82,6 +85,13 @@ def rpud(*words: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         ["rpud", *map(str, words)], capture_output=True, text=True, timeout=110, check=False
     )
+
+
+def called(capsys: pytest.CaptureFixture, *words: object) -> tuple[int, str, str]:
+    """Call `rpud` in this process; give exit code, standard output and standard error."""
+    with pytest.raises(SystemExit) as end:
+        main([str(word) for word in words])
+    return (end.value.code or 0, *capsys.readouterr())
 
 
 class Process:

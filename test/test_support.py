@@ -5,7 +5,6 @@ import select
 import signal
 import sys
 
-import pytest
 from support import Process, claim_ros_domain
 
 STUBBORN = """
@@ -34,27 +33,6 @@ def test_two_claims_get_two_domains():
     with first_lock, second_lock:
         assert len({first, second, int(os.environ["ROS_DOMAIN_ID"])}) == 3
         assert all(0 < domain <= 101 for domain in (first, second))
-
-
-def test_wait_for_line_finds_lines_already_printed(process):
-    printer = process(sys.executable, "-c", "print('one 1'); print('two 2')")
-    assert printer.wait() == 0
-    assert printer.wait_for_line(r"two (\d)").group(1) == "2"
-    assert printer.wait_for_line(r"one (\d)").group(1) == "1"
-    assert printer.output == "one 1\ntwo 2"
-
-
-def test_wait_for_line_fails_with_the_output_when_the_process_ends(process):
-    printer = process(sys.executable, "-c", "print('the reason')")
-    with pytest.raises(AssertionError, match="the reason"):
-        printer.wait_for_line("never")
-
-
-def test_wait_for_line_fails_after_its_timeout(process):
-    sleeper = process(sys.executable, "-c", "import time; time.sleep(600)")
-    with pytest.raises(AssertionError, match="within"):
-        sleeper.wait_for_line("never", timeout=0.1)
-    assert sleeper.running
 
 
 def test_stop_ends_a_process_that_ignores_sigint_and_its_children(monkeypatch):

@@ -1,10 +1,8 @@
 """What a program prints is text, whatever a bag calls things."""
 
-import subprocess
-import sys
-
 import pytest
 from sample_bags import SECOND, START, STRING_DEFINITION, serialized_string
+from support import called
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.foundation.terminal import printable
@@ -35,16 +33,11 @@ def evil_bag(tmp_path):
 @pytest.mark.parametrize(
     "words", [["info"], ["report", "--out"], ["export", "--out"], ["recover", "--out"], ["verify"]]
 )
-def test_no_command_prints_what_steers_a_terminal(evil_bag, tmp_path, words):
+def test_no_command_prints_what_steers_a_terminal(capsys, evil_bag, tmp_path, words):
     command, *out = words
     out += [tmp_path / "out\x1b[2J"] if out else []
-    done = subprocess.run(
-        [sys.executable, "-m", "rpud_sim.cli.main", command, evil_bag, *out],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    printed = done.stdout + done.stderr
+    _, output, errors = called(capsys, command, evil_bag, *out)
+    printed = output + errors
     assert r"\x1b[2J" in printed
     assert "Traceback" not in printed
     assert printable(printed.replace("\n", "")) == printed.replace("\n", "")

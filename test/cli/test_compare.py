@@ -6,7 +6,6 @@ import pytest
 from altered_bags import altered
 from sample_bags import write_offline_bag
 
-from rpud_sim.cli.main import main
 from rpud_sim.simulation import preset
 
 DRILLING = preset("drilling")
@@ -19,19 +18,6 @@ def made(tmp_path_factory):
     write_offline_bag(folder / "other", DRILLING, 1.0, 0.6)
     write_offline_bag(folder / "heavier", DRILLING.replace(weight_on_bit=40.0), 1.0, 0.6)
     return folder
-
-
-@pytest.fixture
-def rpud(capsys):
-    """Call the command line in this process; give exit code, output and errors."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as end:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return end.value.code, printed.out, printed.err
-
-    return call
 
 
 def test_equal_bits_are_said(made, rpud):

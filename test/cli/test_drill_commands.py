@@ -2,8 +2,6 @@
 
 import pytest
 
-from rpud_sim.cli.main import main
-
 
 @pytest.mark.parametrize(
     ("words", "complaint"),
@@ -27,10 +25,8 @@ from rpud_sim.cli.main import main
         (["echo", "status", "--once", "--count", "2"], "rpud echo: argument --count: not allowed"),
     ],
 )
-def test_a_wrong_call_is_one_line_and_exit_code_2(capsys, words, complaint):
-    with pytest.raises(SystemExit) as end:
-        main(words)
-    output, errors = capsys.readouterr()
-    assert (end.value.code, output) == (2, "")
+def test_a_wrong_call_is_one_line_and_exit_code_2(rpud, words, complaint):
+    code, output, errors = rpud(*words)
+    assert (code, output) == (2, "")
     assert errors.startswith(complaint)
     assert errors.count("\n") == 1

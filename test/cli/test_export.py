@@ -13,21 +13,7 @@ from sample_bags import (
 )
 
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.cli.main import main
 from rpud_sim.simulation import preset
-
-
-@pytest.fixture
-def rpud(capsys):
-    """Call the command line in this process; give exit code, output and errors."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as end:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return end.value.code, printed.out, printed.err
-
-    return call
 
 
 @pytest.fixture
@@ -122,17 +108,6 @@ def test_an_error_is_one_line(bag, tmp_path, rpud):
     found, out, err = rpud("export", tmp_path / "none", "--out", tmp_path / "out")
     assert (found, out) == (1, "")
     assert err == f"rpud export: there is no bag at {tmp_path / 'none'}\n"
-
-
-def test_a_torn_bag_is_one_line_that_names_the_cure(bag, tmp_path, rpud):
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes((bag / "bag_0.mcap").read_bytes()[:-100])
-    found, out, err = rpud("export", torn, "--out", tmp_path / "out")
-    assert (found, out) == (1, "")
-    assert err == (
-        f"rpud export: {torn} is cut off: it was not closed, or lost its end; "
-        f"rpud recover makes a whole bag of it\n"
-    )
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import json
 
 import pytest
 import yaml
-from support import rpud
+from support import called, rpud
 
 TARGETS = {
     "parameters": {"regime": "drilling"},
@@ -61,11 +61,11 @@ def test_a_fit_is_resumed_and_printed_as_one_object(targets, made):
     assert (printed["run"], printed["kept"]) == (0, printed["simulations"])
 
 
-def test_the_parameter_file_is_one_that_commands_take(made):
-    folder, _ = made
-    done = rpud("simulate", "--config", folder / "parameters.yaml", "--duration", 1, "--json")
-    best = json.loads((folder / "fit.json").read_text())["best"]["weight_on_bit"]
-    assert json.loads(done.stdout)["parameters"]["weight_on_bit"] == best
+def test_the_parameter_file_is_one_that_commands_take(capsys, made):
+    file = made[0] / "parameters.yaml"
+    _, printed, _ = called(capsys, "simulate", "--config", file, "--duration", 1, "--json")
+    best = json.loads((made[0] / "fit.json").read_text())["best"]["weight_on_bit"]
+    assert json.loads(printed)["parameters"]["weight_on_bit"] == best
 
 
 @pytest.mark.extended
@@ -90,11 +90,11 @@ def test_a_proof_counts_the_intervals(targets, made):
         ),
     ],
 )
-def test_a_mistake_is_one_line_and_code_two(made, tmp_path, entries, complaint):
+def test_a_mistake_is_one_line_and_code_two(capsys, made, tmp_path, entries, complaint):
     folder, _ = made
     path = tmp_path / "targets.yaml"
     path.write_text(yaml.safe_dump(TARGETS | entries))
-    done = rpud("fit", path, "--out", folder)
-    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
-    assert done.stderr.startswith("rpud fit: ")
-    assert complaint in done.stderr
+    code, output, errors = called(capsys, "fit", path, "--out", folder)
+    assert (code, output, errors.count("\n")) == (2, "", 1)
+    assert errors.startswith("rpud fit: ")
+    assert complaint in errors

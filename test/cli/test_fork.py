@@ -6,7 +6,6 @@ import pytest
 from sample_bags import write_offline_bag
 
 import rpud_sim.bag
-from rpud_sim.cli.main import main
 from rpud_sim.simulation import preset
 
 
@@ -15,19 +14,6 @@ def bag(tmp_path_factory):
     path = tmp_path_factory.mktemp("bags") / "bag"
     write_offline_bag(path, preset("drilling"), 0.2, 0.4)
     return path
-
-
-@pytest.fixture
-def rpud(capsys):
-    """Call the command line in this process; give exit code, output and errors."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as end:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return end.value.code, printed.out, printed.err
-
-    return call
 
 
 def test_the_rest_of_a_bag_is_written(bag, tmp_path, rpud):

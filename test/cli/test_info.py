@@ -101,17 +101,3 @@ def test_an_empty_bag_has_no_times(tmp_path, capsys):
     assert run(write_bag(tmp_path / "run", 0)) == 0
     lines = capsys.readouterr().out.splitlines()
     assert {"duration  0.000 s", "start     -", "end       -", "messages  0"} <= set(lines)
-
-
-def test_a_missing_bag_is_one_line(tmp_path, capsys):
-    assert run(tmp_path / "missing") == 1
-    captured = capsys.readouterr()
-    assert captured.out == ""
-    assert captured.err == f"rpud info: there is no bag at {tmp_path / 'missing'}\n"
-
-
-def test_a_torn_bag_is_one_line(tmp_path, capsys):
-    file = write_bag(tmp_path / "run") / "run_0.mcap"
-    file.write_bytes(file.read_bytes()[:-20])
-    assert run(tmp_path / "run") == 1
-    assert "run_0.mcap is cut off" in capsys.readouterr().err

@@ -11,6 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from support import called
 
 import rpud_sim.bag
 from rpud_sim.bag.manifest import RECORD_NAME as MANIFEST
@@ -51,22 +52,17 @@ def simulate(*words):
     )
 
 
-@pytest.fixture(scope="module", params=["free", "drilling"])
-def regime(request):
-    return request.param
-
-
 @pytest.fixture(scope="module")
-def bag(regime, tmp_path_factory):
+def bag(tmp_path_factory):
     path = tmp_path_factory.mktemp("offline") / "bag"
-    result = simulate("--regime", regime, "--duration", DURATION, "--bag", path)
+    result = simulate("--duration", DURATION, "--bag", path)
     assert (result.returncode, result.stderr) == (0, "")
     return path
 
 
 @pytest.fixture(scope="module")
-def block(regime):
-    return Simulation(preset(regime)).advance_to(END)
+def block():
+    return Simulation(preset("drilling")).advance_to(END)
 
 
 @pytest.fixture(scope="module")
@@ -158,11 +154,11 @@ def test_the_trajectory_is_the_segments_themselves(messages, block):
     assert column(found, "sequence") == [0, *itertools.accumulate(lengths[:-1])]
 
 
-def test_status_comes_every_second_and_at_the_end(messages, regime):
+def test_status_comes_every_second_and_at_the_end(messages):
     found = messages["/rpud/status"]
     assert stamps(found) == [0, SECOND, END]
     assert column(found, "state") == ["running", "running", "stopped"]
-    assert column(found, "regime") == [regime] * 3
+    assert column(found, "regime") == ["drilling"] * 3
     assert column(found, "impacts")[-1] >= len(messages["/rpud/contact_force"])
 
 
@@ -183,17 +179,17 @@ def test_mcap_ros2_support_reads_the_same(bag, messages):
     assert column(found[topic], "peak_force") == column(messages[topic], "peak_force")
 
 
-def test_rpud_info_knows_of_no_loss(bag):
-    result = subprocess.run(["rpud", "info", bag, "--json"], capture_output=True, text=True)
-    content = json.loads(result.stdout)
+def test_rpud_info_knows_of_no_loss(capsys, bag):
+    content = json.loads(called(capsys, "info", bag, "--json")[1])
     assert content["duration"] == END
     assert {topic["losses"] for topic in content["topics"]} == {0}
 
 
-def test_the_same_seed_gives_the_same_bag(tmp_path):
+def test_the_same_seed_gives_the_same_bag(capsys, tmp_path):
     def written(name, seed):
         path = tmp_path / name
-        assert simulate("--duration", 0.2, "--seed", seed, "--bag", path).returncode == 0
+        words = ("--duration", 0.2, "--seed", seed, "--bag", path)
+        assert called(capsys, "simulate", *words)[0] == 0
         with rpud_sim.bag.open(path) as bag:
             return list(bag.messages())
 
@@ -258,9 +254,6 @@ def test_faults_of_a_scenario_are_in_the_bag_with_what_they_do(tmp_path):
     assert found["status"][-1][1].depth > 0.0
 
 
-def test_a_bag_is_never_overwritten(tmp_path):
-    result = simulate("--duration", 0.1, "--bag", tmp_path)
-    assert result.returncode == 1
-    assert result.stderr == (
-        f"rpud simulate: {tmp_path} exists already; a bag is never overwritten\n"
-    )
+def test_a_bag_is_never_overwritten(capsys, tmp_path):
+    line = f"rpud simulate: {tmp_path} exists already; a bag is never overwritten\n"
+    assert called(capsys, "simulate", "--duration", 0.1, "--bag", tmp_path) == (1, "", line)

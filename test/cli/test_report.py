@@ -2,24 +2,9 @@
 
 import json
 
-import pytest
 from sample_bags import DAMAGED, STRING_DEFINITION, TALK, write_bag, write_damaged
 
 from rpud_sim.bag import BagWriter, Topic
-from rpud_sim.cli.main import main
-
-
-@pytest.fixture
-def rpud(capsys):
-    """Call the command line in this process; give exit code, output and errors."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as end:
-            main([str(word) for word in words])
-        printed = capsys.readouterr()
-        return end.value.code, printed.out, printed.err
-
-    return call
 
 
 def test_it_says_where_the_page_is(tmp_path, rpud, monkeypatch):
@@ -64,15 +49,3 @@ def test_what_is_damaged_is_left_out_and_all_else_is_shown(tmp_path, rpud):
         assert reason in line
     page = (tmp_path / "out.html").read_text(encoding="utf-8")
     assert "Not in this report: /rpud/talk: 2 of its messages: " in page
-
-
-def test_an_error_is_one_line(tmp_path, rpud):
-    code, out, err = rpud("report", tmp_path / "none", "--out", tmp_path / "out.html")
-    assert (code, out) == (1, "")
-    assert err == f"rpud report: there is no bag at {tmp_path / 'none'}\n"
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes((write_bag(tmp_path / "bag") / "bag_0.mcap").read_bytes()[:-100])
-    code, out, err = rpud("report", torn, "--out", tmp_path / "out.html")
-    assert (code, out) == (1, "")
-    assert err.endswith("lost its end; rpud recover makes a whole bag of it\n")
-    assert not (tmp_path / "out.html").exists()

@@ -5,8 +5,8 @@ import math
 
 import pytest
 from ament_index_python.packages import get_package_share_directory
+from support import called
 
-from rpud_sim.cli.main import main
 from rpud_sim.model.parameters import NAMES
 from rpud_sim.simulation import ensemble, preset
 from rpud_sim.simulation.simulation import Simulation
@@ -30,13 +30,7 @@ CONTRACT = {
 @pytest.fixture
 def simulate(capsys):
     """Call `rpud simulate` in this process; give exit code, standard output and standard error."""
-
-    def call(*words):
-        with pytest.raises(SystemExit) as end:
-            main(["simulate", *map(str, words)])
-        return (end.value.code or 0, *capsys.readouterr())
-
-    return call
+    return lambda *words: called(capsys, "simulate", *words)
 
 
 @pytest.fixture
@@ -75,17 +69,6 @@ def test_the_figures_are_those_of_the_simulation(figures, regime):
     assert {name: found[name] for name in FIGURES} == {
         name: statistics.figures()[name] for name in FIGURES
     }
-
-
-@pytest.mark.parametrize("regime", ["free", "drilling"])
-@pytest.mark.parametrize("more", [[], ["--repeat", 3]])
-def test_the_same_seed_gives_the_same_output_but_for_the_speed(figures, regime, more):
-    def run(seed):
-        found = figures("--regime", regime, "--duration", 0.5, "--seed", seed, *more)
-        return {name: value for name, value in found.items() if name != "real_time_factor"}
-
-    assert run(3) == run(3)
-    assert run(3)["reacting_force_mean"] != run(4)["reacting_force_mean"]
 
 
 def test_an_ensemble_has_a_standard_error_for_each_figure(figures):
@@ -131,12 +114,6 @@ def test_an_assignment_overrules_the_file(figures, tmp_path):
     assert found["parameters"]["gravity"] == 1.62
 
 
-def test_more_weight_on_bit_pushes_harder(figures):
-    soft = figures("--duration", 5, "--set", "weight_on_bit=10")["reacting_force_mean"]
-    hard = figures("--duration", 5, "--set", "weight_on_bit=30")["reacting_force_mean"]
-    assert hard > soft + 8.0
-
-
 def test_the_shortest_run_has_figures_or_null_and_is_json(figures):
     found = figures("--duration", "1e-9", "--set", "weight_on_bit=0")
     assert found["duration"] == 1e-9
@@ -158,10 +135,7 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
     ("words", "complaint"),
     [
         (["--duration", "0"], "--duration = 0 s is outside its range [1e-09, 1e+06] s"),
-        (["--duration", "-1"], "--duration = -1 s is outside its range [1e-09, 1e+06] s"),
         (["--duration", "nan"], "--duration = nan s is outside its range [1e-09, 1e+06] s"),
-        (["--duration", "1e9"], "--duration = 1e+09 s is outside its range [1e-09, 1e+06] s"),
-        (["--duration", "long"], "--duration = 'long' s is outside its range [1e-09, 1e+06] s"),
         (["--repeat", "0"], "--repeat = 0 is outside its range [1, 1e+06]"),
         (["--repeat", "1.5"], "--repeat = 1.5 is not a whole number"),
         (["--seed", "-1"], "--seed = -1 is outside its range [0, 9.22337e+18]"),
@@ -170,19 +144,9 @@ def test_the_table_has_every_figure_with_its_unit(simulate):
             "weight_on_bit = -5 N is outside its range [0, 1000] N",
         ),
         (
-            ["--set", "free_mass=1e9"],
-            "free_mass = 1e+09 kg is outside its range [1e-12, 10] kg",
-        ),
-        (
-            ["--set", "rpud_damping_ratio=1"],
-            "rpud_damping_ratio = 1 is outside its range [0, 1)",
-        ),
-        (
             ["--set", "contact_model=x"],
             "contact_model = 'x' is not one of printed, rayleigh, mode_shape, given",
         ),
-        (["--set", "scenario=3"], "scenario = 3 is not a text"),
-        (["--set", "drive_enabled=1"], "drive_enabled = 1 is not true or false"),
         (["--set", "oops"], "'oops' is not of the form name=value"),
         (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
         (
@@ -203,12 +167,6 @@ def test_what_is_the_nodes_alone_is_refused_and_not_passed_over(simulate):
     assert errors == (
         "rpud simulate: telemetry_rate is a parameter of the drill node alone: see rpud run\n"
     )
-
-
-def test_a_drive_that_is_off_strikes_nothing(figures):
-    words = ["--regime", "free", "--set", "drive_enabled=false", "--duration", 0.5]
-    assert figures(*words)["drill_tool_impact_rate"] < 10.0
-    assert figures(*words[:2], *words[-2:])["drill_tool_impact_rate"] > 100.0
 
 
 def test_an_actuator_off_its_resonance_strikes_less(figures):
@@ -278,13 +236,6 @@ def test_a_scenario_that_cannot_be_used_is_refused_before_anything(
     assert errors.startswith(f"rpud simulate: {complaint.format(file=file)}")
     assert errors.count("\n") == 1
     assert not (tmp_path / "bag").exists()
-
-
-def test_an_unknown_parameter_is_refused_with_the_known_ones(simulate):
-    code, output, errors = simulate("--set", "wieght_on_bit=1")
-    assert (code, output) == (2, "")
-    said = "wieght_on_bit is not a parameter; did you mean weight_on_bit?"
-    assert errors == f"rpud simulate: {said}\n"
 
 
 def test_a_long_compilation_is_reported(simulate, monkeypatch):

@@ -10,7 +10,7 @@ import urllib.error
 import urllib.request
 
 import pytest
-from support import Process
+from support import Process, called
 
 NAMESPACE = "/cli_watch"
 
@@ -116,11 +116,10 @@ def test_a_port_in_use_is_one_line(process):
 
 
 @pytest.mark.parametrize("port", ["65536", "-1", "1.5", "x"])
-def test_a_wrong_port_is_a_wrong_call(process, port):
-    running = process("rpud", "watch", f"--port={port}")
-    assert running.wait() == 2
-    assert "--port" in running.output
-    assert running.output.count("\n") == 0
+def test_a_wrong_port_is_a_wrong_call(capsys, port):
+    code, output, errors = called(capsys, "watch", f"--port={port}")
+    assert (code, output, errors.count("\n")) == (2, "", 1)
+    assert "--port" in errors
 
 
 def test_a_foreign_address_is_one_line(process):

@@ -3,15 +3,9 @@
 import math
 import re
 
-import numpy as np
 import pytest
 from drill_client import SECOND, nanoseconds, stamps, steps
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
 from rpud_msgs.msg import Drive, WeightOnBit
-
-from rpud_sim.model.parameters import NAMES
-from rpud_sim.simulation.configuration import NODE_NAMES
 
 
 @pytest.fixture(scope="module")
@@ -56,36 +50,6 @@ def applied(status):
     )
 
 
-@pytest.mark.extended
-def test_more_weight_on_bit_raises_the_mean_reacting_force_within_two_seconds(client, settle):
-    settle()
-    heard = client.listen("waveform")
-
-    def mean(begin, end):
-        """Give the mean between two stamps, which are whole blocks."""
-        force = [
-            message.reacting_force
-            for message, stamp in zip(heard, stamps(heard), strict=True)
-            if begin <= stamp < end
-        ]
-        return np.mean(np.concatenate(force))
-
-    client.until(lambda: heard)
-    began = stamps(heard)[0]
-    client.until(lambda: stamps(heard[-1:])[0] >= began + SECOND)
-    client.command(WeightOnBit(force=30.0))
-    status = client.until(
-        lambda: next((it for it in client.status if it.weight_on_bit == 30.0), None)
-    )
-    changed = nanoseconds(status.weight_on_bit_applied)
-    assert nanoseconds(status.header.stamp) == changed > nanoseconds(status.drive_applied)
-    client.until(lambda: stamps(heard[-1:])[0] >= changed + 2 * SECOND)
-    before = mean(began, changed)
-    after = mean(changed, changed + 2 * SECOND)
-    # 16 N more on average; nowhere near as much by chance.
-    assert after > before + 8.0
-
-
 @pytest.mark.parametrize(
     ("force", "said"), [(math.nan, "nan"), (math.inf, "inf"), (-1.0, "-1"), (1e9, "1e+09")]
 )
@@ -97,35 +61,6 @@ def test_a_weight_on_bit_that_cannot_be_is_refused_counted_and_logged(client, dr
     drill.wait_for_line(
         re.escape(f"command refused: weight_on_bit = {said} N is outside its range [0, 1000] N")
     )
-
-
-@pytest.mark.parametrize(
-    ("drive", "complaint"),
-    [
-        ({"voltage": math.nan, "frequency": 16e3}, "drive voltage = nan V is outside its range"),
-        ({"voltage": -5.0, "frequency": 16e3}, "drive voltage = -5 V is outside its range"),
-        ({"voltage": 100.0, "frequency": 0.0}, "drive frequency = 0 Hz is outside its range"),
-        ({"voltage": 100.0, "frequency": 1e9}, "drive frequency = 1e+09 Hz is outside its range"),
-    ],
-)
-def test_a_drive_that_cannot_be_is_refused_and_changes_nothing(client, drill, drive, complaint):
-    before = client.status[-1]
-    client.command(Drive(enabled=True, **drive))
-    client.until(lambda: client.status[-1].commands_rejected == before.commands_rejected + 1)
-    assert applied(client.status[-1]) == applied(before)
-    drill.wait_for_line(re.escape(f"command refused: {complaint}"))
-
-
-def test_refused_commands_leave_the_drill_at_work(client, settle):
-    settle()
-    impacts = client.listen("contact_force")
-    before = client.status[-1].commands_rejected
-    for force in (math.nan, -1.0, 1e9, math.inf) * 20:
-        client.command(WeightOnBit(force=force))
-    client.until(lambda: client.status[-1].commands_rejected == before + 80)
-    heard = len(impacts)
-    client.until(lambda: len(impacts) >= heard + 100)
-    assert set(steps([message.sequence for message in impacts])) == {1}
 
 
 def test_impacts_stop_with_the_drive_and_begin_again_with_it(client, settle):
@@ -166,44 +101,3 @@ def test_applied_commands_come_back_with_the_time_at_which_they_took_effect(clie
     origin = nanoseconds(trajectories[-1].origin)
     # A block boundary: a whole number of telemetry periods since time zero.
     assert (at - origin) % (SECOND // 100) == 0
-
-
-def test_the_command_s_own_stamp_is_not_needed(client):
-    before = client.status[-1].commands_accepted
-    message = WeightOnBit(force=11.0)
-    message.header.stamp.sec = 5  # long ago
-    client.command(message)
-    client.until(lambda: client.status[-1].weight_on_bit == 11.0)
-    assert client.status[-1].commands_accepted == before + 1
-
-
-def test_parameters_are_listed_described_and_given_as_ros2_param_does(client):
-    node = "/commanded/drill_node"
-    listed = client.call(
-        ListParameters, f"{node}/list_parameters", ListParameters.Request()
-    ).result.names
-    assert {*NAMES, *NODE_NAMES} <= set(listed)
-    request = DescribeParameters.Request(names=["weight_on_bit"])
-    [described] = client.call(
-        DescribeParameters, f"{node}/describe_parameters", request
-    ).descriptors
-    assert described.type == ParameterType.PARAMETER_DOUBLE
-    assert described.description == "weight on bit, preload of the load spring, W [N]"
-    assert described.additional_constraints == "in [0, 1000] N"
-    assert described.floating_point_range[0].to_value == 1000.0
-    assert described.read_only
-    request = GetParameters.Request(names=["weight_on_bit", "regime"])
-    values = client.call(GetParameters, f"{node}/get_parameters", request).values
-    assert (values[0].double_value, values[1].string_value) == (10.0, "drilling")
-
-
-def test_a_parameter_cannot_be_set_and_the_reason_is_said(client):
-    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=20.0)
-    request = SetParameters.Request(parameters=[Parameter(name="weight_on_bit", value=value)])
-    before = client.status[-1].weight_on_bit
-    [result] = client.call(SetParameters, "/commanded/drill_node/set_parameters", request).results
-    assert not result.successful
-    assert "read-only" in result.reason
-    count = len(client.status)
-    client.until(lambda: len(client.status) > count)
-    assert client.status[-1].weight_on_bit == before

@@ -1,9 +1,7 @@
 """Faults of a drill at work, in the rock and at resonance: seen in the ground truth and outside."""
 
-import numpy as np
 import pytest
-from drill_client import SECOND, nanoseconds, stamps, steps
-from rpud_msgs.msg import Drive, Status, WeightOnBit
+from drill_client import SECOND, nanoseconds, stamps
 from rpud_msgs.srv import ClearFault, ListFaults
 from std_srvs.srv import SetBool
 
@@ -56,17 +54,6 @@ def at(client, stamp):
     """Give the status of a simulation time, after all telemetry until then."""
     client.until(lambda: stamps(client.status[-1:])[0] == stamp)
     return client.status[-1]
-
-
-def advance(client, seconds):
-    """Step and give what the telemetry said of it, by topic."""
-    begin = stamps(client.status[-1:])[0]
-    at(client, client.step(seconds))
-    arrived(client)
-    return {
-        topic: [message for message in client.heard[topic] if begin < stamps([message])[0]]
-        for topic in TELEMETRY
-    }
 
 
 def arrived(client):
@@ -159,87 +146,6 @@ def test_a_jam_silences_the_impacts_and_its_end_brings_them_back(client):
     assert again.impacts == jammed.impacts
     assert clear(client) == (True, "")
     assert at(client, client.step(0.5)).impacts > again.impacts + 50
-
-
-@pytest.mark.extended
-def test_a_lost_preload_is_felt_in_the_reacting_force(client):
-    def mean():
-        forces = [message.force for message in advance(client, 4.0)["reacting_force"]]
-        assert len(forces) == 400
-        return np.mean(forces)
-
-    before = mean()
-    assert client.inject("lost_preload", magnitude=0.9).success
-    advance(client, 0.5)
-    # 27 N less on average; nowhere near as much by chance.
-    assert mean() < before - 13.0
-
-
-def test_signal_faults_change_their_channel_alone(client):
-    assert client.inject("bias", "reacting_force", 5.0).success
-    heard = advance(client, 0.2)
-    told = [message.force for message in heard["reacting_force"]]
-    true = [-message.wrench.force.z for message in heard["wrench"]]
-    assert told == pytest.approx([force + 5.0 for force in true], abs=1e-9)
-    assert client.inject("stuck", "nodal_plane").success
-    last = client.heard["nodal_plane"][-1]
-    heard = advance(client, 0.2)
-    assert {message.position for message in heard["nodal_plane"]} == {last.position}
-    assert stamps(heard["nodal_plane"]) == stamps(heard["wrench"])
-    assert client.inject("off", "contact_force").success
-    begin = stamps(client.status[-1:])[0]
-    first = at(client, client.step(0.2)).impacts
-    assert clear(client) == (True, "")
-    heard = advance(client, 0.2)
-    impacts = client.heard["contact_force"]
-    client.until(lambda: impacts and impacts[-1].sequence >= first)
-    # What was lost shows as a gap.
-    lost = [stamp for stamp in stamps(impacts) if begin < stamp < begin + SECOND // 5]
-    assert lost == []
-    assert max(steps([message.sequence for message in impacts])) > 20
-    assert len({message.position for message in heard["nodal_plane"]}) > 10
-    told = [message.force for message in heard["reacting_force"]]
-    assert told == [-message.wrench.force.z for message in heard["wrench"]]
-
-
-@pytest.mark.extended
-def test_the_hole_gets_deeper_while_it_is_in_the_rock_and_slower_in_a_harder_one(client):
-    def progress():
-        before = client.status[-1].depth
-        return at(client, client.step(1.0)).depth - before
-
-    soft = progress()
-    assert soft > 0.0
-    assert client.status[-1].penetration_rate > 0.0
-    assert client.inject("hard_rock", magnitude=10.0).success
-    assert 0.0 < progress() < soft / 3.0
-    engage(client, False)
-    client.until(lambda: client.status[-1].regime == Status.REGIME_FREE)
-    assert progress() == 0.0
-    engage(client, True)
-    assert clear(client) == (True, "")
-    assert progress() > 0.0
-
-
-def test_the_actuator_rings_up_draws_power_and_suffers_from_a_drift(client):
-    # Pressed harder, it would stall: an actuator of 12.5 W cannot drive the free mass there.
-    client.command(WeightOnBit(force=0.0))
-    client.command(Drive(enabled=False))
-    client.until(lambda: not client.status[-1].drive_enabled)
-    still = at(client, client.step(0.3))
-    assert still.vibration_amplitude < 1e-7
-    assert still.electrical_power == 0.0
-    frequency = still.resonance_frequency
-    client.command(Drive(enabled=True, voltage=100.0, frequency=frequency))
-    client.until(lambda: client.status[-1].drive_enabled)
-    ringing = [at(client, client.step(0.001)).vibration_amplitude for _ in range(5)]
-    full = at(client, client.step(0.3))
-    assert 0.0 < max(ringing) < full.vibration_amplitude
-    assert full.electrical_power > 0.0
-    assert client.inject("resonance_drift", magnitude=-500.0).success
-    drifted = at(client, client.step(0.3))
-    assert drifted.resonance_frequency == pytest.approx(frequency - 500.0)
-    assert drifted.vibration_amplitude < full.vibration_amplitude / 2
 
 
 @pytest.mark.extended

@@ -1,6 +1,5 @@
 """A drill begins, is stopped, is disturbed, and loses those around it; the others go on."""
 
-import itertools
 import os
 import signal
 import sys
@@ -11,7 +10,6 @@ import pytest
 from drill_client import SECOND, nanoseconds, stamps, steps
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
-from rosgraph_msgs.msg import Clock
 from rpud_msgs.msg import ContactForce, Status
 
 import rpud_sim.bag
@@ -180,25 +178,3 @@ def test_the_drill_can_be_the_source_of_time(start_drill, connect):
     assert all(0 <= stamp < elapsed for stamp in stamps(impacts))
     assert all(0 <= stamp < elapsed for stamp in stamps(statuses))
     assert nanoseconds(statuses[-1].drive_applied) == 0
-
-
-def test_with_use_sim_time_it_waits_for_the_clock_and_begins_then(start_drill, connect):
-    start_drill("/waiting", "waiting for /clock, as use_sim_time is set", use_sim_time=True)
-    client = connect("/waiting")
-    planes, statuses = client.listen("nodal_plane"), client.status
-    publisher = client.node.create_publisher(Clock, "/clock", 10)
-    client.until(lambda: statuses and publisher.get_subscription_count())
-    assert statuses[-1].state == Status.STATE_INACTIVE
-    assert planes == []
-    times = itertools.count(5000 * SECOND + 1, SECOND // 50)
-
-    def drills():
-        now = Clock()
-        now.clock.sec, now.clock.nanosec = divmod(next(times), SECOND)
-        publisher.publish(now)
-        return len(planes) > 10
-
-    client.until(drills)
-    assert all(5000 * SECOND <= stamp < next(times) for stamp in stamps(planes))
-    client.until(lambda: statuses[-1].state == Status.STATE_RUNNING)
-    assert 5000 * SECOND < nanoseconds(statuses[-1].drive_applied) <= stamps(planes)[0]

@@ -116,12 +116,6 @@ def test_at_a_standstill_the_clock_is_still_published(client, durability):
     assert {nanoseconds(message.clock) for message in clock} == {reached}
 
 
-def test_the_last_time_is_latched(client):
-    client.step(0.01)
-    [offer] = client.node.get_publishers_info_by_topic("/clock")
-    assert offer.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
-
-
 def test_it_plays_pauses_and_stops_with_the_results_of_the_standard(client):
     playing, paused, stopped = (
         SimulationState.STATE_PLAYING,
@@ -193,14 +187,6 @@ def test_a_reset_of_the_time_leaves_the_state(client):
     client.until(lambda: client.status[-1].active_faults == 0)
     assert stamps(client.status[-1:])[0] == SECOND // 10
     assert client.status[-1].impacts > impacts
-
-
-def test_an_unknown_scope_is_refused_and_resets_nothing(client):
-    client.step(0.1)
-    refused = client.reset(8)
-    assert refused.result == Result.RESULT_FEATURE_UNSUPPORTED
-    assert refused.error_message == "scope 8 is unknown"
-    assert client.step(0.1) == SECOND // 5
 
 
 def script(client):

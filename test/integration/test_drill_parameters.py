@@ -8,7 +8,6 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
-    DescribeParameters,
     GetParameters,
     SetParameters,
     SetParametersAtomically,
@@ -18,7 +17,7 @@ from rpud_msgs.msg import Result, SimulationState, Status
 from rpud_msgs.srv import ResetSimulation
 from std_srvs.srv import SetBool
 
-from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS
+from rpud_sim.simulation.configuration import CHANGEABLE
 
 NODE = "/changed/drill_node"
 
@@ -72,46 +71,10 @@ def engage(client, data):
     assert response.success, response.message
 
 
-def test_exactly_those_that_may_change_are_not_read_only(client):
-    request = DescribeParameters.Request(names=list(PARAMETERS))
-    described = client.call(DescribeParameters, f"{NODE}/describe_parameters", request).descriptors
-    assert {it.name for it in described if not it.read_only} == set(CHANGEABLE)
-    [result] = set_each(client, weight_on_bit=20.0)
-    assert not result.successful
-    assert "read-only" in result.reason
+def test_the_source_of_time_is_read_only(client):
     [result] = set_each(client, use_sim_time=True)
     assert not result.successful
     assert "use_sim_time is read-only" in result.reason
-
-
-@pytest.mark.parametrize(
-    ("values", "said"),
-    [
-        ({"gravity": -1.0}, "gravity = -1 m/s^2 is outside its range [0, 100] m/s^2"),
-        ({"gravity": float("nan")}, "gravity = nan m/s^2 is outside its range"),
-        ({"regime": "flying"}, "regime = 'flying'"),
-        ({"actuator_restitution": 1.5}, "actuator_restitution = 1.5 is outside its range [0, 1]"),
-        ({"real_time_factor": 0.001}, "real_time_factor = 0.001 is neither 0"),
-        ({"command_timeout": -1.0}, "command_timeout = -1 s is outside its range"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line_together_with_all_that_came_with_it(
-    client, values, said
-):
-    before = get(client, *CHANGEABLE)
-    good = {"drill_tool_restitution": 0.5, "load_spring_rate": 1500.0}
-    result = set_together(client, **good, **values)
-    assert not result.successful
-    # The ranges in the descriptors are checked first, and rclpy says it in its own words.
-    assert said in result.reason or f"{next(iter(values))} out of range" in result.reason
-    assert "\n" not in result.reason
-    assert get(client, *CHANGEABLE) == before
-    # One by one, each stands for itself.
-    first, second, bad = set_each(client, **good, **values)
-    assert (first.successful, second.successful, bad.successful) == (True, True, False)
-    assert get(client, *good) == list(good.values())
-    assert set_together(client, drill_tool_restitution=1.0, load_spring_rate=2000.0).successful
-    assert get(client, *CHANGEABLE) == before
 
 
 def test_a_change_is_seen_in_the_motion_from_then_on(client):
@@ -182,15 +145,6 @@ def test_a_parameter_file_may_have_sections_of_other_nodes(process, tmp_path):
         *("drill_node", "--ros-args", "-r", "__ns:=/sectioned", "--params-file", path)
     )
     started.wait_for_line("weight on bit 7 N")
-
-
-@pytest.mark.parametrize("whole", [5, 0])
-def test_a_whole_number_is_taken_for_a_number(client, whole):
-    value = ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=whole)
-    request = SetParameters.Request(parameters=[Parameter(name="gravity", value=value)])
-    [result] = client.call(SetParameters, f"{NODE}/set_parameters", request).results
-    assert result.successful, result.reason
-    assert get(client, "gravity") == [whole]
 
 
 def test_what_is_no_parameter_or_has_another_type_is_refused_and_ends_nothing(client, drill):

@@ -10,7 +10,7 @@ from ament_index_python.packages import get_package_share_directory
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
 from rosbags.highlevel import AnyReader
 from rpud_msgs.msg import Status
-from support import PATIENCE, until
+from support import PATIENCE, called, until
 
 import rpud_sim.bag
 from rpud_sim.bag.losses import RECORDING_RECORD
@@ -167,8 +167,8 @@ def test_a_bag_is_never_overwritten_and_that_is_said_in_one_line(tmp_path):
         (["--namespace", "/9"], "Invalid namespace: "),
     ],
 )
-def test_what_cannot_be_used_is_one_line_and_leaves_no_bag(tmp_path, words, complaint):
-    code, output, errors = run(*words, "--record", tmp_path / "bag")
+def test_what_cannot_be_used_is_one_line_and_leaves_no_bag(capsys, tmp_path, words, complaint):
+    code, output, errors = called(capsys, "run", *words, "--record", tmp_path / "bag")
     assert code == 2
     assert output == ""
     assert errors.startswith(f"rpud run: {complaint}")

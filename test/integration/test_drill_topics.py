@@ -4,7 +4,6 @@ import time
 
 import numpy as np
 import pytest
-from ament_index_python.packages import get_package_share_directory
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
 from numpy.testing import assert_allclose
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
@@ -12,12 +11,6 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rpud_msgs.msg import Result, Status
 from trajectories import arrays_of, rebuild
-
-from rpud_sim.simulation import preset
-from rpud_sim.simulation.fields import JOINTS
-
-FREE_MASS = 5e-3
-CONFIG = get_package_share_directory("rpud_sim") + "/config"
 
 
 @pytest.fixture(scope="module")
@@ -50,59 +43,6 @@ def test_every_sensor_is_received_with_default_and_with_sensor_data_qos(client, 
         assert all(step > 0 and step % 10_000_000 == 0 for step in steps(stamps(messages))), topic
 
 
-def test_telemetry_is_one_sample_of_one_motion_a_hundred_times_a_second(client):
-    heard = {topic: client.listen(topic) for topic in TELEMETRY}
-
-    def common_stamps():
-        return set.intersection(*(set(stamps(messages)) for messages in heard.values()))
-
-    client.until(lambda: min(map(len, heard.values())) >= 100 and len(common_stamps()) >= 100)
-    by_stamp = {
-        topic: dict(zip(stamps(messages), messages, strict=True))
-        for topic, messages in heard.items()
-    }
-    for topic, messages in heard.items():
-        assert set(steps(stamps(messages))) == {SECOND // 100}, topic
-    parameters = preset("drilling")
-    damping = 2.0 * 0.5 * np.sqrt(parameters.load_spring_rate * parameters.rpud_mass)
-    for stamp in common_stamps():
-        plane, tool, force, wrench, joints = (by_stamp[topic][stamp] for topic in TELEMETRY)
-        expected = 10.0 - 2000.0 * plane.position - damping * plane.velocity
-        assert force.force == pytest.approx(expected, abs=1e-9)
-        assert wrench.wrench.force.z == -force.force
-        assert abs(tool.displacement) < 1e-3
-        assert joints.name == list(JOINTS)
-        assert (joints.position[0], joints.position[2]) == (plane.position, tool.displacement)
-        assert joints.position[0] - 1e-4 <= joints.position[1] <= joints.position[2] + 1e-12
-        assert (joints.velocity[0], joints.velocity[2]) == (plane.velocity, tool.velocity)
-        assert sum(joints.effort) == joints.effort[0] == force.force
-        assert plane.header.frame_id == "rpud_nodal_plane"
-        assert tool.header.frame_id == "rpud_tool_tip"
-        frames = {message.header.frame_id for message in (force, wrench, joints)}
-        assert frames == {"rpud_mount"}
-
-
-def test_every_impact_is_received_once_and_is_physical(client):
-    heard = client.listen("contact_force")
-    client.until(lambda: len(heard) >= 400)
-    sequences = [message.sequence for message in heard]
-    assert set(steps(sequences)) == {1}
-    assert all(step > 0 for step in steps(stamps(heard)))
-    for message in heard:
-        assert message.peak_force > 0.0
-        assert 0.0 < message.contact_duration < 1e-3
-        assert message.impact_velocity > 0.0
-        assert message.header.frame_id == "rpud_tool_tip"
-    # The drill tool rests when it is struck, unless it is struck again while it still rebounds.
-    energies = [FREE_MASS * message.impact_velocity**2 / 2 for message in heard]
-    told = [message.energy for message in heard]
-    assert np.isclose(told, energies, rtol=1e-9).mean() > 0.9
-    assert min(told) > 0.0
-    # It arrives, stops and leaves: more than once its momentum and not more than twice.
-    given = [message.impulse / (FREE_MASS * message.impact_velocity) for message in heard]
-    assert 1.0 < np.median(given) < 2.0
-
-
 def test_the_status_is_latched_for_who_comes_late(client):
     heard = client.status
     status = client.until(lambda: heard and heard[0])
@@ -122,30 +62,6 @@ def test_the_status_is_latched_for_who_comes_late(client):
     assert second.impacts > first.impacts
     assert nanoseconds(second.weight_on_bit_applied) == nanoseconds(second.drive_applied)
     assert second.commands_accepted == second.commands_rejected == second.messages_dropped == 0
-
-
-def test_the_diagnostics_show_timing_and_commands(client):
-    heard = client.listen("/diagnostics")
-
-    def ours():
-        return [
-            status
-            for message in heard
-            for status in message.status
-            if status.name.startswith("/listened/drill_node: ")
-        ]
-
-    client.until(lambda: len(ours()) >= 2)
-    assert {status.name for status in ours()} == {
-        "/listened/drill_node: timing",
-        "/listened/drill_node: commands",
-        "/listened/drill_node: drill",
-        "/listened/drill_node: messages",
-    }
-    values = {pair.key: pair.value for status in ours() for pair in status.values}
-    assert float(values["real_time_factor"]) > 0.0
-    assert int(values["blocks"]) > 0
-    assert {"deadlines_missed", "lag [s]", "lateness_max [s]", "commands_rejected"} <= set(values)
 
 
 def test_the_diagnostics_count_what_is_refused_and_say_why(client):
@@ -231,30 +147,3 @@ def test_streams_have_no_gap_and_rebuild_each_other_at_rates_that_do_not_divide(
     numbers = [round(at * 30 / SECOND) for at in times]
     assert set(steps(numbers)) == {1}
     assert times == [number * SECOND // 30 for number in numbers]
-
-
-def test_the_drill_needs_no_subscriber_and_late_ones_get_the_present(client):
-    """A listener that comes second hears what the first one hears, from then on."""
-    early = client.listen("contact_force")
-    client.until(lambda: len(early) >= 10)
-    late = client.listen("contact_force")
-    client.until(lambda: len(late) >= 50)
-    assert late[0].sequence > early[0].sequence
-    client.until(lambda: early[-1].sequence >= late[40].sequence)
-    mine = {message.sequence: message for message in early}
-    assert all(mine[message.sequence] == message for message in late[:40])
-
-
-def test_a_parameter_file_chooses_the_regime(process, connect):
-    drill = process(
-        *("drill_node", "--ros-args", "-r", "__ns:=/free"),
-        *("--params-file", f"{CONFIG}/free.yaml"),
-    )
-    client = connect("/free")
-    heard, impacts = client.status, client.listen("contact_force")
-    client.until(lambda: heard and len(impacts) >= 5)
-    assert heard[0].regime == Status.REGIME_FREE
-    assert heard[0].weight_on_bit == 0.0
-    assert all(message.peak_force > 0.0 for message in impacts)
-    drill.interrupt()
-    assert drill.wait() == 0

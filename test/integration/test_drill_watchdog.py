@@ -3,7 +3,7 @@
 import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus
-from drill_client import SECOND, Client, stamps
+from drill_client import SECOND, stamps
 from rpud_msgs.msg import WeightOnBit
 
 
@@ -104,21 +104,3 @@ def test_a_stale_command_is_refused_counted_and_changes_nothing(client, drill, s
     assert client.status[-1].weight_on_bit == before.weight_on_bit
     assert client.status[-1].commands_lost
     drill.wait_for_line(f"command refused: weight on bit is stale: its stamp is {said}; allowed is")
-
-
-@pytest.mark.parametrize("stamp", [0.0, 1.501, 2.0, 2.499])
-def test_a_command_that_is_not_stale_or_has_no_stamp_is_taken(client, stamp):
-    at(client, client.step(2.0))
-    message = WeightOnBit(force=15.0)
-    seconds, rest = divmod(round(stamp * SECOND), SECOND)
-    message.header.stamp = Time(sec=seconds, nanosec=rest)
-    client.command(message)
-    client.until(lambda: client.status[-1].weight_on_bit == 15.0)
-
-
-def test_two_commanders_are_reported_as_long_as_there_are_two(client):
-    client.until(lambda: client.status[-1].commanders == 1)
-    with Client("/watched"):
-        client.until(lambda: client.status[-1].commanders == 2)
-        commands_diagnosed(client, DiagnosticStatus.WARN, "2 publishers command at once")
-    client.until(lambda: client.status[-1].commanders == 1)

@@ -4,7 +4,6 @@ import itertools
 import tempfile
 from pathlib import Path
 
-import numpy as np
 import pytest
 from altered_bags import altered
 from drill_client import Client
@@ -22,7 +21,6 @@ import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.inspection.forked_bag import write_fork
-from rpud_sim.inspection.rebuild import rebuild
 from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.topics import TOPICS
@@ -179,19 +177,6 @@ def test_a_journal_that_ended_before_the_drill_is_enough(bag, tmp_path):
     assert verification.proved, verification.first_difference
 
 
-def test_each_run_is_rebuilt_as_it_was_published(bag, tmp_path):
-    waveforms = messages(bag, "/rpud/waveform", "rpud_msgs/msg/Waveform")
-    begin = [i for i, block in enumerate(waveforms) if block.sequence == 0]
-    assert len(begin) == 2  # the reset of all began a second one
-    for run, blocks in enumerate((waveforms[: begin[1]], waveforms[begin[1] :]), 1):
-        rebuilt = rebuild(bag, tmp_path / str(run), 50_000, "numpy", run=run)
-        assert (rebuilt.first, rebuilt.runs, rebuilt.missing) == (0, 2, 0)
-        published = np.concatenate([block.reacting_force for block in blocks])
-        found = np.load(tmp_path / str(run) / "rpud.trajectory" / "reacting_force.npy")
-        assert len(found) > 0.9 * len(published)
-        assert found.tobytes() == published[: len(found)].tobytes()
-
-
 def from_a_late_recorder(source, out, begin, published, change=lambda message: message.data):
     """Write the bag of a recorder that starts at a time, and gets the whole journal at once.
 
@@ -214,16 +199,6 @@ def beginnings(bag):
     with rpud_sim.bag.open(bag) as reader:
         entries = [(m.publish_time, codec.decode(m.data).kind) for m in reader.messages({JOURNAL})]
     return [time for time, kind in entries if kind == "origin"]
-
-
-@pytest.mark.parametrize("number", [-1, -2])
-def test_a_recorder_that_started_after_a_reset_proves_what_it_received(bag, tmp_path, number):
-    begin = beginnings(bag)[number] + 1
-    verification = verify(from_a_late_recorder(bag, tmp_path / "bag", begin, published=True))
-    assert verification.proved, verification
-    assert verification.warnings == ()
-    assert verification.topics["/rpud/nodal_plane"].equal > 5
-    assert all(counts.missing == 0 for counts in verification.topics.values())
 
 
 @pytest.mark.parametrize("number", [-1, -2])

@@ -1,6 +1,7 @@
 """A replay is controlled by services, in a process of its own, and heard over DDS."""
 
 import itertools
+import re
 
 import pytest
 import rclpy
@@ -12,7 +13,7 @@ from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock
 from sample_bags import SECOND, START, STRING, STRING_DEFINITION, STRING_HASH, serialized_string
 from std_msgs.msg import String
-from support import until
+from support import called, until
 
 from rpud_sim.bag import BagWriter, Topic
 from rpud_sim.bag import QosProfile as RecordedProfile
@@ -182,15 +183,18 @@ def test_a_hurried_replay_loses_nothing(process, audience, tmp_path):
     process = process("replayer", tmp_path / "bag", "--rate", "1e6", "--wait-for-subscribers")
     heard = []
 
-    def complete():
-        for _ in range(100):
+    def take(most):
+        for _ in range(most):
             if taken := subscription.handle.take_message(String, True):
                 heard.append(taken[0])
         return len(heard) == count
 
-    until(complete)
+    until(lambda: take(100) or not process.running)
+    take(count)
     node.destroy_node()
     numbers = [int(deserialize_message(data, String).data) for data in heard]
+    missing = sorted(set(range(count)) - set(numbers))
+    assert not missing, process.output
     assert numbers == list(range(count))
     assert process.wait() == 0
 
@@ -217,13 +221,14 @@ def test_two_types_do_not_share_a_name(process, audience, tmp_path):
     [
         (["--remap", "/rpud/none:=/b"], "--remap names /rpud/none; .* has /rpud/chat, /rpud/talk"),
         (["--exclude", "/rpud/none"], "--exclude names /rpud/none"),
+        (["--start", "2.5"], "--start is 2.5 s; it must be from 0 to 1.950 s"),
         (["--topics", "/rpud/tlak"], r"names /rpud/tlak \(did you mean /rpud/talk\?\); "),
     ],
 )
-def test_wrong_calls_are_refused(process, bag, words, complaint):
-    process = process("replayer", bag, *words)
-    assert process.wait() == 2
-    process.wait_for_line(complaint)
+def test_wrong_calls_are_refused(capsys, bag, words, complaint):
+    code, output, errors = called(capsys, "replay", bag, *words)
+    assert (code, output, errors.count("\n")) == (2, "", 1)
+    assert re.search(complaint, errors)
 
 
 def test_a_damaged_bag_ends_the_replay_with_an_error(process, audience, tmp_path):

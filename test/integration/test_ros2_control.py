@@ -50,21 +50,6 @@ def test_states_of_both_joints_come_by_a_best_effort_subscription(client):
     assert hardware.states[ROTATION_JOINT, "velocity"] != 0.0
 
 
-def test_an_interface_that_no_controller_has_claimed_is_nan_and_moves_nothing(client):
-    hardware = hardware_of(client)
-    before = client.status[-1]
-    seen = len(client.status)
-    cycle_until(client, hardware, lambda: len(client.status) > seen + 1 and hardware.heard > 50)
-    assert len(hardware.sent) > 10
-    assert all(math.isnan(message.velocity[0]) for message in hardware.sent)
-    last = client.status[-1]
-    assert (last.commands_accepted, last.commands_rejected) == (
-        before.commands_accepted,
-        before.commands_rejected,
-    )
-    assert hardware.states[FEED_JOINT, "velocity"] == 0.0
-
-
 def test_a_velocity_moves_the_feed_and_is_not_sent_again_once_it_is_reached(client):
     hardware = hardware_of(client)
     for rate in (2e-3, 3e-6, 0.0):  # the second is far below the hardware's own threshold
@@ -87,16 +72,3 @@ def test_a_position_moves_the_feed_there(client):
     )
     assert list(hardware.sent[-1].position) == [-0.019]
     assert not hardware.sent[-1].velocity
-
-
-def test_a_rate_beyond_the_limit_of_the_joint_is_rejected_and_counted(client):
-    description = Description(arm_with_drill(drill=NAMESPACE, feed_command="velocity"))
-    hardware = Hardware(client, description)
-    rejected = client.status[-1].commands_rejected
-    limit = float(description.limits[FEED_JOINT]["velocity"])
-    hardware.commands[FEED_JOINT, "velocity"] = 1.01 * limit
-    cycle_until(client, hardware, lambda: client.status[-1].commands_rejected > rejected)
-    hardware.commands[FEED_JOINT, "velocity"] = limit
-    cycle_until(client, hardware, lambda: reached(hardware, limit))
-    hardware.commands[FEED_JOINT, "velocity"] = 0.0
-    cycle_until(client, hardware, lambda: reached(hardware, 0.0))

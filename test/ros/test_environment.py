@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -64,23 +63,6 @@ def test_an_installed_ros_is_left_as_it_is(prefix):
     environment = {}
     complete_environment(environment, prefix)
     assert environment == {}
-
-
-def test_env_bash_gives_the_same_discovery(prefix):
-    """Two programs of one user must find each other, whichever way each was started."""
-    root = Path(__file__).parents[2]
-    names = ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE")
-    plain = {name: value for name, value in os.environ.items() if name not in names}
-    script = "source ./env.bash && env"
-    lines = subprocess.check_output(["bash", "-c", script], cwd=root, env=plain, text=True)
-    sourced = dict(line.split("=", 1) for line in lines.splitlines() if line.startswith(names))
-    ours = completed(prefix)
-    assert sourced[names[0]] == ours[names[0]]
-    profiles = [
-        Path(each[names[1]]).relative_to(each_prefix)
-        for each, each_prefix in ((sourced, root), (ours, Path(prefix, "share", "rpud_sim")))
-    ]
-    assert profiles[0] == profiles[1]
 
 
 def test_the_package_completes_the_environment_before_ros_starts():

@@ -74,14 +74,6 @@ def test_ros_stays_on_this_machine_unless_set_otherwise(shell):
 
 
 @shells
-def test_processes_find_each_other_quickly_unless_set_otherwise(shell):
-    script = '. "$ENV"; echo $FASTRTPS_DEFAULT_PROFILES_FILE'
-    assert run(shell, script).stdout == f"{ROOT}/config/fastdds_loopback.xml\n"
-    own = {"FASTRTPS_DEFAULT_PROFILES_FILE": "/my/profiles.xml"}
-    assert run(shell, script, **own).stdout == "/my/profiles.xml\n"
-
-
-@shells
 @pytest.mark.parametrize(
     ("own", "expected"),
     [

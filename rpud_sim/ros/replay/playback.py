@@ -145,6 +145,7 @@ class Playback:
         since, position, rate = timeline.since, timeline.position, timeline.rate
         publish, take, clock = self._outputs.publish, self._take, self._clock
         note, tick, end = self.lateness.add, self._tick, now + _BUNDLE_TIME
+        fast = rate > 1.0  # than subscribers of the recorded publishers had to be
         count = 0
         try:
             while message is not None and now < end and not self._stopped:
@@ -152,7 +153,7 @@ class Playback:
                 if now < due or tick <= due:
                     break
                 note(now - due)
-                publish(message, hurried=now - due > _BEHIND)
+                publish(message, hurried=fast or now - due > _BEHIND)
                 count += 1
                 message = take()
                 now = clock()

@@ -192,22 +192,12 @@ def test_a_weight_on_bit_is_taken_and_a_feed_is_not_without_an_arm(commander):
             JointState(name=["rpud_feed"], velocity=[math.inf]),
             "feed rate = inf m/s is outside its range",
         ),
-        (
-            JointState(name=["rpud_feed"], effort=[20.0]),
-            "joint_commands: rpud_feed takes no effort, given 20",
-        ),
     ],
 )
 def test_a_feed_that_cannot_be_used_is_refused_with_the_reason(on_an_arm, message, reason):
     before = on_an_arm.inbox.rejected
     assert on_an_arm.give(message).startswith(reason)
     assert on_an_arm.inbox.rejected == before + 1
-
-
-def test_what_ros2_control_sends_moves_the_feed(on_an_arm):
-    names = ["rpud_feed", "rpud_rotation"]
-    assert on_an_arm.give(JointState(name=names, velocity=[2e-3])) == Feed("rate", 2e-3)
-    assert on_an_arm.give(JointState(name=names, position=[0.01])) == Feed("position", 0.01)
 
 
 def test_a_command_interface_that_no_controller_has_claimed_is_no_command(on_an_arm):

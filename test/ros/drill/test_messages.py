@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import WrenchStamped
-from numpy.testing import assert_allclose
 from rclpy.serialization import deserialize_message, serialize_message
 from rpud_msgs.msg import (
     ContactForce,
@@ -22,7 +21,7 @@ from rpud_msgs.msg import (
 from rpud_msgs.msg import Fault as FaultMessage
 from rpud_msgs.msg import Faults as FaultsMessage
 from sensor_msgs.msg import JointState
-from trajectories import arrays_of, rebuild
+from trajectories import arrays_of
 
 from rpud_sim.bag.encoder import Encoder
 from rpud_sim.drilling.rock import RockParameters
@@ -36,7 +35,7 @@ from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
 from rpud_sim.simulation.faults import KINDS, Fault, FaultError
 from rpud_sim.simulation.ledger import FaultLedger
-from rpud_sim.simulation.sampling import Samples, Times
+from rpud_sim.simulation.sampling import Samples
 from rpud_sim.simulation.simulation import Simulation
 
 SANDSTONE = RockParameters(rock_model="specific_energy")
@@ -231,32 +230,6 @@ def test_constants_of_contacts_and_events_are_those_of_the_model(block):
     for name in ("ACTUATOR_IMPACT", "DRILL_TOOL_IMPACT", "RELEASE", "COMMAND", "LIMIT"):
         assert getattr(Trajectory, f"EVENT_{name}") == getattr(segment, f"EVENT_{name}")
     assert Trajectory.CONTACT_BOTH == Trajectory.CONTACT_ACTUATOR | Trajectory.CONTACT_DRILL_TOOL
-
-
-def test_the_waveform_is_rebuilt_from_the_trajectory_message_alone(block):
-    first = RATE + 50
-    times = Times.from_grid(first, RATE // 12, RATE)
-    waveform = filled(Waveform(), fields.waveform_fields(block.sample(times), ORIGIN, first, RATE))
-    (message,) = trajectories(block, 0, ORIGIN)
-    # As a reader has them, who knows nothing of this package.
-    waveform = deserialize_message(serialize_message(waveform), Waveform)
-    message = deserialize_message(serialize_message(message), Trajectory)
-    count = len(waveform.nodal_plane_position)
-    number = waveform.sequence + np.arange(count)
-    expected = rebuild(arrays_of([message]), number // RATE, number % RATE / RATE)
-    for name, tolerance in {
-        "nodal_plane_position": 1e-15,
-        "actuator_position": 1e-14,
-        "free_mass_position": 1e-14,
-        "drill_tool_displacement": 1e-14,
-        "contact_force": 1e-3,
-        "reacting_force": 1e-9,
-    }.items():
-        assert_allclose(
-            getattr(waveform, name), expected[name], rtol=1e-9, atol=tolerance, err_msg=name
-        )
-    if message.drill_tool_spring_rate > 1e6:  # in the rock
-        assert max(waveform.contact_force) > 100.0
 
 
 @pytest.mark.parametrize("time", [0, 1, SECOND - 1, ORIGIN])

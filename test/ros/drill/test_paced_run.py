@@ -227,15 +227,6 @@ def test_impacts_are_published_within_a_period_of_their_stamps(drill):
     assert 0.0 < delays.p50 <= delays.p99 <= delays.greatest <= PERIOD / SECOND
 
 
-def test_a_late_block_is_published_at_once(drill):
-    drill = drill()
-    drill.play()
-    drill.clock.now += 3 * PERIOD
-    assert [drill.advance(), drill.advance(), drill.advance()] == [PERIOD, 2 * PERIOD, 3 * PERIOD]
-    assert drill.clock.slept == []
-    assert drill.clock.now == START + 3 * PERIOD
-
-
 def test_at_a_standstill_nothing_is_computed_until_it_plays_from_there_on(drill):
     drill = drill()
     drill.play()
@@ -298,36 +289,3 @@ def test_a_run_that_replaces_another_begins_at_zero_with_its_own_schedule(drill)
     drill.play()
     assert drill.advance() == PERIOD
     assert drill.publishers.sent_at[-1] == pytest.approx(replaced + PERIOD, abs=2)
-
-
-def test_a_clock_of_another_that_goes_back_while_a_block_is_computed_holds_nothing_up(drill):
-    schedule = ManualClock(1000 * SECOND)
-    drill = drill(schedule=schedule)
-    drill.play(due=schedule())
-    assert drill.paced.advance() == pytest.approx(PERIOD / SECOND)  # none is computed ahead
-    assert drill.publishers.computed == []
-    schedule.now += PERIOD
-
-    def back():
-        schedule.now -= 500 * SECOND
-
-    drill.publishers.meanwhile = back
-    assert drill.paced.advance() == 0.0
-    assert drill.paced.run.time == PERIOD
-    assert drill.clock.slept == []
-
-
-def test_a_block_that_takes_long_is_late_by_a_clock_of_another(drill):
-    schedule = ManualClock(1000 * SECOND)
-    drill = drill(schedule=schedule)
-    drill.play(due=schedule())
-    schedule.now += PERIOD
-
-    def work():
-        schedule.now += 3 * PERIOD
-
-    drill.publishers.meanwhile = work
-    drill.paced.advance()
-    timing = drill.pacer.read()
-    assert timing.lateness == pytest.approx(3 * PERIOD / SECOND)
-    assert timing.deadlines_missed == 1

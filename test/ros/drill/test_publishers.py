@@ -97,19 +97,6 @@ def test_there_is_no_clock_unless_it_is_asked_for(listener):
     assert listener().drill.count_publishers("/clock") == 0
 
 
-def test_samples_and_impacts_arrive_with_their_stamps(listener):
-    drill = listener()
-    planes = drill.hear(NodalPlane, "nodal_plane")
-    impacts = drill.hear(ContactForce, "contact_force")
-    drill.go_on(20)
-    count = len(Simulation(Parameters()).advance_to(SECOND // 5).impacts)
-    drill.until(lambda: len(planes) == 20 and len(impacts) == count)
-    stamps = [nanoseconds(message.header.stamp) - ORIGIN for message in planes]
-    assert stamps == [number * 10 * MILLISECOND for number in range(1, 21)]
-    assert [message.sequence for message in impacts] == list(range(count))
-    assert drill.outputs.dropped == 0
-
-
 def test_the_wire_says_what_faults_make_of_a_signal(listener):
     drill = listener()
     forces = drill.hear(ReactingForce, "reacting_force")
@@ -187,10 +174,3 @@ def test_patient_publishers_lose_nothing_that_a_slow_listener_wants(listener):
     assert sent > depth
     drill.until(lambda: len(heard) == sent)
     assert [message.sequence for message in heard] == list(range(sent))
-
-
-def test_publishers_that_are_gone_are_gone(listener):
-    drill = listener()
-    drill.outputs.destroy()
-    assert drill.drill.count_publishers("nodal_plane") == 0
-    assert drill.drill.count_publishers("status") == 0

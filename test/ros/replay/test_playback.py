@@ -201,6 +201,14 @@ def test_a_loop_begins_again_a_moment_later():
     assert all(reading.closed for reading in stage.opened[:-1])
 
 
+def test_a_change_between_two_passes_makes_the_next_one_no_earlier():
+    stage = Stage([0, SECOND], loop=True)
+    stage.run(1.05)
+    stage.playback.set_rate(1.0)
+    stage.run(0.5)
+    assert stage.sent[2:] == close_to([(0, 1.1 * SECOND)])
+
+
 def test_a_loop_goes_on_after_any_seek():
     stage = Stage([0, SECOND], loop=True, first=START)
     stage.run(0.5)
@@ -284,6 +292,9 @@ def test_what_nothing_paces_is_hurried():
     stage.now += SECOND
     stage.run()
     assert stage.hurried == [False, True, False]
+    stage = Stage([0, SECOND, 2 * SECOND], rate=2.0)
+    stage.run()
+    assert stage.hurried == [True, True, True]
     stage = Stage([0, SECOND, 2 * SECOND], paused=True)
     stage.playback.burst(0)
     assert stage.hurried == [True, True, True]
