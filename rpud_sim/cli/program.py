@@ -162,8 +162,8 @@ class _Interrupt:
             sys.unraisablehook = self._report
 
     def end(self) -> None:
-        if self.seen:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        """Raise no exception again: Python is about to end."""
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.seen = True
