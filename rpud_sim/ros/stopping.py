@@ -67,7 +67,8 @@ def limit_end() -> None:
     """End the process in 20 s at the latest, with the stacks of its threads and exit code 1.
 
     A process that is killed may hold a lock of the middleware in shared memory: whoever sends to it
-    waits for ever, and whoever waits for that thread.
+    waits for ever, and whoever waits for that thread. A thread that hangs with Python's lock keeps
+    the main thread from coming here: SIGKILL alone ends such a process.
     """
     faulthandler.dump_traceback_later(LONGEST_END, exit=True)
 
