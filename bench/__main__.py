@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import signal
 import subprocess
 import sys
 import traceback
@@ -77,6 +78,7 @@ def main() -> int:
     if arguments.page:
         write_pages()
         return 0
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what it has started ends with it
     parts = []
     for name in arguments.names or MEASUREMENTS:
         print(f"measuring: {name}", file=sys.stderr)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from collections.abc import Iterator
 
 from bench.table import Row, row
-from bench.talk import Talk, ros
+from bench.talk import Talk, end, ros
 
 SECONDS = 10.0
 MOST = 64  # drills
@@ -44,22 +43,22 @@ def drills() -> Iterator[Row]:
 
 def _in_time(number: int) -> float:
     """Return the blocks within their period of the worst of several drills at once [%]."""
-    with contextlib.ExitStack() as stack:
-        talks = [stack.enter_context(Talk({})) for _ in range(number)]
-        try:
+    talks: list[Talk] = []
+    try:
+        for _ in range(number):
+            talks.append(Talk({}))
+        for talk in talks:
+            talk.settle(0.0)
+        talks[0].listen(_SETTLING)
+        before = [_counts(talk) for talk in talks]
+        for _ in range(round(SECONDS * _TURNS)):
             for talk in talks:
-                talk.settle(0.0)
-            talks[0].listen(_SETTLING)
-            before = [_counts(talk) for talk in talks]
-            for _ in range(round(SECONDS * _TURNS)):
-                for talk in talks:
-                    talk.listen(1.0 / _TURNS / number)
-            after = [_counts(talk) for talk in talks]
-        except RuntimeError:  # one of them was not heard
-            return 0.0
-        finally:  # one after the other they would take minutes to end
-            for talk in talks:
-                talk.interrupt()
+                talk.listen(1.0 / _TURNS / number)
+        after = [_counts(talk) for talk in talks]
+    except RuntimeError:  # one of them was not heard
+        return 0.0
+    finally:  # one after the other they would take minutes to end
+        end(talks)
     # Those that are not there yet are late too.
     expected = (SECONDS - _REPORTS) / _PERIOD
     pairs = zip(before, after, strict=True)

@@ -6,8 +6,9 @@ import contextlib
 import os
 import signal
 import subprocess
+import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import rclpy
@@ -21,12 +22,14 @@ from bench.machine import used_by
 from rpud_sim.ros.drill.publishers import DIAGNOSTICS
 from rpud_sim.ros.types import message_class
 from rpud_sim.simulation.topics import TOPICS
+from rpud_sim.testing.processes import end_with_parent
 
 _KINDS = {
     name: message_class(topic.type)
     for name, topic in {**TOPICS, "/diagnostics": DIAGNOSTICS}.items()
 }
 _STARTING = 60.0  # that a process may take until it is heard [s]
+_ENDING = 30.0  # that processes may take to end after SIGINT [s]
 _SETTLING = 2.0  # between the first message and the first figure [s]
 
 
@@ -62,27 +65,32 @@ class Talk:
                 *("drill_node", "--ros-args", "-r", f"__ns:={self.namespace}"),
                 *("--log-level", "error"),
                 *(word for pair in words for word in ("-p", pair)),
-            ]
+            ],
+            preexec_fn=end_with_parent,
         )
-        self._interrupted = False
 
     def __enter__(self) -> Talk:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.interrupt()
-        try:
-            self._process.wait(30.0)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self.node.destroy_node()
+        end([self])
 
     def interrupt(self) -> None:
-        """Ask the process to end; the end of the context waits for it."""
-        if not self._interrupted:
-            self._interrupted = True
-            self._process.send_signal(signal.SIGINT)
+        """Ask the process to end."""
+        self._process.send_signal(signal.SIGINT)
+
+    def wait(self, seconds: float) -> None:
+        """Wait until the process has ended, but not longer than this."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(max(0.0, seconds))
+
+    def close(self) -> bool:
+        """End the process if it still runs, and the listener; return whether it still ran."""
+        running = self._process.poll() is None
+        self._process.kill()
+        self._process.wait()
+        self.node.destroy_node()
+        return running
 
     def status(self) -> Any:
         """Return the last status."""
@@ -141,3 +149,22 @@ class Talk:
             self.hearing.messages["contact_force"],
             used_by(self._process.pid),
         )
+
+
+def end(talks: Sequence[Talk], seconds: float = _ENDING) -> int:
+    """Interrupt all processes, and kill those that still run after some seconds.
+
+    It prints and returns their number. Another interrupt ends the wait.
+    """
+    try:
+        deadline = time.monotonic() + seconds
+        for talk in talks:
+            talk.interrupt()
+        for talk in talks:
+            talk.wait(deadline - time.monotonic())
+    finally:
+        killed = sum([talk.close() for talk in talks])
+        if killed:
+            line = f"  {killed} of {len(talks)} drills killed: they had not ended after SIGINT"
+            print(line, file=sys.stderr, flush=True)
+    return killed

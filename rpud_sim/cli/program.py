@@ -86,6 +86,8 @@ def run_program(program: str, run: Callable[[], Any]) -> NoReturn:
     except Exception as error:
         # An import that is interrupted may end in any error.
         code = ExitCode.INTERRUPTED if interrupt.seen else _report_unexpected(program, error)
+    finally:
+        interrupt.end()
     sys.exit(_flush(program, code))
 
 
@@ -147,19 +149,36 @@ def _open_streams() -> None:
 
 
 class _Interrupt:
+    """SIGINT as a KeyboardInterrupt, raised again until something handles it.
+
+    Destructors and the imports of compiled modules drop exceptions.
+    """
+
     def __init__(self) -> None:
         self.seen = False  # whether there was a SIGINT
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             signal.signal(signal.SIGINT, self._handle)
-            signal.signal(signal.SIGALRM, self._handle)
-            sys.unraisablehook = self._retry
+            signal.signal(signal.SIGALRM, self._repeat)
+            sys.unraisablehook = self._report
+
+    def end(self) -> None:
+        """Raise no exception again: Python is about to end."""
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.seen = True
+        signal.setitimer(signal.ITIMER_REAL, _RETRY_DELAY)
         raise KeyboardInterrupt
 
-    def _retry(self, unraisable: Any) -> None:
-        if isinstance(unraisable.exc_value, KeyboardInterrupt):
-            signal.setitimer(signal.ITIMER_REAL, _RETRY_DELAY)  # not at once: it would come in here
-        else:
+    def _repeat(self, number: int, frame: FrameType | None) -> None:
+        error = sys.exc_info()[1]
+        while error is not None:
+            if isinstance(error, KeyboardInterrupt):  # what it interrupted is being cleaned up
+                signal.setitimer(signal.ITIMER_REAL, _RETRY_DELAY)
+                return
+            error = error.__context__
+        self._handle(number, frame)
+
+    def _report(self, unraisable: Any) -> None:
+        if not isinstance(unraisable.exc_value, KeyboardInterrupt):
             sys.__unraisablehook__(unraisable)

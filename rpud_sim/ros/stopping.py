@@ -1,11 +1,16 @@
-"""Orderly stop at SIGINT and SIGTERM, and a sleep that it interrupts."""
+"""Orderly stop at SIGINT and SIGTERM, a sleep that it interrupts, and a limit for the end."""
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import select
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
+
+LONGEST_END = 20.0  # of a node that has stopped, on a busy machine too [s]
 
 
 class StopRequest:
@@ -56,3 +61,23 @@ class StopRequest:
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.request()
+
+
+def limit_end() -> None:
+    """End the process in 20 s at the latest, with the stacks of its threads and exit code 1.
+
+    A process that is killed may hold a lock of the middleware in shared memory: whoever sends to it
+    waits for ever, and whoever waits for that thread. A thread that hangs with Python's lock keeps
+    the main thread from coming here: SIGKILL alone ends such a process.
+    """
+    faulthandler.dump_traceback_later(LONGEST_END, exit=True)
+
+
+@contextmanager
+def limited_end() -> Iterator[None]:
+    """Limit an end as ``limit_end`` does, in a process that goes on after it."""
+    limit_end()
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()

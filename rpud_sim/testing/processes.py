@@ -45,7 +45,7 @@ class ChildProcess:
                 stdout=stream,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                preexec_fn=_end_with_parent,
+                preexec_fn=end_with_parent,
                 **{"stdin": subprocess.DEVNULL, **options},
             )
 
@@ -122,6 +122,7 @@ def stop_all(processes: Sequence[ChildProcess]) -> None:
         process.kill()
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """Have the kernel end this process by SIGTERM when the one that started it ends."""
     # Nothing else ends a child of a process that is killed. A launch file ends its own at SIGTERM.
     _LIBC.prctl(_SET_DEATH_SIGNAL, signal.SIGTERM)

@@ -234,13 +234,52 @@ info.run = run
 main.main(["info", "bag"])
 """
 
+# So does the import of a module that Cython has compiled.
+INTERRUPTED_MODULE = """
+import contextlib, signal, threading
+from rpud_sim.cli import info, main
 
-@pytest.mark.parametrize("script", [INTERRUPTED_IMPORT, INTERRUPTED_CALLBACK])
-def test_ctrl_c_ends_quietly_where_no_exception_can_pass(script):
+def run(arguments):
+    with contextlib.suppress(BaseException):
+        signal.raise_signal(signal.SIGINT)
+    threading.Event().wait(20.0)
+    print("it went on")
+
+info.run = run
+main.main(["info", "bag"])
+"""
+
+INTERRUPTED_WORK = """
+import signal
+from rpud_sim.cli import info, main
+
+def run(arguments):
+    try:
+        signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.pause()
+        signal.pause()
+        print("cleaned up")
+
+info.run = run
+main.main(["info", "bag"])
+"""
+
+
+@pytest.mark.parametrize(
+    ("script", "output"),
+    [
+        (INTERRUPTED_IMPORT, ""),
+        (INTERRUPTED_CALLBACK, ""),
+        (INTERRUPTED_MODULE, ""),
+        (INTERRUPTED_WORK, "cleaned up\n"),
+    ],
+)
+def test_ctrl_c_ends_quietly_even_where_its_exception_is_dropped(script, output):
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=False
     )
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
+    assert (done.returncode, done.stdout, done.stderr) == (130, output, "")
 
 
 def test_ctrl_c_ends_a_long_run_without_a_trace(process):

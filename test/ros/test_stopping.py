@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -39,3 +41,32 @@ def test_without_a_request_the_sleep_is_as_long_as_asked():
         assert not stop.wait(0.02)
         assert time.monotonic() - began >= 0.02
         assert not stop.wait(-1.0)
+
+
+HUNG = """
+import threading
+from rpud_sim.ros import stopping
+from rpud_sim.ros.drill.drill_node import DrillNode, spin
+from rpud_sim.ros.starting import start_ros
+
+class Hung(DrillNode):
+    def start(self):
+        pass
+
+    def stop(self):
+        threading.Event().wait()
+
+stopping.LONGEST_END = 0.5
+start_ros()
+with stopping.StopRequest() as stop:
+    stop.request()
+    spin(Hung(), stop)
+"""
+
+
+def test_a_drill_whose_middleware_hangs_ends_all_the_same():
+    done = subprocess.run(
+        [sys.executable, "-c", HUNG], capture_output=True, text=True, check=False, timeout=60.0
+    )
+    assert done.returncode == 1
+    assert "in stop" in done.stderr

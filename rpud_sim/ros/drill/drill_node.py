@@ -52,7 +52,7 @@ from rpud_sim.ros.drill.status_reporter import REPORT_PERIOD
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.ros.serving import quick_switches, serve
 from rpud_sim.ros.starting import StartError, start_ros
-from rpud_sim.ros.stopping import StopRequest
+from rpud_sim.ros.stopping import StopRequest, limit_end, limited_end
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.ensemble import compile_kernels
 from rpud_sim.simulation.ledger import FaultRecord
@@ -272,6 +272,7 @@ def drill(ros_arguments: Sequence[str]) -> None:
                 raise StartError(str(error)) from error
             spin(node, stop)
         finally:
+            limit_end()
             rclpy.try_shutdown()
 
 
@@ -290,7 +291,8 @@ def spin(
                 serve(executor, node.refuse_request)
                 show(node.report)
     finally:
-        node.stop()
-        executor.shutdown(timeout_sec=1.0)
+        with limited_end():
+            node.stop()
+            executor.shutdown(timeout_sec=1.0)
     if node.failure is not None:
         raise RuntimeError(str(node.failure)) from node.failure
