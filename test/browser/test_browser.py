@@ -98,7 +98,9 @@ def run(folder, body, *options, **environment):
     return done.stdout + done.stderr
 
 
-def test_a_failed_test_leaves_a_screenshot_and_the_next_may_have_a_loop(tmp_path):
+def test_a_failed_test_leaves_a_screenshot_and_the_next_may_have_a_loop(
+    a_browser_is_there, tmp_path
+):
     assert "1 failed, 1 passed" in run(tmp_path, "assert page.url == 'x'")
     assert [path.name for path in tmp_path.glob("rpud-artefacts/browser/*/*")] == ["failed_1.png"]
 

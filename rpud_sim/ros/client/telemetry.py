@@ -36,11 +36,12 @@ _LAYOUTS = {
     "reacting_force": (ReactingForce, "d"),
     "contact_force": (ContactForce, "Qdddddd?"),
     "actuator_state": (ActuatorState, "12d"),
-    "rotation": (Rotation, "dddd??"),
+    "rotation": (Rotation, "dddd?"),
     "mount": (Mount, "ddddd?7xd"),
-    "borehole": (Borehole, "ddT6d"),
+    "borehole": (Borehole, "ddT4d"),
 }
 _CHANNELS = 6  # arrays of a waveform
+_PADDING = 4  # bytes to which a message is padded
 _FIXED = 16  # bytes of a waveform's fields before its arrays
 
 
@@ -58,7 +59,7 @@ class Telemetry:
     - ``rotation``, ``mount``, ``borehole``: all values
     - ``waveform``: sequence, sample_period, and a tuple of six NumPy arrays
 
-    A message that is too short for its type is ignored: a stranger may publish there too. ``sinks``
+    A message of another length or encapsulation is ignored: a stranger may publish there too. ``sinks``
     has, by topic, a function of the stamp [ns] and the values.
     """
 
@@ -118,12 +119,15 @@ def _values_to(
     rests = {order: struct.Struct(order + behind) for order in "<>"} if behind else {}
 
     def decode(data: bytes) -> None:
-        order = "<" if data[1:2] == b"\x01" else ">"
+        order = _order(data)
         stamp, place = _header(data, order)
         values = layouts[order].unpack_from(data, place)
+        end = place + layouts[order].size
         if rests:
-            text, place = _text(data, order, place + layouts[order].size)
+            text, place = _text(data, order, end)
             values = (*values, text, *rests[order].unpack_from(data, place))
+            end = place + rests[order].size
+        _check_end(data, end)
         sink(stamp, values)
 
     return decode
@@ -131,7 +135,7 @@ def _values_to(
 
 def _waves_to(sink: Callable[[int, tuple[Any, ...]], object]) -> Callable[[bytes], None]:
     def decode(data: bytes) -> None:
-        order = "<" if data[1:2] == b"\x01" else ">"
+        order = _order(data)
         stamp, place = _header(data, order)
         sequence, period = struct.unpack_from(f"{order}Qd", data, place)
         place += _FIXED
@@ -141,9 +145,25 @@ def _waves_to(sink: Callable[[int, tuple[Any, ...]], object]) -> Callable[[bytes
             place = _aligned(place + 4) if length else place + 4
             arrays.append(np.frombuffer(data, f"{order}f8", length, place))
             place += 8 * length
+        if all(map(len, arrays)):  # the middleware allots padding also to an empty array
+            _check_end(data, place)
         sink(stamp, (sequence, period, tuple(arrays)))
 
     return decode
+
+
+def _order(data: bytes) -> str:
+    """Return the byte order of plain CDR, as ``struct`` names it."""
+    order = {b"\0\0": ">", b"\0\1": "<"}.get(bytes(data[:2]))
+    if order is None:
+        raise ValueError("another encapsulation than plain CDR")
+    return order
+
+
+def _check_end(data: bytes, end: int) -> None:
+    """Check that a message ends with its last field, but for padding to four bytes."""
+    if not 0 <= len(data) - end < _PADDING:
+        raise ValueError("another length: the sender has another definition of the type")
 
 
 def _header(data: bytes, order: str) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
-from rpud_msgs.msg import Waveform
+from rpud_msgs.msg import ReactingForce, Waveform
 
 from rpud_sim.ros.client.telemetry import _LAYOUTS, _values_to, _waves_to
 
@@ -30,6 +30,17 @@ def test_values_are_those_of_the_message(topic, frame):
     heard = []
     _values_to(lambda *each: heard.append(each), layout)(serialize_message(message))
     assert heard == [(7_000_000_009, tuple(getattr(message, name) for name in names))]
+
+
+@pytest.mark.parametrize("change", [lambda data: b"\0\2" + data[2:], lambda data: data + bytes(8)])
+def test_another_encapsulation_or_version_of_a_type_is_no_value(change):
+    data = bytes(serialize_message(ReactingForce(force=3.0)))
+    heard = []
+    decode = _values_to(lambda *each: heard.append(each), "d")
+    decode(data)
+    with pytest.raises(ValueError, match="another"):
+        decode(change(data))
+    assert len(heard) == 1
 
 
 @pytest.mark.parametrize("length", [0, 1, 5])
