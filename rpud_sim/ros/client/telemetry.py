@@ -59,8 +59,8 @@ class Telemetry:
     - ``rotation``, ``mount``, ``borehole``: all values
     - ``waveform``: sequence, sample_period, and a tuple of six NumPy arrays
 
-    A message of another length or encapsulation is ignored: a stranger may publish there too. ``sinks``
-    has, by topic, a function of the stamp [ns] and the values.
+    A message of another length or encapsulation is ignored: a stranger may publish there too.
+    ``sinks`` has, by topic, a function of the stamp [ns] and the values.
     """
 
     def __init__(
