@@ -84,7 +84,7 @@ def swept(folder):
     return "sweep", folder / "sweep.yaml", "--workers", 1, "--out", folder / "out"
 
 
-def tested(folder):
+def judged_campaign(folder):
     """The page of a campaign whose outcomes are given."""
     campaign = read_campaign(CAMPAIGN)
     broken = campaign.runs[2]
@@ -98,7 +98,7 @@ PAGES = {
     "comparison": compared,
     "fit": fitted,
     "sweep": swept,
-    "campaign": tested,
+    "campaign": judged_campaign,
 }
 
 
