@@ -21,9 +21,9 @@ ROS = [
     "ros-jazzy-std-msgs==5.3.6",
     "ros-jazzy-std-srvs==5.3.6",
 ]
-WEB = ["bokeh"]
+WEB = ["bokeh", "scipy"]
 EXPORT = ["pyarrow"]
-STUDIES = [*WEB, *EXPORT, "scipy"]
+STUDIES = [*WEB, *EXPORT]
 
 setup(
     name=PACKAGE,
@@ -57,7 +57,7 @@ setup(
     ],
     extras_require={
         "ros": [*ROS, f"rpud_msgs=={VERSION}"],
-        "web": [*WEB, "scipy"],  # watch, report, compare: whatever writes or serves a page
+        "web": WEB,  # watch, report, compare: whatever writes or serves a page
         "report": WEB,  # the same by its former name
         "export": EXPORT,
         "studies": STUDIES,  # sweep, fit

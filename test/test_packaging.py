@@ -5,7 +5,7 @@ import os
 import re
 import subprocess
 import sys
-from importlib.metadata import version
+from importlib.metadata import requires, version
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,6 +19,12 @@ ROOT = Path(__file__).resolve().parent.parent
 def manifest_version(folder: Path) -> str | None:
     """Return the version in a package.xml."""
     return ElementTree.parse(folder / "package.xml").getroot().findtext("version")
+
+
+def needed_by(extra: str) -> set[str]:
+    """Return what an extra of the installed package requires."""
+    lines = requires("rpud_sim")
+    return {line.partition(";")[0].strip() for line in lines if f'extra == "{extra}"' in line}
 
 
 def test_colcon_finds_both_packages_as_ros_packages():
@@ -63,7 +69,11 @@ def test_pytest_is_one_that_the_plugins_of_launch_load_into():
     module_hook = inspect.signature(hookspec.pytest_pycollect_makemodule)
     assert "path" in module_hook.parameters
     assert hasattr(pytest.fixture(lambda: None), "_pytestfixturefunction")
-    assert "pytest<8.4" in (ROOT / "setup.py").read_text()
+    assert "pytest<8.4" in needed_by("test")
+
+
+def test_the_extra_of_tests_brings_what_every_page_and_comparison_needs():
+    assert {"bokeh", "scipy"} <= needed_by("web") <= needed_by("test")
 
 
 def test_every_message_and_service_is_built():
