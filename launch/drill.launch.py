@@ -63,7 +63,7 @@ def generate_launch_description() -> LaunchDescription:
                 default_value=PathJoinSubstitution(
                     [FindPackageShare("rpud_sim"), "config", "drilling.yaml"]
                 ),
-                description="Parameter file of the drill: a path, or a name in the package's config/",
+                description="Parameter file of the drill, a path or a name in the package",
             ),
             DeclareLaunchArgument(
                 "log_level",

@@ -210,7 +210,7 @@ def number_of(value: Any) -> float | None:
 
 
 def check_kind(kind: Any, possible: Iterable[str]) -> None:
-    """Raise a FaultError for a kind that does not exist: it names the nearest, then those possible."""
+    """Raise a FaultError for a kind that does not exist, with the nearest and the possible ones."""
     if not (isinstance(kind, str) and kind in KINDS):
         raise FaultError(
             f"fault kind = {shown(kind)} is unknown{suggestion(kind, KINDS)}; "

@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 from drill_client import SECOND, nanoseconds, stamps, steps
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rpud_msgs.msg import Drive, WeightOnBit
 
 from rpud_sim.model.parameters import NAMES
@@ -189,21 +189,9 @@ def test_parameters_are_listed_described_and_given_as_ros2_param_does(client):
     ).descriptors
     assert described.type == ParameterType.PARAMETER_DOUBLE
     assert described.description == "weight on bit, preload of the load spring, W [N]"
-    assert described.additional_constraints == "in [0, 1000] N"
+    constraints = "in [0, 1000] N; fixed while the drill is configured"
+    assert described.additional_constraints == constraints
     assert described.floating_point_range[0].to_value == 1000.0
-    assert described.read_only
     request = GetParameters.Request(names=["weight_on_bit", "regime"])
     values = client.call(GetParameters, f"{node}/get_parameters", request).values
     assert (values[0].double_value, values[1].string_value) == (10.0, "drilling")
-
-
-def test_a_parameter_cannot_be_set_and_the_reason_is_said(client):
-    value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=20.0)
-    request = SetParameters.Request(parameters=[Parameter(name="weight_on_bit", value=value)])
-    before = client.status[-1].weight_on_bit
-    [result] = client.call(SetParameters, "/commanded/drill_node/set_parameters", request).results
-    assert not result.successful
-    assert "read-only" in result.reason
-    count = len(client.status)
-    client.until(lambda: len(client.status) > count)
-    assert client.status[-1].weight_on_bit == before

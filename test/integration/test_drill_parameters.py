@@ -8,8 +8,8 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
-    DescribeParameters,
     GetParameters,
+    ListParameters,
     SetParameters,
     SetParametersAtomically,
 )
@@ -18,7 +18,7 @@ from rpud_msgs.msg import Result, SimulationState, Status
 from rpud_msgs.srv import ResetSimulation
 from std_srvs.srv import SetBool
 
-from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS
+from rpud_sim.simulation.configuration import CHANGEABLE
 
 NODE = "/changed/drill_node"
 
@@ -72,16 +72,19 @@ def engage(client, data):
     assert response.success, response.message
 
 
-def test_exactly_those_that_may_change_are_not_read_only(client):
-    request = DescribeParameters.Request(names=list(PARAMETERS))
-    described = client.call(DescribeParameters, f"{NODE}/describe_parameters", request).descriptors
-    assert {it.name for it in described if not it.read_only} == set(CHANGEABLE)
+def test_what_is_fixed_is_refused_by_its_name_and_a_dump_of_all_is_loaded(client):
     [result] = set_each(client, weight_on_bit=20.0)
-    assert not result.successful
-    assert "read-only" in result.reason
+    assert result.reason == "weight_on_bit is read-only until the drill is cleaned up"
     [result] = set_each(client, use_sim_time=True)
-    assert not result.successful
-    assert "use_sim_time is read-only" in result.reason
+    assert result.reason == "use_sim_time is read-only until the drill is cleaned up"
+    listed = client.call(ListParameters, f"{NODE}/list_parameters", ListParameters.Request())
+    names = listed.result.names
+    request = GetParameters.Request(names=names)
+    values = client.call(GetParameters, f"{NODE}/get_parameters", request).values
+    dump = [Parameter(name=name, value=value) for name, value in zip(names, values, strict=True)]
+    request = SetParameters.Request(parameters=dump)
+    results = client.call(SetParameters, f"{NODE}/set_parameters", request).results
+    assert [result.reason for result in results] == [""] * len(names)
 
 
 @pytest.mark.parametrize(

@@ -73,7 +73,10 @@ def test_noise_and_bias_are_in_the_unit_of_their_channel():
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("rusty",), "fault kind = 'rusty' is unknown; possible are free_mass_jammed, lost_preload, "),
+        (
+            ("rusty",),
+            "fault kind = 'rusty' is unknown; possible are free_mass_jammed, ",
+        ),
         ((None,), "fault kind = None is unknown; possible are "),
         ((["off"],), "fault kind = ['off'] is unknown; possible are "),
         (("choking", "wrench"), "choking is a fault of the drill and has no channel, given 'wr"),

@@ -1,4 +1,4 @@
-"""Packages of optional.lock: make fails where they cannot be installed, so that no test is skipped."""
+"""Packages of optional.lock: no test is skipped because they cannot be installed."""
 
 import os
 import shutil

@@ -75,6 +75,10 @@ class FaultServices:
         return response
 
     def _on_engage(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if not self._host.configured:
+            response.message = "the node has not been configured"
+            self._host.refuse_request(response.message)
+            return response
         regime = "drilling" if request.data else "free"
         result = self._node.set_parameters([Parameter("regime", value=regime)])[0]
         response.success = result.successful

@@ -11,15 +11,18 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.service import Service
 
-from rpud_sim.foundation.quantities import shown
+from rpud_sim.foundation.quantities import did_you_mean, shown
 from rpud_sim.ros.serving import raised
 
 Node = TypeVar("Node", bound="ManagedNode")
 Transition = Callable[[Node, LifecycleState], TransitionCallbackReturn]
 Handler = Callable[[Any, Any], Any]
 Refused = Callable[[str], None]
+
+_NUMBER = Parameter.Type.DOUBLE
 
 
 class ManagedNode(LifecycleNode):
@@ -31,12 +34,11 @@ class ManagedNode(LifecycleNode):
         """Create a service that always answers.
 
         A handler that raises an error answers with an empty response. Services that set parameters
-        reject values of unknown types.
+        name the one that they refuse.
         """
-        # rclpy raises ValueError out of the executor there.
-        guards = {SetParameters: _each_of_known_type, SetParametersAtomically: _all_of_known_type}
+        guards = {SetParameters: _setting_each, SetParametersAtomically: _setting_all}
         if srv_type in guards:
-            callback = _reporting_refusals(guards[srv_type](callback), self.refuse_request)
+            callback = _reporting_refusals(guards[srv_type](callback, self), self.refuse_request)
         answer = _always_answering(callback, srv_type, self.refuse_request)
         return super().create_service(srv_type, srv_name, answer, **options)
 
@@ -96,25 +98,28 @@ def _always_answering(callback: Handler, srv_type: Any, refused: Refused) -> Han
     return answer
 
 
-def _each_of_known_type(callback: Handler) -> Handler:
+def _setting_each(callback: Handler, node: ManagedNode) -> Handler:
     def answer(request: SetParameters.Request, response: SetParameters.Response) -> Any:
         for parameter in request.parameters:
-            refused = _refused(parameter)
-            if refused is None:
+            result = _result_without_rclpy(node, parameter)
+            if result is None:
                 callback(SetParameters.Request(parameters=[parameter]), response)
             else:
-                response.results.append(refused)
+                response.results.append(result)
         return response
 
     return answer
 
 
-def _all_of_known_type(callback: Handler) -> Handler:
+def _setting_all(callback: Handler, node: ManagedNode) -> Handler:
     def answer(
         request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
     ) -> Any:
-        refused = next(filter(None, map(_refused, request.parameters)), None)
+        results = [_result_without_rclpy(node, parameter) for parameter in request.parameters]
+        refused = next((result for result in results if result and not result.successful), None)
         if refused is None:
+            pairs = zip(request.parameters, results, strict=True)
+            request.parameters = [parameter for parameter, result in pairs if result is None]
             return callback(request, response)
         response.result = refused
         return response
@@ -134,10 +139,32 @@ def _reporting_refusals(callback: Handler, refused: Refused) -> Handler:
     return answer
 
 
-def _refused(parameter: ParameterMessage) -> SetParametersResult | None:
-    """Return the refusal of a parameter whose type rclpy does not know, None if it does."""
-    number = parameter.value.type
-    if number <= ParameterType.PARAMETER_STRING_ARRAY:
+def _result_without_rclpy(
+    node: ManagedNode, message: ParameterMessage
+) -> SetParametersResult | None:
+    """Return the answer to what rclpy would not answer well; None if it is for rclpy to set.
+
+    rclpy ends at a type that it does not know, names no parameter that is unknown or of another
+    type, and refuses the present value of one that is read-only.
+    """
+    name, number = message.name, message.value.type
+    if number > ParameterType.PARAMETER_STRING_ARRAY:
+        return _refusal(f"{shown(name)} has the type {number}, which is none")
+    if not node.has_parameter(name):
+        known = node.list_parameters([], 0).names
+        return _refusal(f"parameter {shown(name)} is unknown; {did_you_mean(name, known)}")
+    descriptor, present = node.describe_parameter(name), node.get_parameter(name)
+    given = Parameter.from_parameter_msg(message)
+    if descriptor.read_only and given.value == present.value:
+        return SetParametersResult(successful=True)
+    expected = Parameter.Type(descriptor.type)
+    # A whole number stands for a number.
+    fits = given.type_ in (expected, *([Parameter.Type.INTEGER] if expected == _NUMBER else []))
+    if fits or descriptor.dynamic_typing:
         return None
-    reason = f"{shown(parameter.name)} has the type {number}, which is none"
+    types = f"expected {expected.name.lower()}, given {given.type_.name.lower()}"
+    return _refusal(f"{name} is of another type: {types}")
+
+
+def _refusal(reason: str) -> SetParametersResult:
     return SetParametersResult(successful=False, reason=reason)

@@ -62,6 +62,36 @@ def test_of_parameters_that_are_set_at_once_one_of_an_unknown_type_refuses_all(n
     assert node.get_parameter("gain").value == 2.0
 
 
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("gain", "gain is of another type: expected double, given string"),
+        ("gian", "parameter 'gian' is unknown; did you mean gain?"),
+    ],
+)
+def test_a_refusal_names_the_parameter(node, name, reason):
+    value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="much")
+    bad = ParameterMessage(name=name, value=value)
+    results = call(node, SetParameters, "set_parameters", parameters=[bad, KNOWN]).results
+    assert [(result.successful, result.reason) for result in results] == [
+        (False, reason),
+        (True, ""),
+    ]
+    together = "set_parameters_atomically"
+    result = call(node, SetParametersAtomically, together, parameters=[KNOWN, bad]).result
+    assert (result.successful, result.reason) == (False, reason)
+
+
+def test_what_is_read_only_may_be_set_to_what_it_is(node):
+    """So that a dump of all parameters can be loaded: rclpy has read-only ones of its own."""
+    of_rclpy = node.get_parameter("start_type_description_service").to_parameter_msg()
+    results = call(node, SetParameters, "set_parameters", parameters=[of_rclpy, KNOWN]).results
+    assert all(result.successful for result in results)
+    of_rclpy.value.bool_value ^= True
+    [result] = call(node, SetParameters, "set_parameters", parameters=[of_rclpy]).results
+    assert "read-only parameter: start_type_description_service" in result.reason
+
+
 def test_a_handler_that_raises_an_error_answers_with_an_empty_response(node, capfd):
     def handler(request, response):
         response.success = True
