@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from rpud_sim.cli.options import BYTES, POSITIVE_SECONDS, Number, options_from, pattern
@@ -131,7 +132,8 @@ def record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
         status_line(printable(Path(options.out).name)) as show,
     ):
         result = recorder.record(options, ros_arguments, show)
-    print(result.summary, flush=True)
+    with suppress(BrokenPipeError):
+        print(result.summary, flush=True)
     if result.failure:
         raise CommandError(result.failure)
     return ExitCode.DONE
