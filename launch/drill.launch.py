@@ -39,6 +39,7 @@ def start_drill(context: LaunchContext) -> list[Node]:
             executable="drill_node",
             namespace=LaunchConfiguration("namespace"),
             parameters=[{"use_sim_time": LaunchConfiguration("use_sim_time")}],
+            arguments=["--with-parent"],  # or it would go on when launch is killed
             ros_arguments=[
                 *("--params-file", str(config)),
                 *("--log-level", LaunchConfiguration("log_level")),

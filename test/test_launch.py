@@ -15,6 +15,7 @@ from ament_index_python.packages import (
     get_package_prefix,
     get_package_share_directory,
 )
+from support import until
 
 from rpud_sim.ros.record.record_options import COMPRESSIONS
 
@@ -153,8 +154,9 @@ def left_behind(launched):
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(ProcessLookupError, FileNotFoundError):
-            if os.getpgid(int(folder.name)) == launched.pid:
-                found.append((folder / "cmdline").read_text().replace("\0", " "))
+            words = (folder / "cmdline").read_text().replace("\0", " ")
+            if words and os.getpgid(int(folder.name)) == launched.pid:  # a zombie has no words
+                found.append(words)
     return found
 
 
@@ -213,6 +215,15 @@ def test_a_recorded_drill_ends_when_its_recorder_fails(launch, tmp_path):
     assert launched.wait() == 1
     assert "the recorder failed with exit code 1" in launched.output
     assert left_behind(launched) == []
+
+
+def test_a_launch_that_is_killed_leaves_no_process_and_a_whole_bag(launch, tmp_path):
+    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}")
+    launched.wait_for_line("recording [0-9]+ topics")
+    launched.kill()
+    launched.wait()
+    until(lambda: left_behind(launched) == [])
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 
 def test_a_recorded_drill_and_its_recorder_end_well_at_an_interrupt(launch, tmp_path):

@@ -261,9 +261,12 @@ class DrillNode(ManagedNode):
                 self.request(lambda drilling: drilling.configure(self.settings))
 
 
-def drill(ros_arguments: Sequence[str]) -> None:
-    """Run a drill with a command line of ROS until SIGINT, SIGTERM or the end of its node."""
-    with StopRequest() as stop:
+def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:
+    """Run a drill with a command line of ROS until SIGINT, SIGTERM or the end of its node.
+
+    With ``with_parent`` it also ends when its parent process has ended.
+    """
+    with StopRequest(with_parent) as stop:
         try:
             start_ros(ros_arguments)
             try:
@@ -291,6 +294,8 @@ def spin(
             while not (stop.requested or node.finished):
                 serve(executor, node.refuse_request)
                 show(node.report)
+        if stop.orphaned:
+            node.get_logger().warning("the process that started the drill has ended: it ends, too")
     finally:
         node.stop()
         executor.shutdown(timeout_sec=1.0)
