@@ -90,7 +90,6 @@ def declare_settings(node: Node) -> Settings:
     checked = settings.values()
     for declaration in PARAMETERS.values():
         _describe(node, declaration, checked[declaration.name])
-    node.add_pre_set_parameters_callback(_to_numbers)
     return settings
 
 
@@ -107,19 +106,6 @@ def _unknown(node: Node) -> dict[str, Any]:
         for name, parameter in node._parameter_overrides.items()
         if not (node.has_parameter(name) or name.startswith(_OF_ROS))
     }
-
-
-def _to_numbers(changes: list[Parameter]) -> list[Parameter]:
-    return [
-        Parameter(change.name, value=float(change.value))
-        if change.type_ == Parameter.Type.INTEGER and _is_number(change.name)
-        else change
-        for change in changes
-    ]
-
-
-def _is_number(name: str) -> bool:
-    return name in PARAMETERS and isinstance(PARAMETERS[name].allowed, Quantity)
 
 
 def _description(quantity: Quantity) -> str:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.msg import ParameterType, SetParametersResult
+from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -21,8 +21,6 @@ Node = TypeVar("Node", bound="ManagedNode")
 Transition = Callable[[Node, LifecycleState], TransitionCallbackReturn]
 Handler = Callable[[Any, Any], Any]
 Refused = Callable[[str], None]
-
-_NUMBER = Parameter.Type.DOUBLE
 
 
 class ManagedNode(LifecycleNode):
@@ -145,7 +143,8 @@ def _result_without_rclpy(
     """Return the answer to what rclpy would not answer well; None if it is for rclpy to set.
 
     rclpy ends at a type that it does not know, names no parameter that is unknown or of another
-    type, and refuses the present value of one that is read-only.
+    type, and refuses the present value of one that is read-only. What stands for a number becomes
+    one: a whole number, and a text such as 1e-06, which ``ros2 param`` does not read as a number.
     """
     name, number = message.name, message.value.type
     if number > ParameterType.PARAMETER_STRING_ARRAY:
@@ -154,16 +153,30 @@ def _result_without_rclpy(
         known = node.list_parameters([], 0).names
         return _refusal(f"parameter {shown(name)} is unknown; {did_you_mean(name, known)}")
     descriptor, present = node.describe_parameter(name), node.get_parameter(name)
+    if descriptor.type == ParameterType.PARAMETER_DOUBLE:
+        message.value = _to_number(message.value)
     given = Parameter.from_parameter_msg(message)
     if descriptor.read_only and given.value == present.value:
         return SetParametersResult(successful=True)
     expected = Parameter.Type(descriptor.type)
-    # A whole number stands for a number.
-    fits = given.type_ in (expected, *([Parameter.Type.INTEGER] if expected == _NUMBER else []))
-    if fits or descriptor.dynamic_typing:
+    if given.type_ == expected or descriptor.dynamic_typing:
         return None
     types = f"expected {expected.name.lower()}, given {given.type_.name.lower()}"
     return _refusal(f"{name} is of another type: {types}")
+
+
+def _to_number(value: ParameterValue) -> ParameterValue:
+    """Return a value as a number if it stands for one; otherwise as it is."""
+    if value.type == ParameterType.PARAMETER_INTEGER:
+        number = float(value.integer_value)
+    elif value.type == ParameterType.PARAMETER_STRING:
+        try:
+            number = float(value.string_value)
+        except ValueError:
+            return value
+    else:
+        return value
+    return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=number)
 
 
 def _refusal(reason: str) -> SetParametersResult:

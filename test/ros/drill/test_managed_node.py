@@ -6,6 +6,7 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 from support import until
 
@@ -70,8 +71,7 @@ def test_of_parameters_that_are_set_at_once_one_of_an_unknown_type_refuses_all(n
     ],
 )
 def test_a_refusal_names_the_parameter(node, name, reason):
-    value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="much")
-    bad = ParameterMessage(name=name, value=value)
+    bad = ParameterMessage(name=name, value=text("much"))
     results = call(node, SetParameters, "set_parameters", parameters=[bad, KNOWN]).results
     assert [(result.successful, result.reason) for result in results] == [
         (False, reason),
@@ -80,6 +80,28 @@ def test_a_refusal_names_the_parameter(node, name, reason):
     together = "set_parameters_atomically"
     result = call(node, SetParametersAtomically, together, parameters=[KNOWN, bad]).result
     assert (result.successful, result.reason) == (False, reason)
+
+
+def text(value):
+    return ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+
+
+@pytest.mark.parametrize(
+    ("value", "number"),
+    [
+        (ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=5), 5.0),
+        (text("1e-06"), 1e-6),  # as ros2 param set and load send 1e-06
+    ],
+)
+def test_what_stands_for_a_number_is_one(node, value, number):
+    parameters = [ParameterMessage(name="gain", value=value)]
+    results = call(node, SetParameters, "set_parameters", parameters=parameters).results
+    assert [result.reason for result in results] == [""]
+    assert node.get_parameter("gain").value == number
+    node.set_parameters([Parameter("gain", value=1.0)])
+    name = "set_parameters_atomically"
+    assert call(node, SetParametersAtomically, name, parameters=parameters).result.successful
+    assert node.get_parameter("gain").value == number
 
 
 def test_what_is_read_only_may_be_set_to_what_it_is(node):
