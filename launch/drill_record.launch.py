@@ -49,6 +49,7 @@ def generate_launch_description() -> LaunchDescription:
                 executable="recorder",
                 namespace=LaunchConfiguration("namespace"),
                 arguments=[
+                    "--with-parent",
                     *("--out", LaunchConfiguration("bag")),
                     *("--compression", LaunchConfiguration("compression")),
                     *("--max-loss", LaunchConfiguration("max_loss")),

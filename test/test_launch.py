@@ -5,6 +5,7 @@ import contextlib
 import importlib.util
 import os
 import re
+import signal
 import sys
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from ament_index_python.packages import (
     get_package_prefix,
     get_package_share_directory,
 )
+from support import until
 
 from rpud_sim.ros.record.record_options import COMPRESSIONS
 
@@ -152,8 +154,9 @@ def left_behind(launched):
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(ProcessLookupError, FileNotFoundError):
-            if os.getpgid(int(folder.name)) == launched.pid:
-                found.append((folder / "cmdline").read_text().replace("\0", " "))
+            words = (folder / "cmdline").read_text().replace("\0", " ")
+            if words and os.getpgid(int(folder.name)) == launched.pid:  # a zombie has no words
+                found.append(words)
     return found
 
 
@@ -172,12 +175,37 @@ def test_display_starts_nothing_where_a_package_is_missing(launch):
     assert left_behind(launched) == []
 
 
-def test_a_parameter_file_that_is_missing_is_an_error_of_the_drill(launch):
-    launched = launch("drill.launch.py", "config:=nowhere.yaml")
-    launched.wait()
-    assert "nowhere.yaml" in launched.output
-    assert "exit code 2" in launched.output
-    assert "drilling: regime" not in launched.output
+@pytest.mark.parametrize("name", ["drill.launch.py", "drill_record.launch.py"])
+def test_a_launch_without_its_parameter_file_fails_before_anything_starts(launch, name):
+    launched = launch(name, "config:=nowhere.yaml")
+    assert launched.wait() == 1
+    assert "config: there is no file nowhere.yaml, neither here nor in" in launched.output
+    assert "process started" not in launched.output
+
+
+def test_a_launch_whose_drill_fails_fails(launch, tmp_path):
+    (tmp_path / "bad.yaml").write_text("/**:\n  ros__parameters: {gravity: -1.0}\n")
+    bag = tmp_path / "bag"
+    launched = launch("drill_record.launch.py", f"config:={tmp_path}/bad.yaml", f"bag:={bag}")
+    assert launched.wait() == 1
+    assert "gravity = -1 m/s^2 is outside its range" in launched.output
+    assert "the drill failed with exit code 2" in launched.output
+    assert left_behind(launched) == []
+
+
+def test_a_parameter_file_is_a_path_or_a_name_in_the_package(launch, tmp_path):
+    launched = launch("drill.launch.py", "config:=paper_free.yaml")
+    launched.wait_for_line("drilling: regime free")
+
+
+def test_a_recording_ends_with_its_drill_and_keeps_its_bag(launch, tmp_path):
+    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}")
+    launched.wait_for_line("recording [0-9]+ topics")
+    drill = launched.wait_for_line(r"drill_node-\d+\]: process started with pid \[(\d+)\]")
+    os.kill(int(drill[1]), signal.SIGKILL)
+    assert launched.wait() == 1
+    assert "the drill failed with exit code -9" in launched.output
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
     assert left_behind(launched) == []
 
 
@@ -187,6 +215,15 @@ def test_a_recorded_drill_ends_when_its_recorder_fails(launch, tmp_path):
     assert launched.wait() == 1
     assert "the recorder failed with exit code 1" in launched.output
     assert left_behind(launched) == []
+
+
+def test_a_launch_that_is_killed_leaves_no_process_and_a_whole_bag(launch, tmp_path):
+    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}")
+    launched.wait_for_line("recording [0-9]+ topics")
+    launched.kill()
+    launched.wait()
+    until(lambda: left_behind(launched) == [])
+    assert (tmp_path / "bag" / "metadata.yaml").exists()
 
 
 def test_a_recorded_drill_and_its_recorder_end_well_at_an_interrupt(launch, tmp_path):

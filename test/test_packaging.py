@@ -1,14 +1,16 @@
 """The two packages as colcon, ROS and pip see them."""
 
+import inspect
 import os
 import re
 import subprocess
 import sys
-from importlib.metadata import version
+from importlib.metadata import requires, version
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from _pytest import hookspec
 from ament_index_python.packages import get_package_share_directory
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -17,6 +19,12 @@ ROOT = Path(__file__).resolve().parent.parent
 def manifest_version(folder: Path) -> str | None:
     """Return the version in a package.xml."""
     return ElementTree.parse(folder / "package.xml").getroot().findtext("version")
+
+
+def needed_by(extra: str) -> set[str]:
+    """Return what an extra of the installed package requires."""
+    lines = requires("rpud_sim")
+    return {line.partition(";")[0].strip() for line in lines if f'extra == "{extra}"' in line}
 
 
 def test_colcon_finds_both_packages_as_ros_packages():
@@ -54,6 +62,18 @@ def test_a_manifest_that_is_not_is_told(tmp_path, file, change, complaint):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert complaint in done.stdout
+
+
+def test_pytest_is_one_that_the_plugins_of_launch_load_into():
+    """What launch_testing's hook and launch_pytest's fixtures of Jazzy use is there."""
+    module_hook = inspect.signature(hookspec.pytest_pycollect_makemodule)
+    assert "path" in module_hook.parameters
+    assert hasattr(pytest.fixture(lambda: None), "_pytestfixturefunction")
+    assert "pytest<8.4" in needed_by("test")
+
+
+def test_the_extra_of_tests_brings_what_every_page_and_comparison_needs():
+    assert {"bokeh", "scipy"} <= needed_by("web") <= needed_by("test")
 
 
 def test_every_message_and_service_is_built():

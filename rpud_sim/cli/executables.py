@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 
 from rpud_sim.cli import record, replay
-from rpud_sim.cli.options import Parser, options_from, split_ros_arguments
+from rpud_sim.cli.options import Parser, add_with_parent, options_from, split_ros_arguments
 from rpud_sim.cli.program import ExitCode, failing, report_errors, run_program
 from rpud_sim.ros.record.record_options import RecordOptions
 from rpud_sim.ros.replay.replay_options import ReplayOptions
@@ -21,15 +21,16 @@ def drill_node() -> None:
         description="A drill in soft real time.",
         epilog="example: drill_node --ros-args -r __ns:=/rpud --params-file config/free.yaml",
     )
+    add_with_parent(parser)
 
     def run() -> int:
         words, ros_arguments = split_ros_arguments(sys.argv[1:])
-        parser.parse_args(words)
+        arguments = parser.parse_args(words)
         from rpud_sim.ros.drill.drill_node import drill
         from rpud_sim.ros.starting import StartError
 
         with failing(RuntimeError), failing(StartError, code=ExitCode.USAGE):
-            drill(ros_arguments)
+            drill(ros_arguments, arguments.with_parent)
         return ExitCode.DONE
 
     _run("drill_node", "drill_node", run)

@@ -93,6 +93,14 @@ def add_json_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
 
+def add_with_parent(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--with-parent",
+        action="store_true",
+        help="stop also when the process that started it has ended, as under ros2 launch",
+    )
+
+
 def add_workers_argument(parser: argparse._ActionsContainer) -> None:
     """Declare --workers of a study; ``worker_count`` reads it."""
     parser.add_argument(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 _DELAY = 2.0  # s, until a terminal shows a bar
@@ -19,7 +19,8 @@ class _Lines:
     def write(self, text: str) -> None:
         line = text.strip("\r\n ")
         if line:
-            print(line, file=sys.stderr, flush=True)
+            with suppress(BrokenPipeError):  # the work goes on, whoever has stopped reading
+                print(line, file=sys.stderr, flush=True)
 
     def flush(self) -> None:
         """Do nothing: each line is flushed."""

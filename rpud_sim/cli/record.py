@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
-from rpud_sim.cli.options import BYTES, POSITIVE_SECONDS, Number, options_from, pattern
+from rpud_sim.cli.options import (
+    BYTES,
+    POSITIVE_SECONDS,
+    Number,
+    add_with_parent,
+    options_from,
+    pattern,
+)
 from rpud_sim.cli.program import CommandError, ExitCode, failing
 from rpud_sim.cli.progress import status_line
 from rpud_sim.foundation.terminal import printable
@@ -101,6 +109,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="record only when the service ~/resume is called",
     )
+    add_with_parent(parser)
     parser.add_argument("--until-eof", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument(
         "--allow-empty",
@@ -131,7 +140,8 @@ def record(options: RecordOptions, ros_arguments: Sequence[str] = ()) -> int:
         status_line(printable(Path(options.out).name)) as show,
     ):
         result = recorder.record(options, ros_arguments, show)
-    print(result.summary, flush=True)
+    with suppress(BrokenPipeError):
+        print(result.summary, flush=True)
     if result.failure:
         raise CommandError(result.failure)
     return ExitCode.DONE

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 HELP = "run a bag's simulation again and compare every message, bit for bit"
 DETAILS = (
-    "Exit codes: 0 proved, 3 a message differs, 1 it cannot be decided or messages are missing "
-    "at the end, 2 wrong call."
+    "Exit codes: 0 proved, 3 a message differs or, with --strict, is missing, 1 it cannot be "
+    "decided or messages are missing at the end, 2 wrong call."
 )
 EXAMPLE = "rpud verify bags/first"
 
@@ -28,6 +28,11 @@ _COUNTS = ("equal", "different", "unexpected", "missing", "tail")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_bag_argument(parser)
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="exit code 3 also if messages are missing between recorded ones",
+    )
     add_json_argument(parser)
 
 
@@ -42,7 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
         complain("rpud verify", warning)
     print_json(_content(verification)) if arguments.json else print(_account(verification))
     if verification.proved:
-        return ExitCode.DONE
+        lacking = arguments.strict and verification.missing
+        return ExitCode.INCOMPLETE if lacking else ExitCode.DONE
     # A difference from a bag of another version is no proof that the bag was changed.
     differs = verification.first_difference and not verification.other_versions
     return ExitCode.INCOMPLETE if differs else ExitCode.FAILED
@@ -98,7 +104,8 @@ def _account(verification: Verification) -> str:
 def _verdict(verification: Verification) -> str:
     equal = sum(counts.equal for counts in verification.topics.values())
     if verification.proved:
-        return f"proved: {equal} messages are equal bit for bit"
+        lacking = f", and {verification.missing} are missing" if verification.missing else ""
+        return f"proved: {equal} messages are equal bit for bit{lacking}"
     if verification.first_difference and verification.other_versions:
         return "not proved: it differs, and other versions made it"
     if verification.first_difference:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+from contextlib import suppress
 from typing import TextIO
 
 # What moves a cursor, changes the direction of writing, or has no encoding.
@@ -27,5 +28,6 @@ def columns(stream: TextIO) -> int:
 
 
 def complain(program: str, reason: object) -> None:
-    """Print an error on standard error, as one line."""
-    print(f"{program}: {printable(reason)}", file=sys.stderr)
+    """Print an error on standard error, as one line; the exit code tells it where nobody reads."""
+    with suppress(BrokenPipeError):
+        print(f"{program}: {printable(reason)}", file=sys.stderr)

@@ -4,10 +4,3 @@ A value that cannot be used is a ``ParameterError``, and a node or a name that R
 a ``StartError``. A request to a thread that has ended is a ``StoppedError``, and one that is
 refused a ``RefusedError`` with the reason.
 """
-
-import os
-
-from rpud_sim.ros.environment import complete_environment
-
-# Here, because whoever starts ROS has imported this package before.
-complete_environment(os.environ)

@@ -11,6 +11,8 @@ from rclpy.exceptions import NameValidationException
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rpud_sim.ros.environment import complete_environment
+
 _WHEEL = "ros-fastrtps"
 
 
@@ -25,9 +27,11 @@ def start_ros(
 ) -> None:
     """Initialize rclpy without signal handlers of its own: `StopRequest` has them.
 
+    It completes the environment of the process first.
     It raises a StartError where rcl cannot start with the arguments, or DDS-Security is requested
     and Fast DDS lacks it.
     """
+    complete_environment(os.environ)
     # Without a keystore, rcl would start all the same, and everything would be sent in the clear.
     if os.environ.get("ROS_SECURITY_ENABLE") == "true" and not _has_security():
         raise StartError(

@@ -18,10 +18,11 @@ class StopRequest:
 
     rclpy's own handlers would end the context at once, and messages that have arrived would be
     lost. A pipe carries the request: a signal handler cannot acquire a lock that the interrupted
-    main thread may hold.
+    main thread may hold. With ``with_parent`` the end of the parent process requests a stop, too.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, with_parent: bool = False) -> None:
+        self._parent = os.getppid() if with_parent else None
         self._requested = False
         self._reading, self._writing = os.pipe()
         os.set_blocking(self._writing, False)
@@ -46,7 +47,13 @@ class StopRequest:
 
     @property
     def requested(self) -> bool:
-        return self._requested
+        return self._requested or self.orphaned
+
+    @property
+    def orphaned(self) -> bool:
+        """Whether the parent process has ended, which this one ends with."""
+        # Polled: a signal of the kernel would come at the end of the parent's thread already.
+        return self._parent not in (None, os.getppid())
 
     def request(self) -> None:
         if not self._requested:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rpud_sim.foundation.quantities import ParameterError, Quantity, shown, suggestion
@@ -209,6 +209,15 @@ def number_of(value: Any) -> float | None:
         return math.inf if value > 0 else -math.inf
 
 
+def check_kind(kind: Any, possible: Iterable[str]) -> None:
+    """Raise a FaultError for a kind that does not exist, with the nearest and the possible ones."""
+    if not (isinstance(kind, str) and kind in KINDS):
+        raise FaultError(
+            f"fault kind = {shown(kind)} is unknown{suggestion(kind, KINDS)}; "
+            f"possible are {', '.join(possible)}"
+        )
+
+
 @dataclasses.dataclass(frozen=True)
 class Fault:
     """Fault, immutable."""
@@ -220,11 +229,7 @@ class Fault:
     magnitude: float = math.nan
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.kind, str) and self.kind in KINDS):
-            raise FaultError(
-                f"fault kind = {shown(self.kind)} is not one of {', '.join(KINDS)}"
-                f"{suggestion(self.kind, KINDS)}"
-            )
+        check_kind(self.kind, KINDS)
         self._check_channel()
         object.__setattr__(self, "magnitude", self._checked_magnitude())
 

@@ -76,6 +76,18 @@ def test_what_is_short_writes_no_line_where_there_is_no_terminal(screen, advance
     assert log.getvalue() == ""
 
 
+def test_a_status_that_nobody_reads_any_more_ends_nothing(monkeypatch, advance):
+    class Unread(Screen):
+        def write(self, text):
+            raise BrokenPipeError
+
+    monkeypatch.setattr(sys, "stderr", Unread(False))
+    with status_line("bag") as show:
+        for number in range(1, 26):
+            advance(1.0)
+            show(f"{number} messages")
+
+
 def test_a_status_is_rewritten_on_a_terminal_and_wiped_at_its_end(screen, advance):
     terminal = screen(True)
     with status_line("bag") as show:

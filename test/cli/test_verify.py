@@ -72,3 +72,17 @@ def test_a_bag_that_lacks_its_tail_gives_1_and_the_number(bag, tmp_path, rpud):
     content = json.loads(out)
     assert (code, content["proved"], content["undecided"]) == (1, False, "")
     assert content["topics"]["/rpud/wrench"]["tail"] == 15
+
+
+def test_missing_messages_between_recorded_ones_are_said_and_strict_gives_3(bag, tmp_path, rpud):
+    assert rpud("verify", bag, "--strict")[0] == 0
+
+    def change(message):
+        lost = message.topic == "/rpud/wrench" and 50_000_000 < message.log_time < 100_000_000
+        return [] if lost else [message.data]
+
+    altered(bag, tmp_path / "bag", change)
+    code, out, err = rpud("verify", tmp_path / "bag")
+    assert (code, err) == (0, "")
+    assert "bit for bit, and 4 are missing, 0.200 s simulated again" in out.splitlines()[-1]
+    assert rpud("verify", tmp_path / "bag", "--strict")[0] == 3

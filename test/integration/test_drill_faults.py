@@ -111,7 +111,6 @@ def test_what_lasts_and_what_could_be_is_listed(client):
 @pytest.mark.parametrize(
     ("kind", "channel", "magnitude", "said"),
     [
-        ("nonsense", "", 0.0, "nonsense"),
         ("bias", "", 1.0, "channel"),
         ("bias", "waveform", 1.0, "waveform"),
         ("lost_preload", "", 1.5, "1.5 is outside its range (0, 1]"),
@@ -128,6 +127,14 @@ def test_what_cannot_be_honoured_is_refused_with_the_reason(client, kind, channe
     assert said in refused.message
     assert "\n" not in refused.message
     assert [fault.kind for fault in truth(client, 1).faults] == ["choking"]
+
+
+def test_an_unknown_kind_is_answered_with_the_nearest_then_with_those_of_this_drill(client):
+    message = client.inject("nois", "wrench").message
+    said = "fault kind = 'nois' is unknown (did you mean noise?); possible are free_mass_jammed, "
+    assert message.startswith(said)
+    assert "resonance_drift" in message
+    assert "feed_stall" not in message
 
 
 def test_there_is_nothing_to_clear_but_what_lasts(client):

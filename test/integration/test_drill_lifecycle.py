@@ -4,8 +4,11 @@ import pytest
 from drill_client import SECOND, Client, duration, stamps
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
 from rpud_msgs.srv import ListFaults, StepSimulation
+from std_srvs.srv import SetBool
 
 NODE = "/managed/drill_node"
 CONFIGURE = Transition.TRANSITION_CONFIGURE
@@ -157,6 +160,33 @@ def test_after_a_clean_up_all_begins_again(client):
     last = client.status[-1]
     assert (last.weight_on_bit, last.active_faults, last.commands_accepted) == (10.0, 0, 0)
     assert client.step(0.1) == SECOND // 10
+
+
+def test_what_is_set_while_it_is_unconfigured_is_in_force_at_the_next_activation(client):
+    def set_weight(force):
+        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=force)
+        request = SetParameters.Request(parameters=[Parameter(name="weight_on_bit", value=value)])
+        return client.call(SetParameters, f"{NODE}/set_parameters", request).results[0].successful
+
+    assert set_weight(20.0)
+    assert change(client, CONFIGURE)
+    assert not set_weight(30.0)
+    assert change(client, ACTIVATE)
+    client.until(lambda: client.status and client.status[-1].weight_on_bit == 20.0)
+    assert change(client, DEACTIVATE)
+    assert change(client, CLEANUP)
+    assert set_weight(10.0)
+    assert change(client, CONFIGURE)
+    assert change(client, ACTIVATE)
+    client.until(lambda: client.status[-1].weight_on_bit == 10.0)
+
+
+def test_it_cannot_be_engaged_while_it_is_unconfigured(client, drill):
+    refused = client.call(SetBool, "engage", SetBool.Request(data=False))
+    assert (refused.success, refused.message) == (False, "the node has not been configured")
+    drill.wait_for_line("request refused: the node has not been configured")
+    assert change(client, CONFIGURE)
+    assert client.call(SetBool, "engage", SetBool.Request(data=True)).success
 
 
 def test_a_transition_that_fails_says_why_and_can_be_tried_again(client, drill, scenario):

@@ -53,6 +53,16 @@ def test_a_signal_ends_it_cleanly_and_the_end_is_published(start_drill, connect,
     assert set(steps([message.sequence for message in impacts])) == {1}
 
 
+def test_a_drill_ends_with_its_parent_where_that_is_wanted(process, connect):
+    shell = process("sh", "-c", "drill_node --with-parent --ros-args -r __ns:=/orphaned & wait")
+    shell.wait_for_line("drilling: regime")
+    client = connect("/orphaned")
+    client.until(lambda: client.status)
+    shell.kill()
+    shell.wait_for_line("the process that started the drill has ended")
+    client.until(lambda: client.status[-1].state == Status.STATE_STOPPED)
+
+
 @pytest.mark.parametrize("words", [["drill_node"], ["recorder", "--out", "{}/bag"]], ids=str)
 def test_a_parameter_of_rclpy_with_another_type_is_one_line(process, tmp_path, words):
     words = [word.format(tmp_path) for word in words]

@@ -9,6 +9,7 @@ from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter, ParameterEvent, ParameterType, ParameterValue
 from rcl_interfaces.srv import (
     GetParameters,
+    ListParameters,
     SetParameters,
     SetParametersAtomically,
 )
@@ -71,10 +72,19 @@ def engage(client, data):
     assert response.success, response.message
 
 
-def test_the_source_of_time_is_read_only(client):
+def test_what_is_fixed_is_refused_by_its_name_and_a_dump_of_all_is_loaded(client):
+    [result] = set_each(client, weight_on_bit=20.0)
+    assert result.reason == "weight_on_bit is read-only until the drill is cleaned up"
     [result] = set_each(client, use_sim_time=True)
-    assert not result.successful
-    assert "use_sim_time is read-only" in result.reason
+    assert result.reason == "use_sim_time is read-only until the drill is cleaned up"
+    listed = client.call(ListParameters, f"{NODE}/list_parameters", ListParameters.Request())
+    names = listed.result.names
+    request = GetParameters.Request(names=names)
+    values = client.call(GetParameters, f"{NODE}/get_parameters", request).values
+    dump = [Parameter(name=name, value=value) for name, value in zip(names, values, strict=True)]
+    request = SetParameters.Request(parameters=dump)
+    results = client.call(SetParameters, f"{NODE}/set_parameters", request).results
+    assert [result.reason for result in results] == [""] * len(names)
 
 
 def test_a_change_is_seen_in_the_motion_from_then_on(client):

@@ -3,6 +3,7 @@
 import os
 import re
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -64,6 +65,16 @@ def test_a_bag_without_a_drill_has_a_manifest_too(process, tmp_path):
     [manifest] = manifests(tmp_path / "run")
     assert (manifest.node, manifest.parameters, manifest.seed) == ("", {}, None)
     assert manifest.machine
+
+
+def test_a_recorder_that_nobody_reads_has_its_exit_code(tmp_path):
+    reading, writing = os.pipe()
+    os.close(reading)
+    words = ["recorder", "nothing", "--out", str(tmp_path / "run"), "--duration", "0.1"]
+    done = subprocess.run(words, stdout=writing, stderr=writing, check=False)
+    os.close(writing)
+    assert done.returncode == 1  # the topic never appeared
+    assert (tmp_path / "run" / "metadata.yaml").exists()
 
 
 def test_a_stranger_s_scenario_is_no_file_of_this_machine(process, tmp_path):

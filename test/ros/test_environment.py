@@ -65,8 +65,16 @@ def test_an_installed_ros_is_left_as_it_is(prefix):
     assert environment == {}
 
 
-def test_the_package_completes_the_environment_before_ros_starts():
-    script = "import os, rpud_sim.ros; print(os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'])"
+def test_the_start_of_ros_completes_the_environment_and_an_import_leaves_it():
+    script = """
+import os
+before = dict(os.environ)
+import rpud_sim.ros.client
+assert dict(os.environ) == before
+from rpud_sim.ros.starting import start_ros
+start_ros()
+print(os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'])
+"""
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("ROS_", "FASTRTPS_"))}
     output = subprocess.check_output([sys.executable, "-c", script], env=environment | WHEELS)
     assert output.decode().strip() == "LOCALHOST"  # the profile lies in the clone, not in .venv

@@ -27,6 +27,14 @@ def test_a_signal_interrupts_the_sleep(number):
     assert signal.getsignal(number) is before
 
 
+@pytest.mark.parametrize(("with_parent", "ends"), [(True, True), (False, False)])
+def test_the_end_of_the_parent_requests_a_stop_where_it_is_wanted(monkeypatch, with_parent, ends):
+    with StopRequest(with_parent) as stop:
+        assert not stop.requested
+        monkeypatch.setattr(os, "getppid", lambda: 1)
+        assert (stop.requested, stop.orphaned) == (ends, ends)
+
+
 def test_more_signals_change_nothing():
     with StopRequest() as stop:
         for _ in range(100_000):

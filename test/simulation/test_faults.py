@@ -72,9 +72,12 @@ def test_noise_and_bias_are_in_the_unit_of_their_channel():
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("rusty",), "fault kind = 'rusty' is not one of free_mass_jammed, lost_preload, "),
-        ((None,), "fault kind = None is not one of "),
-        ((["off"],), "fault kind = ['off'] is not one of "),
+        (
+            ("rusty",),
+            "fault kind = 'rusty' is unknown; possible are free_mass_jammed, ",
+        ),
+        ((None,), "fault kind = None is unknown; possible are "),
+        ((["off"],), "fault kind = ['off'] is unknown; possible are "),
         (("choking", "wrench"), "choking is a fault of the drill and has no channel, given 'wr"),
         (("off",), "channel of off = '' is not one of nodal_plane, drill_tool, "),
         (("off", "status"), "channel of off = 'status' is not one of "),
@@ -106,7 +109,7 @@ def test_what_cannot_be_a_fault_is_refused_with_its_name(arguments, complaint):
 def test_a_misspelt_name_is_answered_with_the_nearest_one(arguments, hint):
     with pytest.raises(FaultError) as caught:
         Fault(*arguments)
-    assert str(caught.value).endswith(hint)
+    assert hint in str(caught.value)
 
 
 @pytest.mark.parametrize("channel", GROUND_TRUTH)

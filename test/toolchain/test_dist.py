@@ -157,12 +157,13 @@ def test_messages_have_their_definitions_and_cross_dds(call):
 
 
 SELF_TALK = """
-import os, re, socket, rpud_sim.ros, rclpy
+import os, re, socket, rclpy
 from pathlib import Path
 from ament_index_python import get_resource
 from rpud_msgs.msg import WeightOnBit
+from rpud_sim.ros.starting import start_ros
+start_ros()
 assert "msg/WeightOnBit.msg" in get_resource("rosidl_interfaces", "rpud_msgs")[0]
-rclpy.init()
 node = rclpy.create_node("talker")
 heard = []
 node.create_subscription(WeightOnBit, "force", heard.append, 10)

@@ -60,6 +60,11 @@ class Verification:
         return not (self.first_difference or self.undecided or self.tail)
 
     @property
+    def missing(self) -> int:
+        """Number of messages that are missing between recorded ones, of all topics."""
+        return sum(counts.missing for counts in self.topics.values())
+
+    @property
     def tail(self) -> int:
         """Number of messages that are missing at the end, of all topics."""
         return sum(counts.tail for counts in self.topics.values())

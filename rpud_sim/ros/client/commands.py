@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
-from rcl_interfaces.srv import ListParameters, SetParametersAtomically
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rpud_msgs.msg import Drive, Feed, Status, WeightOnBit
 from std_srvs.srv import SetBool
 
-from rpud_sim.foundation.quantities import ParameterError, did_you_mean, shown
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.ros.client.arguments import to_number
 from rpud_sim.ros.client.client_part import ClientPart
 from rpud_sim.ros.client.errors import RefusedError
@@ -79,15 +78,4 @@ class Commands(ClientPart):
         name = "set_parameters_atomically"
         result = self._drill.call_node(name, SetParametersAtomically, request).result
         if not result.successful:
-            raise RefusedError(self._unknown_parameter(values) or result.reason)
-
-    def _unknown_parameter(self, names: Iterable[str]) -> str:
-        """Return a reason if one of these is no parameter: rclpy's does not name it."""
-        response = self._drill.call_node(
-            "list_parameters", ListParameters, ListParameters.Request()
-        )
-        known = response.result.names
-        for name in names:
-            if name not in known:
-                return f"parameter {shown(name)} is unknown; {did_you_mean(name, known)}"
-        return ""
+            raise RefusedError(result.reason)

@@ -1,4 +1,4 @@
-"""ROS parameters of the drill node: with ranges and descriptions, read-only or changeable."""
+"""ROS parameters of the drill node: with ranges and descriptions, fixed or changeable."""
 
 from __future__ import annotations
 
@@ -15,17 +15,23 @@ from rpud_sim.simulation.configuration import CHANGEABLE, PARAMETERS, Settings, 
 
 # Parameters that every ROS node may be started with; some are declared later than ours.
 _OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+_FIXED = {*PARAMETERS, "use_sim_time"} - {*CHANGEABLE}  # while the drill is configured
 
 
 class DrillParameters:
     """Parameters of the drill node, and the settings that they hold.
 
     ``changed`` is called with the settings after each change of a parameter of the drill.
+    ``fixed`` says why all but the changeable ones have to stay as they are; empty if they may
+    change.
     """
 
-    def __init__(self, node: Node, changed: Callable[[Settings], None]) -> None:
+    def __init__(
+        self, node: Node, changed: Callable[[Settings], None], fixed: Callable[[], str]
+    ) -> None:
         self._node = node
         self._changed = changed
+        self._fixed = fixed
         self._settings = declare_settings(node)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
@@ -40,33 +46,40 @@ class DrillParameters:
             [
                 Parameter(name, value=settings.value(name))
                 for name in CHANGEABLE
-                if self._node.get_parameter(name).value != settings.value(name)
+                if self._value(name) != settings.value(name)
             ]
         )
 
     def _check(self, changes: list[Parameter]) -> SetParametersResult:
+        if fixed := self._fixed():
+            for change in changes:
+                # The present value is no change: a dump of these parameters may be loaded.
+                if change.name in _FIXED and change.value != self._value(change.name):
+                    return SetParametersResult(successful=False, reason=f"{change.name} {fixed}")
         try:
             self._settings.replace(
-                {change.name: change.value for change in changes if change.name in CHANGEABLE}
+                {change.name: change.value for change in changes if change.name in PARAMETERS}
             )
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply(self, changes: list[Parameter]) -> None:
-        if not any(change.name in CHANGEABLE for change in changes):
+        if not any(change.name in PARAMETERS for change in changes):
             return
         # All of them: a reset may set others back at the same time.
-        values = {name: self._node.get_parameter(name).value for name in CHANGEABLE}
+        values = {name: self._value(name) for name in PARAMETERS}
         self._settings = self._settings.replace(values)
         self._changed(self._settings)
+
+    def _value(self, name: str) -> Any:
+        return self._node.get_parameter(name).value
 
 
 def declare_settings(node: Node) -> Settings:
     """Declare all parameters on the node and return the settings that they hold.
 
-    A whole number is accepted for a number, as in ``weight_on_bit: 20``. All but ``CHANGEABLE`` are
-    read-only once the node runs.
+    A whole number is accepted for a number, as in ``weight_on_bit: 20``.
     """
     values: dict[str, Any] = {"regime": _declare(node, "regime", "drilling")}
     defaults = to_settings(values).values()
@@ -77,7 +90,6 @@ def declare_settings(node: Node) -> Settings:
     checked = settings.values()
     for declaration in PARAMETERS.values():
         _describe(node, declaration, checked[declaration.name])
-    node.add_pre_set_parameters_callback(_to_numbers)
     return settings
 
 
@@ -96,19 +108,6 @@ def _unknown(node: Node) -> dict[str, Any]:
     }
 
 
-def _to_numbers(changes: list[Parameter]) -> list[Parameter]:
-    return [
-        Parameter(change.name, value=float(change.value))
-        if change.type_ == Parameter.Type.INTEGER and _is_number(change.name)
-        else change
-        for change in changes
-    ]
-
-
-def _is_number(name: str) -> bool:
-    return name in PARAMETERS and isinstance(PARAMETERS[name].allowed, Quantity)
-
-
 def _description(quantity: Quantity) -> str:
     """Return the description of a number with its unit; a count or a seed has none."""
     unit = quantity.unit or ("" if quantity.whole else "1")
@@ -121,7 +120,6 @@ def _describe(node: Node, declaration: Declaration, value: Any) -> None:
         name=declaration.name,
         description=allowed.description,
         additional_constraints=allowed.range,
-        read_only=not declaration.changeable,
     )
     if isinstance(allowed, Quantity):
         value = float(value)
@@ -129,6 +127,8 @@ def _describe(node: Node, declaration: Declaration, value: Any) -> None:
         descriptor.additional_constraints = f"in {allowed.range}"
         limits = FloatingPointRange(from_value=allowed.minimum, to_value=allowed.maximum)
         descriptor.floating_point_range = [limits]
+    if not declaration.changeable:
+        descriptor.additional_constraints += "; fixed while the drill is configured"
     parameter = Parameter(declaration.name, value=value)
     descriptor.type = parameter.type_.value
     node.set_parameters([parameter])

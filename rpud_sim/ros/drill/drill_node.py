@@ -14,8 +14,8 @@ Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``li
 ``simulation/get_state``, ``set_state``, ``step``, ``run_to``, ``reset``, ``save`` and ``restore``
 (rpud_msgs), those of a managed node, and those of ``simulation_interfaces`` if it is installed.
 
-Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``; those of ``CHANGEABLE`` may be
-set while it runs.
+Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``, to be set while it is unconfigured;
+those of ``CHANGEABLE`` at any time.
 """
 
 from __future__ import annotations
@@ -28,12 +28,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import rclpy
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import ParameterException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
@@ -76,28 +74,31 @@ class DrillNode(ManagedNode):
         self, duration: float | None = None, start: Start | None = None, **options: Any
     ) -> None:
         super().__init__(NAME, **options)
-        self._drill_parameters = DrillParameters(self, self._apply_settings)
-        self.settings.read_scenario()  # a file that is missing ends the start, not the activation
         self._start = start
+        self._drill: ConfiguredDrill | None = None
+        self._drill_parameters = DrillParameters(self, self._apply_settings, self._fixed)
+        self.settings.read_scenario()  # a file that is missing ends the start, not the activation
         begin = start.run.time if start else 0
         self._end = sys.maxsize if duration is None else begin + round(duration * SECOND)
         self._inbox = Inbox(self.get_logger())
         self._namesakes = DuplicateNodes(self)
-        self._drill: ConfiguredDrill | None = None
         self._quit = False
         self._sent: Counter[str] | None = None
         self._gate = Gate(self, self.settings, self._inbox, self._now)
         services = SimulationServices(self, self)
         if standard_services.INSTALLED:
-            StandardServices(self, services, self.settings.telemetry_rate)
+            StandardServices(self, services, lambda: self.settings.telemetry_rate)
         FaultServices(self, self)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)
-        self.add_on_set_parameters_callback(self._check_use_sim_time)
 
     @property
     def settings(self) -> Settings:
         return self._drill_parameters.settings
+
+    @property
+    def configured(self) -> bool:
+        return self._drill is not None
 
     @property
     def drilling(self) -> Drilling | None:
@@ -246,10 +247,11 @@ class DrillNode(ManagedNode):
             return self._drill.time
         return int(self.get_clock().now().nanoseconds)
 
-    def _check_use_sim_time(self, changes: list[Parameter]) -> SetParametersResult:
-        fixed = self._drill is not None and any(each.name == "use_sim_time" for each in changes)
-        reason = "use_sim_time is read-only until the drill is cleaned up" if fixed else ""
-        return SetParametersResult(successful=not fixed, reason=reason)
+    def _fixed(self) -> str:
+        """Return why parameters that are not changeable cannot be set now; empty if they can."""
+        if self._start is not None:
+            return "is read-only in a fork"
+        return "is read-only until the drill is cleaned up" if self.configured else ""
 
     def _apply_settings(self, settings: Settings) -> None:
         self._gate.settings = settings
@@ -259,9 +261,12 @@ class DrillNode(ManagedNode):
                 self.request(lambda drilling: drilling.configure(self.settings))
 
 
-def drill(ros_arguments: Sequence[str]) -> None:
-    """Run a drill with a command line of ROS until SIGINT, SIGTERM or the end of its node."""
-    with StopRequest() as stop:
+def drill(ros_arguments: Sequence[str], with_parent: bool = False) -> None:
+    """Run a drill with a command line of ROS until SIGINT, SIGTERM or the end of its node.
+
+    With ``with_parent`` it also ends when its parent process has ended.
+    """
+    with StopRequest(with_parent) as stop:
         try:
             start_ros(ros_arguments)
             try:
@@ -290,6 +295,8 @@ def spin(
             while not (stop.requested or node.finished):
                 serve(executor, node.refuse_request)
                 show(node.report)
+        if stop.orphaned:
+            node.get_logger().warning("the process that started the drill has ended: it ends, too")
     finally:
         with limited_end():
             node.stop()

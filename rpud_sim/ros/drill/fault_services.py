@@ -18,7 +18,7 @@ from rpud_sim.ros.drill.host import DrillHost
 from rpud_sim.ros.drill.messages import message_to_fault, record_to_fault
 from rpud_sim.ros.requests import StoppedError
 from rpud_sim.simulation.channels import CHANNELS
-from rpud_sim.simulation.faults import FaultError
+from rpud_sim.simulation.faults import FaultError, check_kind
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.topics import TOPICS
 
@@ -42,6 +42,7 @@ class FaultServices:
         def act(simulation: Simulation) -> None:
             if duration < 0:
                 raise FaultError(f"duration = {duration / SECOND:g} s is less than zero")
+            check_kind(request.fault.kind, simulation.honoured_kinds())
             response.number = simulation.inject(message_to_fault(request.fault), duration)
 
         return self._answer(response, act)
@@ -74,6 +75,10 @@ class FaultServices:
         return response
 
     def _on_engage(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if not self._host.configured:
+            response.message = "the node has not been configured"
+            self._host.refuse_request(response.message)
+            return response
         regime = "drilling" if request.data else "free"
         result = self._node.set_parameters([Parameter("regime", value=regime)])[0]
         response.success = result.successful

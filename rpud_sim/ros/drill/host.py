@@ -17,6 +17,10 @@ class DrillHost(Protocol):
         """Settings of the node."""
 
     @property
+    def configured(self) -> bool:
+        """Whether the node is configured: there is a drill, which may not drill yet."""
+
+    @property
     def drilling(self) -> Drilling | None:
         """Drilling, to be read; None until the node has been activated."""
 

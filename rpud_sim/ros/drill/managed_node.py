@@ -8,12 +8,13 @@ from typing import Any, TypeVar
 
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import Parameter as ParameterMessage
-from rcl_interfaces.msg import ParameterType, SetParametersResult
+from rcl_interfaces.msg import ParameterType, ParameterValue, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.service import Service
 
-from rpud_sim.foundation.quantities import shown
+from rpud_sim.foundation.quantities import did_you_mean, shown
 from rpud_sim.ros.serving import raised
 
 Node = TypeVar("Node", bound="ManagedNode")
@@ -31,12 +32,11 @@ class ManagedNode(LifecycleNode):
         """Create a service that always answers.
 
         A handler that raises an error answers with an empty response. Services that set parameters
-        reject values of unknown types.
+        name the one that they refuse.
         """
-        # rclpy raises ValueError out of the executor there.
-        guards = {SetParameters: _each_of_known_type, SetParametersAtomically: _all_of_known_type}
+        guards = {SetParameters: _setting_each, SetParametersAtomically: _setting_all}
         if srv_type in guards:
-            callback = _reporting_refusals(guards[srv_type](callback), self.refuse_request)
+            callback = _reporting_refusals(guards[srv_type](callback, self), self.refuse_request)
         answer = _always_answering(callback, srv_type, self.refuse_request)
         return super().create_service(srv_type, srv_name, answer, **options)
 
@@ -96,25 +96,28 @@ def _always_answering(callback: Handler, srv_type: Any, refused: Refused) -> Han
     return answer
 
 
-def _each_of_known_type(callback: Handler) -> Handler:
+def _setting_each(callback: Handler, node: ManagedNode) -> Handler:
     def answer(request: SetParameters.Request, response: SetParameters.Response) -> Any:
         for parameter in request.parameters:
-            refused = _refused(parameter)
-            if refused is None:
+            result = _result_without_rclpy(node, parameter)
+            if result is None:
                 callback(SetParameters.Request(parameters=[parameter]), response)
             else:
-                response.results.append(refused)
+                response.results.append(result)
         return response
 
     return answer
 
 
-def _all_of_known_type(callback: Handler) -> Handler:
+def _setting_all(callback: Handler, node: ManagedNode) -> Handler:
     def answer(
         request: SetParametersAtomically.Request, response: SetParametersAtomically.Response
     ) -> Any:
-        refused = next(filter(None, map(_refused, request.parameters)), None)
+        results = [_result_without_rclpy(node, parameter) for parameter in request.parameters]
+        refused = next((result for result in results if result and not result.successful), None)
         if refused is None:
+            pairs = zip(request.parameters, results, strict=True)
+            request.parameters = [parameter for parameter, result in pairs if result is None]
             return callback(request, response)
         response.result = refused
         return response
@@ -134,10 +137,47 @@ def _reporting_refusals(callback: Handler, refused: Refused) -> Handler:
     return answer
 
 
-def _refused(parameter: ParameterMessage) -> SetParametersResult | None:
-    """Return the refusal of a parameter whose type rclpy does not know, None if it does."""
-    number = parameter.value.type
-    if number <= ParameterType.PARAMETER_STRING_ARRAY:
+def _result_without_rclpy(
+    node: ManagedNode, message: ParameterMessage
+) -> SetParametersResult | None:
+    """Return the answer to what rclpy would not answer well; None if it is for rclpy to set.
+
+    rclpy ends at a type that it does not know, names no parameter that is unknown or of another
+    type, and refuses the present value of one that is read-only. What stands for a number becomes
+    one: a whole number, and a text such as 1e-06, which ``ros2 param`` does not read as a number.
+    """
+    name, number = message.name, message.value.type
+    if number > ParameterType.PARAMETER_STRING_ARRAY:
+        return _refusal(f"{shown(name)} has the type {number}, which is none")
+    if not node.has_parameter(name):
+        known = node.list_parameters([], 0).names
+        return _refusal(f"parameter {shown(name)} is unknown; {did_you_mean(name, known)}")
+    descriptor, present = node.describe_parameter(name), node.get_parameter(name)
+    if descriptor.type == ParameterType.PARAMETER_DOUBLE:
+        message.value = _to_number(message.value)
+    given = Parameter.from_parameter_msg(message)
+    if descriptor.read_only and given.value == present.value:
+        return SetParametersResult(successful=True)
+    expected = Parameter.Type(descriptor.type)
+    if given.type_ == expected or descriptor.dynamic_typing:
         return None
-    reason = f"{shown(parameter.name)} has the type {number}, which is none"
+    types = f"expected {expected.name.lower()}, given {given.type_.name.lower()}"
+    return _refusal(f"{name} is of another type: {types}")
+
+
+def _to_number(value: ParameterValue) -> ParameterValue:
+    """Return a value as a number if it stands for one; otherwise as it is."""
+    if value.type == ParameterType.PARAMETER_INTEGER:
+        number = float(value.integer_value)
+    elif value.type == ParameterType.PARAMETER_STRING:
+        try:
+            number = float(value.string_value)
+        except ValueError:
+            return value
+    else:
+        return value
+    return ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=number)
+
+
+def _refusal(reason: str) -> SetParametersResult:
     return SetParametersResult(successful=False, reason=reason)

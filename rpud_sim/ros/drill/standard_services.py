@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from rclpy.action import ActionServer, CancelResponse
@@ -52,11 +53,11 @@ class StandardServices:
     ``get_simulator_features``, ``get_simulation_state``, ``set_simulation_state``,
     ``step_simulation``, ``reset_simulation`` and ``simulate_steps``; states, results and refusals
     are those of the drill's own services. A step is a telemetry period; the first of several goes
-    to the next boundary of one. ``services``, the drill's own, do the work. ``rate`` is that of
-    telemetry periods [Hz].
+    to the next boundary of one. ``services``, the drill's own, do the work. ``rate`` returns the
+    configured one of telemetry periods [Hz].
     """
 
-    def __init__(self, node: Node, services: SimulationServices, rate: int) -> None:
+    def __init__(self, node: Node, services: SimulationServices, rate: Callable[[], int]) -> None:
         self._services = services
         self._rate = rate
         for kind, name, handler, group in (
@@ -115,6 +116,7 @@ class StandardServices:
 
     def _step(self, steps: int) -> None:
         def until(drilling: Drilling) -> int:
-            return boundary(boundaries_until(drilling.run.time, self._rate) + steps, self._rate)
+            rate = self._rate()
+            return boundary(boundaries_until(drilling.run.time, rate) + steps, rate)
 
         self._services.step_until(until)

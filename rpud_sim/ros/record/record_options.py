@@ -39,6 +39,7 @@ class RecordOptions:
     # When to record, and when to end.
     start_paused: bool = False  # Whether to record only when the service ``~/resume`` is called
     duration: float | None = None  # Time after which to stop [s]; at SIGINT or SIGTERM if None
+    with_parent: bool = False  # Whether to stop also where the parent process has ended
     until_eof: bool = False  # Whether to stop also where standard input ends
     # Whether a bag without a requested topic, or without any message, is a success
     allow_empty: bool = False

@@ -62,7 +62,7 @@ def record(
         BagError: if the bag cannot be written.
         StartError: if ROS cannot start, or a name cannot be one of ROS.
     """
-    with StopRequest() as stop:
+    with StopRequest(options.with_parent) as stop:
         try:
             start_ros(ros_arguments)
             return _record(options, stop, show)
@@ -142,6 +142,8 @@ class _Collection:
     def run(self, duration: float | None, show: Callable[[str], None]) -> None:
         """Record for a duration [s] from when it is ready, or until the stop is requested."""
         self._collect(duration, show)
+        if self._stop.orphaned:
+            self._node.get_logger().warning("the process that started the recorder has ended")
         _drain(self._node)
         self._node.finish()
         self._keep(self._inquiry.finish())

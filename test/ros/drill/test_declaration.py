@@ -1,4 +1,4 @@
-"""Parameters as ROS sees them: described, read-only or changeable, and changed together or not."""
+"""Parameters as ROS sees them: described, fixed or changeable, and changed together or not."""
 
 import math
 
@@ -21,7 +21,8 @@ NUMBERS = {
     for name, declaration in PARAMETERS.items()
     if isinstance(declaration.allowed, Quantity)
 }
-READ_ONLY = sorted(set(PARAMETERS) - set(CHANGEABLE))
+FIXED = sorted(set(PARAMETERS) - set(CHANGEABLE))
+FIXED_NOTE = "; fixed while the drill is configured"
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +60,7 @@ def running(node):
     """Give a node that checks changes as the drill does, and the settings that they came to."""
     drill = node()
     taken = []
-    taken.append(DrillParameters(drill, taken.append).settings)
+    taken.append(DrillParameters(drill, taken.append, lambda: "is fixed now").settings)
     return drill, taken
 
 
@@ -75,7 +76,8 @@ def test_every_parameter_says_what_it_is_and_whether_it_may_change(described):
     for name, descriptor in described.items():
         assert descriptor.name == name
         assert descriptor.description, name
-        assert descriptor.read_only == (name not in CHANGEABLE), name
+        assert descriptor.additional_constraints.endswith(FIXED_NOTE) == (name in FIXED), name
+        assert not descriptor.read_only, name
         assert not descriptor.dynamic_typing, name
 
 
@@ -86,13 +88,15 @@ def test_every_number_has_its_unit_and_its_range(described):
         [allowed] = descriptor.floating_point_range
         unit = {"seed": "", "thread_priority": ""}.get(name, f" [{quantity.unit or '1'}]")
         assert descriptor.description == quantity.description + unit
-        assert descriptor.additional_constraints == f"in {quantity.range}"
+        constraints = descriptor.additional_constraints.removesuffix(FIXED_NOTE)
+        assert constraints == f"in {quantity.range}"
         assert (allowed.from_value, allowed.to_value) == (quantity.minimum, quantity.maximum)
 
 
 def test_every_other_parameter_names_what_is_allowed(described):
     for name in PARAMETERS.keys() - NUMBERS.keys():
-        assert described[name].additional_constraints == PARAMETERS[name].allowed.range
+        constraints = described[name].additional_constraints.removesuffix(FIXED_NOTE)
+        assert constraints == PARAMETERS[name].allowed.range
 
 
 def test_the_regime_chooses_the_defaults_and_a_whole_number_is_a_number(node):
@@ -106,15 +110,35 @@ def test_the_regime_chooses_the_defaults_and_a_whole_number_is_a_number(node):
         assert drill.get_parameter(name).type_ == Parameter.Type.DOUBLE
 
 
-def test_what_is_read_only_does_not_change_and_the_reason_is_said(running):
+OTHER = {"weight_on_bit": 12.0, "telemetry_rate": 200.0, "scenario": "s.yaml", "autostart": False}
+
+
+@pytest.mark.parametrize("name", [*OTHER, "use_sim_time"])
+def test_what_is_fixed_does_not_change_and_the_reason_names_it(running, name):
     drill, taken = running
-    for name in READ_ONLY:
-        before = drill.get_parameter(name).value
-        [result] = drill.set_parameters([Parameter(name, value=before)])
-        assert not result.successful, name
-        assert "read-only" in result.reason
-        assert drill.get_parameter(name).value == before
+    before = drill.get_parameter(name).value
+    [result] = drill.set_parameters([Parameter(name, value=OTHER.get(name, True))])
+    assert (result.successful, result.reason) == (False, f"{name} is fixed now")
+    assert drill.get_parameter(name).value == before
     assert taken == [Settings()]
+
+
+def test_what_is_fixed_may_be_set_to_what_it_is(running):
+    drill, taken = running
+    present = drill.get_parameters([*PARAMETERS, "use_sim_time"])
+    assert all(result.successful for result in drill.set_parameters(present))
+    assert {*taken} == {Settings()}
+
+
+def test_what_is_not_fixed_now_may_be_set_and_is_checked(node):
+    drill, taken = node(), []
+    DrillParameters(drill, taken.append, lambda: "")
+    others = [Parameter(name, value=value) for name, value in OTHER.items()]
+    assert drill.set_parameters_atomically(others).successful
+    assert taken == [Settings().replace(OTHER)]
+    [result] = drill.set_parameters([Parameter("telemetry_rate", value=33.3)])
+    assert result.reason.startswith("telemetry_rate = 33.3 Hz is not a whole number")
+    assert taken == [Settings().replace(OTHER)]
 
 
 def test_what_may_change_does(running):
@@ -138,7 +162,7 @@ def test_what_may_change_does(running):
         [result] = drill.set_parameters([Parameter(name, value=value)])
         assert result.successful, (name, result.reason)
         assert taken[-1].value(name) == drill.get_parameter(name).value == value
-    for name in READ_ONLY:
+    for name in FIXED:
         assert taken[-1].value(name) == Settings().value(name)
 
 
@@ -184,23 +208,6 @@ def test_changes_that_belong_together_are_made_together_or_not_at_all(running, b
     assert drill.set_parameters_atomically(good).successful
     [_, changed] = taken
     assert changed == Settings().replace({"gravity": 1.62, "regime": "free"})
-
-
-@pytest.mark.parametrize("together", [False, True])
-def test_a_whole_number_may_be_set_where_a_number_is_meant(running, together):
-    drill, taken = running
-    whole = [Parameter("gravity", value=5), Parameter("real_time_factor", value=2)]
-    if together:
-        assert drill.set_parameters_atomically(whole).successful
-    else:
-        assert all(result.successful for result in drill.set_parameters(whole))
-    assert taken[-1].value("gravity") == drill.get_parameter("gravity").value == 5.0
-    assert drill.get_parameter("gravity").type_ == Parameter.Type.DOUBLE
-    [result] = drill.set_parameters([Parameter("gravity", value=-5)])
-    assert not result.successful
-    [result] = drill.set_parameters([Parameter("regime", value=1)])
-    assert not result.successful
-    assert taken[-1].value("gravity") == 5.0
 
 
 @pytest.mark.parametrize(
@@ -261,7 +268,7 @@ def test_an_override_that_cannot_be_used_is_named(node, name, value, complaint):
 
 def test_changeable_parameters_are_restored_and_nothing_else_is_touched(node):
     drill, taken = node(), []
-    parameters = DrillParameters(drill, taken.append)
+    parameters = DrillParameters(drill, taken.append, lambda: "")
     drill.set_parameters([Parameter("command_timeout", value=7.0)])
     assert parameters.settings == taken[-1] == Settings().replace({"command_timeout": 7.0})
     parameters.restore(Settings())

@@ -6,6 +6,7 @@ from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 from support import until
 
@@ -60,6 +61,57 @@ def test_of_parameters_that_are_set_at_once_one_of_an_unknown_type_refuses_all(n
     assert node.get_parameter("gain").value == 1.0
     assert call(node, SetParametersAtomically, name, parameters=[KNOWN]).result.successful
     assert node.get_parameter("gain").value == 2.0
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("gain", "gain is of another type: expected double, given string"),
+        ("gian", "parameter 'gian' is unknown; did you mean gain?"),
+    ],
+)
+def test_a_refusal_names_the_parameter(node, name, reason):
+    bad = ParameterMessage(name=name, value=text("much"))
+    results = call(node, SetParameters, "set_parameters", parameters=[bad, KNOWN]).results
+    assert [(result.successful, result.reason) for result in results] == [
+        (False, reason),
+        (True, ""),
+    ]
+    together = "set_parameters_atomically"
+    result = call(node, SetParametersAtomically, together, parameters=[KNOWN, bad]).result
+    assert (result.successful, result.reason) == (False, reason)
+
+
+def text(value):
+    return ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=value)
+
+
+@pytest.mark.parametrize(
+    ("value", "number"),
+    [
+        (ParameterValue(type=ParameterType.PARAMETER_INTEGER, integer_value=5), 5.0),
+        (text("1e-06"), 1e-6),  # as ros2 param set and load send 1e-06
+    ],
+)
+def test_what_stands_for_a_number_is_one(node, value, number):
+    parameters = [ParameterMessage(name="gain", value=value)]
+    results = call(node, SetParameters, "set_parameters", parameters=parameters).results
+    assert [result.reason for result in results] == [""]
+    assert node.get_parameter("gain").value == number
+    node.set_parameters([Parameter("gain", value=1.0)])
+    name = "set_parameters_atomically"
+    assert call(node, SetParametersAtomically, name, parameters=parameters).result.successful
+    assert node.get_parameter("gain").value == number
+
+
+def test_what_is_read_only_may_be_set_to_what_it_is(node):
+    """So that a dump of all parameters can be loaded: rclpy has read-only ones of its own."""
+    of_rclpy = node.get_parameter("start_type_description_service").to_parameter_msg()
+    results = call(node, SetParameters, "set_parameters", parameters=[of_rclpy, KNOWN]).results
+    assert all(result.successful for result in results)
+    of_rclpy.value.bool_value ^= True
+    [result] = call(node, SetParameters, "set_parameters", parameters=[of_rclpy]).results
+    assert "read-only parameter: start_type_description_service" in result.reason
 
 
 def test_a_handler_that_raises_an_error_answers_with_an_empty_response(node, capfd):
