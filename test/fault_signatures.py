@@ -20,18 +20,18 @@ SECOND = 1_000_000_000
 PERIOD = SECOND // 20  # of the telemetry
 DRILL = to_configuration(
     {
-        "strata": "sandstone",
+        "strata": "limestone",
         "rotation_model": "friction_drive",
         "feed_model": "arm",
         "arm_stiffness": 2e5,
-        "load_spring_rate": 8000.0,
-        "initial_feed": 1e-3,
+        "load_spring_rate": 11000.0,
+        "initial_feed": 7e-4,
         "actuator_model": "resonance",
         "generator": "tracking",
         "motional_resistance": 25.0,
     }
 )
-FEED = Feed("rate", 1.9e-4)  # that the healthy drill keeps up with
+FEED = Feed("rate", 1e-4)  # that the healthy drill keeps up with
 START = 2.0  # s, when the fault begins
 WINDOW = 3.0  # s, of which means are taken, at the end of the fault
 LASTING = 6.0  # s, of a fault until its end is looked at
@@ -43,9 +43,9 @@ PHASES = (0.05, 0.35, 0.65)  # of the vibration at time zero [cycles]
 BANDS = {
     "torque": 0.14,
     "rate of penetration": 0.14,
-    "percussion": 0.08,
+    "percussion": 0.065,
     "weight on bit": 0.14,
-    "current": 0.10,
+    "current": 0.06,
 }
 COLUMNS = tuple(BANDS)
 CONFIDENCE = 0.99

@@ -59,7 +59,8 @@ def test_rayleigh_tool_is_consistent():
 
 
 def test_the_parameter_chooses_the_model():
-    assert effective_tool(DRILLING) == contact.printed_tool(K_1, K_2, M_1, M_2)
+    printed = effective_tool(DRILLING.replace(contact_model="printed"))
+    assert printed == contact.printed_tool(K_1, K_2, M_1, M_2)
     rayleigh = effective_tool(DRILLING.replace(contact_model="rayleigh"))
     assert rayleigh == pytest.approx(contact.rayleigh_tool(K_1, K_2, M_1, M_2))
 

@@ -4,6 +4,7 @@ import dataclasses
 import math
 
 import pytest
+from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,7 +15,7 @@ NUMBERS = st.sampled_from(sorted(QUANTITIES))
 
 
 def test_the_tables_of_the_paper():
-    free, drilling = preset("free"), preset("drilling")
+    free, drilling = tables("free"), tables("drilling")
     for table in (free, drilling):
         assert (table.rpud_mass, table.vibration_frequency) == (1.0, 16000.0)
         assert (table.vibration_amplitude, table.load_spring_rate) == (35e-6, 2000.0)

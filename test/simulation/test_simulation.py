@@ -203,7 +203,7 @@ def test_a_command_that_changes_nothing_leaves_every_bit(regime, command):
 
 def test_commands_come_back_as_applied_with_their_time():
     simulation = Simulation(Configuration(actuator=ActuatorParameters(nominal_voltage=50.0)))
-    assert simulation.applied.weight_on_bit == WeightOnBit(10.0)
+    assert simulation.applied.weight_on_bit == WeightOnBit(8.0)
     assert simulation.applied.drive == Drive(True, 50.0, 16000.0)
     assert (simulation.applied.weight_on_bit_time, simulation.applied.drive_time) == (0, 0)
     simulation.advance_to(3 * MILLISECOND)
@@ -256,7 +256,7 @@ def test_a_drive_that_would_break_the_stack_changes_nothing():
 
 @pytest.mark.parametrize("regime", ["free", "drilling"])
 def test_the_drill_settles_without_its_drive_and_strikes_again_with_it(regime):
-    simulation = Simulation(preset(regime))
+    simulation = Simulation(preset(regime).replace(gravity=9.81))
     assert len(simulation.advance_to(SECOND).impacts) > 50
     simulation.apply(OFF)
     simulation.advance_to(3 * SECOND)

@@ -82,7 +82,7 @@ def test_the_page_of_an_hour_is_small(drilled):
 
 
 def test_parameters_and_journal_are_shown(page):
-    assert "vibration_amplitude 3.5e-05" in page.text
+    assert "vibration_amplitude 2e-05" in page.text
     assert "inject" not in page.text
     assert '1.000000 end {"time": 1000000000}' in page.text
 

@@ -24,18 +24,18 @@ def test_segments_lie_between_commands_and_faults(seen, page):
     found = seen.periods["/rpud"].all
     assert [round(period.begin, 6) for period in found] == [0.0, 0.25, 0.75, 0.9]
     assert [period.faults for period in found] == ["", "bias wrench", "", "lost_preload"]
-    assert {period.commands for period in found} == {"weight on bit 10 N"}
+    assert {period.commands for period in found} == {"weight on bit 8 N"}
     topic = seen.topics["/rpud/contact_force"]
     assert sum(period.impacts for period in found) == topic.find("peak_force").count
     assert sum(period.energy for period in found) == pytest.approx(topic.find("energy").total)
     assert found[-1].end == pytest.approx(DURATION, abs=0.01)
-    assert "0.250000 0.750000 weight on bit 10 N bias wrench" in page.text
+    assert "0.250000 0.750000 weight on bit 8 N bias wrench" in page.text
 
 
 def test_a_command_begins_a_segment_and_is_marked(tmp_path):
     seen = surveyed(write_commanded_bag(tmp_path / "bag", DURATION, {0.5: WeightOnBit(40.0)}))
     found = seen.periods["/rpud"].all
-    assert [period.commands for period in found] == ["weight on bit 10 N", "weight on bit 40 N"]
+    assert [period.commands for period in found] == ["weight on bit 8 N", "weight on bit 40 N"]
     assert found[1].begin == pytest.approx(0.5)
     assert found[1].reacting_force.mean > 2.0 * found[0].reacting_force.mean
     assert [(mark.kind, mark.time, mark.text) for mark in run_marks(seen)] == [
@@ -43,7 +43,7 @@ def test_a_command_begins_a_segment_and_is_marked(tmp_path):
     ]
     plots = Page(render(seen)).plots
     assert plots["weight on bit [N]"] == (
-        "Weight on bit: between 10 and 40 N; 10 N at first, 40 N at last."
+        "Weight on bit: between 8 and 40 N; 8 N at first, 40 N at last."
     )
     assert "with the command weight on bit 40 N" in plots["reacting force [N]"]
 

@@ -18,7 +18,7 @@ CONFIG = Path(__file__).parents[3] / "config"
     [
         ("sweep", 256),
         ("sweep_faults", 4 * (1 + 18) * 2),
-        ("sweep_faults_on_an_arm", 5 * (1 + 15)),
+        ("sweep_faults_on_an_arm", 5 * (1 + 13)),
         ("sweep_sensitivity", 256 * (14 + 3)),
     ],
 )
