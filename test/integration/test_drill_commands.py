@@ -194,7 +194,7 @@ def test_parameters_are_listed_described_and_given_as_ros2_param_does(client):
     assert described.read_only
     request = GetParameters.Request(names=["weight_on_bit", "regime"])
     values = client.call(GetParameters, f"{node}/get_parameters", request).values
-    assert (values[0].double_value, values[1].string_value) == (10.0, "drilling")
+    assert (values[0].double_value, values[1].string_value) == (8.0, "drilling")
 
 
 def test_a_parameter_cannot_be_set_and_the_reason_is_said(client):

@@ -23,7 +23,7 @@ CONFIG = get_package_share_directory("rpud_sim") + "/config"
 @pytest.fixture(scope="module")
 def drill(start_module_drill):
     """One drill for all that only listen."""
-    ready = "drilling: regime drilling, weight on bit 10 N, drive on"
+    ready = "drilling: regime drilling, weight on bit 8 N, drive on"
     return start_module_drill("/listened", ready)
 
 
@@ -67,7 +67,7 @@ def test_telemetry_is_one_sample_of_one_motion_a_hundred_times_a_second(client):
     damping = 2.0 * 0.5 * np.sqrt(parameters.load_spring_rate * parameters.rpud_mass)
     for stamp in common_stamps():
         plane, tool, force, wrench, joints = (by_stamp[topic][stamp] for topic in TELEMETRY)
-        expected = 10.0 - 2000.0 * plane.position - damping * plane.velocity
+        expected = 8.0 - 2000.0 * plane.position - damping * plane.velocity
         assert force.force == pytest.approx(expected, abs=1e-9)
         assert wrench.wrench.force.z == -force.force
         assert abs(tool.displacement) < 1e-3
@@ -108,7 +108,7 @@ def test_the_status_is_latched_for_who_comes_late(client):
     status = client.until(lambda: heard and heard[0])
     assert status.state == Status.STATE_RUNNING
     assert status.regime == Status.REGIME_DRILLING
-    assert (status.weight_on_bit, status.drive_enabled) == (10.0, True)
+    assert (status.weight_on_bit, status.drive_enabled) == (8.0, True)
     assert (status.drive_voltage, status.drive_frequency) == (100.0, 16000.0)
     # A machine that is busy may hold one up, for no longer.
     client.until(
