@@ -154,15 +154,6 @@ NAMES: tuple[str, ...] = tuple(declarations(Parameters))
 QUANTITIES = quantities(Parameters)
 
 
-# Table 1 of the paper, where it differs from the defaults. It has neither gravity nor weight on bit.
-_FREE = {
-    "vibration_amplitude": 35e-6,
-    "actuator_restitution": 1.0,
-    "weight_on_bit": 0.0,
-    "gravity": 0.0,
-}
-
-
 def preset(regime: str) -> Parameters:
     """Return the default parameters of a regime.
 
@@ -170,4 +161,13 @@ def preset(regime: str) -> Parameters:
     bit. ``free`` is Table 1 with the drill tool's mass after (24).
     """
     declarations(Parameters)["regime"].allowed.check("regime", regime)
-    return Parameters(regime="free", **_FREE) if regime == "free" else Parameters()
+    if regime == "drilling":
+        return Parameters()
+    # As Table 1 prints it: it has neither weight on bit nor gravity.
+    return Parameters(
+        regime="free",
+        vibration_amplitude=35e-6,
+        actuator_restitution=1.0,
+        weight_on_bit=0.0,
+        gravity=0.0,
+    )

@@ -30,7 +30,7 @@ def test_a_microgram_ends_with_one_line_that_names_it():
     text = failure(MICROGRAM, range(0, 3_000_000, 5000))
     assert re.fullmatch(
         r"events exceed their budget of 500000 in a simulated second at [01]\.\d+ s, "
-        r"with free_mass = 1e-11 kg \(paper: 0\.005\)",
+        r"with free_mass = 1e-11 kg \(default: 0\.005\)",
         text,
     )
 
