@@ -23,7 +23,7 @@ from std_srvs.srv import SetBool
 
 PERIOD = 100_000_000  # of the control, whose multiples it keeps [ns]
 LATENCY = 20_000_000  # that a reading may need to arrive [ns]
-SILENCE = 300_000_000  # without an impact, which is a jam [ns]; pauses reach 51 ms
+SILENCE = 300_000_000  # without an impact, which is a jam [ns]; pauses reach some 50 ms
 BLINDNESS = 200_000_000  # without a trusted reading, after which it retreats [ns]
 GAIN = 0.2  # weight on bit per missing reacting force, in each period
 LARGEST_STEP = 2.0  # of the weight on bit in a period [N]

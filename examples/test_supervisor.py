@@ -14,9 +14,13 @@ REQUIREMENTS = {each.requirement: each for each in read_expectations(FOLDER / "r
 IN_EVERY_FLIGHT = ("REQ-01", "REQ-02", "REQ-03", "REQ-05", "REQ-08")
 ANSWERS = ("command/drive", "command/weight_on_bit")
 
-# The drill begins outside the rock and at rest: the supervisor does the rest.
+# The drill in the rock begins outside it and at rest: the supervisor does the rest.
 pytestmark = pytest.mark.rpud(
-    regime="free", drive_enabled=False, weight_on_bit=0.0, command_timeout=0.5
+    config="../config/drilling.yaml",
+    regime="free",
+    drive_enabled=False,
+    weight_on_bit=0.0,
+    command_timeout=0.5,
 )
 
 

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
+from drill_configurations import tables
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.drilling.rotor import RotationParameters
@@ -125,7 +126,7 @@ def test_masses_are_those_of_the_paper_and_nothing_is_added():
     assert found == {NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME}
     assert mass(NODAL_PLANE_FRAME) == PARAMETERS.rpud_mass
     assert mass(FREE_MASS_FRAME) == PARAMETERS.free_mass
-    assert mass(TOOL_TIP_FRAME) == PARAMETERS.drill_tool_mass
+    assert mass(TOOL_TIP_FRAME) == tables("free").drill_tool_mass
 
 
 @pytest.mark.parametrize("link", [NODAL_PLANE_FRAME, FREE_MASS_FRAME, TOOL_TIP_FRAME])

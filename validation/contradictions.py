@@ -11,8 +11,8 @@ from validation.named_choices import (
     AS_FIGURE_12_PRINTED_AMPLITUDE,
     FITTED,
     ONE_AMPLITUDE,
-    PRESETS,
     REASONED,
+    TABLES,
 )
 from validation.paper_numbers import CONTACT_SPEED, SIMULATED
 from validation.results import Results
@@ -72,7 +72,7 @@ def contradiction_rows(results: Results) -> list[Row]:
             "Table 2, Fig. 18: weight on bit",
             "Table 2 has none",
             "Fig. 18 sweeps it, and no equation contains it",
-            f"the mean reacting force is {_reacting(results, PRESETS)} with 10 N (presets) and "
+            f"the mean reacting force is {_reacting(results, TABLES)} with 10 N ({TABLES}) and "
             f"{_reacting(results, AS_FIGURE_12)} with 8 N ({AS_FIGURE_12}); the paper has 14 N",
         ),
         (
@@ -159,7 +159,7 @@ def _amplitude(results: Results) -> str:
 
 def _before(results: Results) -> str:
     parts = []
-    for name in (PRESETS, AS_FIGURE_12):
+    for name in (TABLES, AS_FIGURE_12):
         fit = results.fit(name)
         rate, force = (fit.values[number].mean for number in SIMULATED[:2])
         parts.append(
@@ -176,7 +176,7 @@ def _reacting(results: Results, name: str) -> str:
 
 def _trend(results: Results, parameter: str, output: str) -> str:
     parts = []
-    for drill in (PRESETS, FITTED):
+    for drill in (TABLES, FITTED):
         trend = next(
             item
             for item in results.trends[drill]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from rpud_sim.simulation import preset
 from validation.choices import IMPLIED, SHAPE_MASS, SHAPE_ON_SERIES, Before, Choices, Rock
 
-PRESETS = "presets"
+TABLES = "tables with steel"
 REASONED = "springs in series"
 AS_FIGURE_12 = "Fig. 12's tool"
 AS_FIGURE_12_PRINTED_AMPLITUDE = "Fig. 12's tool, A as printed"
@@ -29,14 +28,13 @@ _SEARCHED = (
     "that a search found from 10 to 40 µm, 0.4 to 1 and 0 to 16 N."
 )
 
-_drilling, _free = preset("drilling"), preset("free")
-
 NAMED = (
     Choices(
-        PRESETS,
-        Before(gravity=_free.gravity, drill_tool_mass=_free.drill_tool_mass),
-        Rock(weight_on_bit=_drilling.weight_on_bit, gravity=_drilling.gravity),
+        TABLES,
+        Before(gravity=9.81),
+        Rock(weight_on_bit=10.0, gravity=9.81),
         (
+            "config/tables_free.yaml and config/tables_drilling.yaml.",
             "Tables 1 and 2 with steel's modulus, earth's gravity, and 10 N as weight on bit, of "
             "which Table 2 has none; (22) and (27) as printed.",
         ),
@@ -87,6 +85,7 @@ NAMED = (
         _BEFORE,
         Rock(20e-6, 0.8, 8.0, tool=IMPLIED),
         (
+            "The default of each regime, config/free.yaml and config/drilling.yaml.",
             "The tool of Fig. 12. A = 20 µm, W = 8 N and e_1 = 0.8 are fitted round numbers; "
             "nothing in the paper names them.",
         ),

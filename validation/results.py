@@ -8,7 +8,7 @@ from rpud_sim.simulation import preset
 from validation.choices import Choices
 from validation.elastic_bar import BarImpact, Comparison, compare_with_bar, strike
 from validation.jobs import Track, silent
-from validation.named_choices import FITTED, NAMED, PRESETS
+from validation.named_choices import FITTED, NAMED, TABLES
 from validation.paper_numbers import CONTACT_SPEED
 from validation.parameter_studies import Study, Trend, find_trends, run_studies
 from validation.scores import Fit, fit_all
@@ -31,7 +31,7 @@ class Results:
 
     effort: Effort
     fits: list[Fit]  # of the named choices, the most numbers within 10 % first
-    studies: dict[str, list[Study]]  # of the presets and of the fitted choices
+    studies: dict[str, list[Study]]  # of the tables and of the fitted choices
     trends: dict[str, list[Trend]]  # verdicts on the studies
     bar: list[Comparison]  # the elastic bar beside the energy balance
     meshes: dict[int, BarImpact]  # the bar with the paper's free mass, by elements in part I
@@ -57,7 +57,7 @@ def run_validation(effort: Effort, track: Track = silent) -> Results:
             effort.seed + 1 + place,
             track,
         )
-        for place, name in enumerate((PRESETS, FITTED))
+        for place, name in enumerate((TABLES, FITTED))
     }
     elements = (effort.bar_elements // 4, effort.bar_elements // 2, effort.bar_elements)
     return Results(

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from rpud_sim.model.parameters import CONTACT_MODELS
 from rpud_sim.model.single_contact import single_contact
 from validation.choices import TOOLS, figure_12_implies, with_tool
-from validation.named_choices import AS_FIGURE_12, FITTED, PRESETS, REASONED
+from validation.named_choices import AS_FIGURE_12, FITTED, REASONED, TABLES
 from validation.paper_numbers import CONTACT_SPEED, FIGURE_12, MEASURED, NUMBERS, SIMULATED, Number
 from validation.parameter_studies import CLAIMS, OUTPUTS
 from validation.results import Results
@@ -53,7 +53,7 @@ def choice_table(results: Results) -> str:
 
 def number_table(results: Results) -> str:
     """Return the paper's numbers beside the model's, with intervals."""
-    names = (PRESETS, REASONED, AS_FIGURE_12, FITTED)
+    names = (TABLES, REASONED, AS_FIGURE_12, FITTED)
     rows = [
         [
             number.label,
@@ -124,15 +124,15 @@ def trend_table(results: Results) -> str:
     """Return the verdicts on Figs. 15 to 18 beside the paper's three statements."""
     sources = ("section", "abstract", "conclusion")
     rows = []
-    for presets, fitted in zip(results.trends[PRESETS], results.trends[FITTED], strict=True):
-        place = OUTPUTS.index(presets.output)
-        claims = [CLAIMS[presets.parameter][source][place] or "-" for source in sources]
+    for tables, fitted in zip(results.trends[TABLES], results.trends[FITTED], strict=True):
+        place = OUTPUTS.index(tables.output)
+        claims = [CLAIMS[tables.parameter][source][place] or "-" for source in sources]
         verdicts = [
             f"{trend.verdict}, {100.0 * trend.change:+.1f} ± {100.0 * trend.change_interval:.1f} %"
-            for trend in (presets, fitted)
+            for trend in (tables, fitted)
         ]
-        rows.append([presets.parameter, presets.output, *verdicts, *claims])
-    heading = ["parameter", "output", PRESETS, FITTED, "Section IV", "abstract", "conclusion"]
+        rows.append([tables.parameter, tables.output, *verdicts, *claims])
+    heading = ["parameter", "output", TABLES, FITTED, "Section IV", "abstract", "conclusion"]
     return table(heading, rows)
 
 

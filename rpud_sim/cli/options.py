@@ -149,7 +149,7 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--regime",
         choices=("free", "drilling"),
-        help="free is Table 1 of the paper, drilling is Table 2 with 10 N (default: drilling)",
+        help="free is before drilling, drilling is in the rock (default: drilling)",
     )
     parser.add_argument(
         "--config", metavar="FILE", help="a ROS parameter file, such as config/drilling.yaml"

@@ -1,4 +1,4 @@
-"""Values of a drill that are far from the paper's: the likely causes when the engine fails."""
+"""Values of a drill that are far from the default: the likely causes when the engine fails."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from rpud_sim.model.drill import Drill
 from rpud_sim.model.parameters import QUANTITIES, Parameters
 
-# How many values a message names, and how far from the paper's a value is unusual [factor].
+# How many values a message names, and how far from the default a value is unusual [factor].
 _MOST = 4
 _USUAL = 30.0
 
@@ -35,17 +35,17 @@ _SECTIONS = (
 
 
 def unusual_values(parameters: Parameters, drill: Drill, state: np.void) -> list[str]:
-    """Return the values in force that are furthest from the paper's, furthest first.
+    """Return the values in force that are furthest from the default, furthest first.
 
     Returns:
-        At least one text such as ``free_mass = 1e-09 kg (paper: 0.005)``.
+        At least one text such as ``free_mass = 1e-09 kg (default: 0.005)``.
     """
-    paper = Parameters()
+    usual = Parameters()
     ranked = sorted(
         (
             (
-                abs(math.log(value / getattr(paper, name))),
-                f"{name} = {value:.4g} {QUANTITIES[name].unit} (paper: {getattr(paper, name):.4g})",
+                abs(math.log(value / getattr(usual, name))),
+                f"{name} = {value:.4g} {QUANTITIES[name].unit} (default: {getattr(usual, name):g})",
             )
             for name, value in _acting(parameters, drill, state).items()
             if value > 0.0  # zero is usual: a drill without gravity, weight or drive

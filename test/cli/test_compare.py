@@ -15,7 +15,7 @@ DRILLING = preset("drilling")
 def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bags")
     write_offline_bag(folder / "a", DRILLING, 1.0, 0.1)
-    write_offline_bag(folder / "other", DRILLING, 1.0, 0.6)
+    write_offline_bag(folder / "other", DRILLING, 1.0, 0.85)
     write_offline_bag(folder / "heavier", DRILLING.replace(weight_on_bit=40.0), 1.0, 0.6)
     return folder
 
@@ -33,7 +33,7 @@ def test_a_difference_ends_with_3_and_a_page_is_written(made, tmp_path, rpud):
     assert (code, err) == (3, "")
     lines = out.splitlines()
     assert lines[0].startswith("A  a: /rpud, run 1 of 1, ")
-    assert any(line.split() == ["weight_on_bit", "10", "40", "N"] for line in lines)
+    assert any(line.split() == ["weight_on_bit", "8", "40", "N"] for line in lines)
     assert any(line.startswith("B: bits differ from A from 0.0") for line in lines)
     assert any(line.startswith("reacting force ") and "differs" in line for line in lines)
     assert "figures differ" in lines[-2]

@@ -9,7 +9,7 @@ import pytest
 MICROGRAM = ("--regime", "free", "--set", "free_mass=1e-11")
 LINE = (
     r"events exceed their budget of 500000 in a simulated second at 0\.\d+ s, "
-    r"with free_mass = 1e-11 kg \(paper: 0\.005\)\n"
+    r"with free_mass = 1e-11 kg \(default: 0\.005\)\n"
 )
 
 

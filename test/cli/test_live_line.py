@@ -77,7 +77,7 @@ def healthy():
 
 def test_it_shows_state_weight_on_bit_impacts_forces_depth_and_timing(healthy):
     text = live_text(healthy)
-    assert text.startswith("    0.1 s  running  10 N on bit  ")
+    assert text.startswith("    0.1 s  running  8 N on bit  ")
     assert f"{healthy.figures['drill_tool_impact_rate']:.0f} impacts/s" in text
     assert f"contact force {healthy.figures['contact_force_mean']:.0f} N mean" in text
     assert f"reacting force {healthy.figures['reacting_force_mean']:.1f} N" in text

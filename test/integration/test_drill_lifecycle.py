@@ -99,7 +99,7 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
     assert change(client, CONFIGURE)
     client.until(lambda: client.status and last() == (Status.STATE_INACTIVE, 0.0, False))
     assert change(client, ACTIVATE)
-    client.until(lambda: last() == (Status.STATE_PAUSED, 10.0, True))
+    client.until(lambda: last() == (Status.STATE_PAUSED, 8.0, True))
     client.step(0.5)
     client.command(WeightOnBit(force=20.0))
     client.until(lambda: client.status[-1].weight_on_bit == 20.0)
@@ -113,7 +113,7 @@ def test_drive_and_weight_on_bit_are_zero_unless_it_is_active(client):
     assert abs(planes[-1].velocity) < 1e-6
     # Commands begin again from the parameters.
     assert change(client, ACTIVATE)
-    client.until(lambda: last() == (Status.STATE_PAUSED, 10.0, True))
+    client.until(lambda: last() == (Status.STATE_PAUSED, 8.0, True))
     client.step(0.5)
     client.until(lambda: len(hard_impacts(impacts, 5 * SECOND // 2)) > 50)
 
@@ -131,7 +131,7 @@ def test_commands_are_refused_counted_and_logged_while_it_is_inactive(client, dr
     assert change(client, ACTIVATE)
     client.until(lambda: client.status[-1].state == Status.STATE_PAUSED)
     last = client.status[-1]
-    assert (last.weight_on_bit, last.drive_voltage) == (10.0, 100.0)
+    assert (last.weight_on_bit, last.drive_voltage) == (8.0, 100.0)
     assert (last.commands_accepted, last.commands_rejected) == (0, 2)
 
 
@@ -158,7 +158,7 @@ def test_after_a_clean_up_all_begins_again(client):
     assert change(client, ACTIVATE)
     client.until(lambda: client.status[-1].state == Status.STATE_PAUSED)
     last = client.status[-1]
-    assert (last.weight_on_bit, last.active_faults, last.commands_accepted) == (10.0, 0, 0)
+    assert (last.weight_on_bit, last.active_faults, last.commands_accepted) == (8.0, 0, 0)
     assert client.step(0.1) == SECOND // 10
 
 

@@ -165,7 +165,7 @@ def test_a_reset_of_the_state_lets_stamps_go_on(client):
     client.step(0.3)
     assert client.inject("lost_preload").success
     assert client.reset(Reset.SCOPE_STATE).result == Result.RESULT_OK
-    client.until(lambda: client.status[-1].weight_on_bit == 10.0)
+    client.until(lambda: client.status[-1].weight_on_bit == 8.0)
     last = client.status[-1]
     assert (last.active_faults, last.commands_accepted) == (0, 0)
     assert last.impacts <= 1  # at time zero all gaps are closed

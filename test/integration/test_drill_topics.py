@@ -16,7 +16,7 @@ from trajectories import arrays_of, rebuild
 @pytest.fixture(scope="module")
 def drill(start_module_drill):
     """One drill for all that only listen."""
-    ready = "drilling: regime drilling, weight on bit 10 N, drive on"
+    ready = "drilling: regime drilling, weight on bit 8 N, drive on"
     return start_module_drill("/listened", ready)
 
 
@@ -48,7 +48,7 @@ def test_the_status_is_latched_for_who_comes_late(client):
     status = client.until(lambda: heard and heard[0])
     assert status.state == Status.STATE_RUNNING
     assert status.regime == Status.REGIME_DRILLING
-    assert (status.weight_on_bit, status.drive_enabled) == (10.0, True)
+    assert (status.weight_on_bit, status.drive_enabled) == (8.0, True)
     assert (status.drive_voltage, status.drive_frequency) == (100.0, 16000.0)
     # A machine that is busy may hold one up, for no longer.
     client.until(

@@ -56,13 +56,13 @@ def test_without_commands_drive_and_weight_go_to_zero_by_a_ramp_and_come_back_wi
         return [force for stamp, force in forces if stamp >= begin and force > 1.0]
 
     last = at(client, client.step(0.5))
-    assert (last.commands_lost, last.weight_on_bit, last.drive_voltage) == (False, 10.0, 100.0)
+    assert (last.commands_lost, last.weight_on_bit, last.drive_voltage) == (False, 8.0, 100.0)
     last = at(client, client.step(0.1))
     assert last.commands_lost
-    assert last.weight_on_bit == pytest.approx(7.5)
+    assert last.weight_on_bit == pytest.approx(6.0)
     assert last.drive_voltage == pytest.approx(75.0)
     last = at(client, client.step(0.2))
-    assert last.weight_on_bit == pytest.approx(2.5)
+    assert last.weight_on_bit == pytest.approx(2.0)
     assert last.drive_enabled
     last = at(client, client.step(0.2))
     assert (last.weight_on_bit, last.drive_enabled, last.commands_lost) == (0.0, False, True)

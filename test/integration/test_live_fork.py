@@ -95,7 +95,7 @@ def test_it_begins_at_the_instant(used):
     _, (answers, _) = used
     status = answers["first"]
     assert stamps([status]) == [123_456_700]
-    assert (status.weight_on_bit, status.active_faults) == (10.0, 2)
+    assert (status.weight_on_bit, status.active_faults) == (8.0, 2)
     assert status.impacts > 20
 
 

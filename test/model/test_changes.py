@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
+from drill_configurations import tables
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from invariants import check_trajectory
@@ -114,7 +115,7 @@ def test_it_does_not_matter_where_a_caller_stops(regime, planned, stops):
         assert part == again
 
 
-FREE, DRILLING = preset("free").replace(weight_on_bit=10.0), preset("drilling")
+FREE, DRILLING = tables("free").replace(weight_on_bit=10.0), tables("drilling")
 
 
 def reacting_force(engine, seconds):
@@ -157,7 +158,7 @@ def test_the_rock_lifts_a_drill_that_rests_on_its_tool_without_throwing_it():
 
 def instant(regime, wanted, begun=0.5):
     """Give a time in the middle of a segment that the condition wants, after the time given."""
-    engine = Engine(preset(regime), 0.2)
+    engine = Engine(tables(regime), 0.2)
     engine.advance(1, 0.0)
     for segment in engine.drain()[0]:
         start = segment["start_seconds"] + segment["start_fraction"]

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from closed_forms import DRILL_TOOL, FREE_MASS, TIP, motion, nodal_plane
+from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -76,7 +77,7 @@ def test_collisions_keep_momentum_and_restitution_and_lose_energy(regime, restit
 @pytest.mark.parametrize("regime", REGIMES)
 @pytest.mark.parametrize("weight", [0.0, 10.0])
 def test_without_drive_everything_comes_to_rest(regime, weight):
-    parameters = preset(regime).replace(weight_on_bit=weight)
+    parameters = preset(regime).replace(weight_on_bit=weight, gravity=9.81)
     engine = Engine(parameters, 0.2)
     engine.advance(1, 0.0)
     engine.change(1, 0.0, derive(parameters), (weight, 0.0, 16000.0))
@@ -123,14 +124,14 @@ def test_without_gravity_nothing_brings_the_mass_back_to_the_tool():
 
 
 def test_gravity_on_the_drill_is_borne_by_both_springs():
-    free = preset("free").replace(weight_on_bit=10.0, gravity_on_drill=True)
+    free = tables("free").replace(weight_on_bit=10.0, gravity_on_drill=True)
     segments, _ = run(free, 6.0, drive=False)
     sag = (10.0 + 9.81 * (free.rpud_mass + free.free_mass)) / (2 * 2000.0)
     assert nodal_plane(segments[-1], 0.0) == pytest.approx(sag, rel=1e-3)
 
 
 def test_an_impact_is_squeezed_if_the_tip_pressed_meanwhile():
-    engine = Engine(preset("drilling").replace(weight_on_bit=50.0), 0.2)
+    engine = Engine(tables("drilling").replace(weight_on_bit=50.0), 0.2)
     engine.advance(5, 0.0)
     segments, impacts = engine.drain()
     starts = segments["start_seconds"] + segments["start_fraction"]

@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from drill_configurations import tables
 from random_sets import draw, simulate
 
 from rpud_sim.model.drill import derive
@@ -29,7 +30,7 @@ def test_a_microgram_ends_with_one_line_that_names_it():
     text = failure(MICROGRAM, range(0, 3_000_000, 5000))
     assert re.fullmatch(
         r"events exceed their budget of 500000 in a simulated second at [01]\.\d+ s, "
-        r"with free_mass = 1e-11 kg \(paper: 0\.005\)",
+        r"with free_mass = 1e-11 kg \(default: 0\.005\)",
         text,
     )
 
@@ -44,7 +45,7 @@ def test_the_end_does_not_depend_on_where_a_caller_stops():
     ("changes", "name"),
     [
         ({"regime": "free", "drill_tool_mass": 1e-12}, "drill_tool_mass"),
-        ({"regime": "drilling", "drill_tool_density": 1e-9}, "drill_tool_density"),
+        ({"contact_model": "printed", "drill_tool_density": 1e-9}, "drill_tool_density"),
         (
             {"contact_model": "given", "effective_tool_mass": 1e-12},
             "effective_tool_mass",
@@ -75,7 +76,7 @@ def test_a_sane_drill_is_far_from_its_budget(parameters):
 
 def test_a_burst_of_elastic_bounces_is_no_overload():
     """With no drive, 1000 N cage the free mass between tip and tool: it bounces ever faster."""
-    heavy = preset("free").replace(weight_on_bit=1000.0)
+    heavy = tables("free").replace(weight_on_bit=1000.0)
     engine = Engine(heavy)
     engine.change(1, 0.0, derive(heavy), (1000.0, 0.0, 16000.0))
     counts = []

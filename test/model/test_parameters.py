@@ -1,13 +1,14 @@
 """Parameters are checked once, by name, and a refusal is one clear line."""
 
 import pytest
+from drill_configurations import tables
 
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.model.parameters import Parameters, preset
 
 
 def test_the_tables_of_the_paper():
-    free, drilling = preset("free"), preset("drilling")
+    free, drilling = tables("free"), tables("drilling")
     for table in (free, drilling):
         assert (table.rpud_mass, table.vibration_frequency) == (1.0, 16000.0)
         assert (table.vibration_amplitude, table.load_spring_rate) == (35e-6, 2000.0)

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from drill_configurations import tables
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -83,8 +84,8 @@ def test_a_vibration_too_light_for_the_free_mass_is_refused():
     modal_mass = parameters.modal_mass(AMPLITUDE)
     assert modal_mass == pytest.approx(4.03e-3, rel=1e-2)
     with pytest.raises(ParameterError, match=r"^free_mass = 0.005 kg is more than 1/2 of the"):
-        Configuration(preset("drilling"), parameters)
-    Configuration(preset("drilling").replace(free_mass=modal_mass / LEAST_MASS_RATIO), parameters)
+        Configuration(tables("drilling"), parameters)
+    Configuration(tables("drilling").replace(free_mass=modal_mass / LEAST_MASS_RATIO), parameters)
 
 
 def mean_amplitude(simulation):
@@ -98,7 +99,7 @@ def mean_amplitude(simulation):
 
 def test_the_amplitude_sags_under_load_and_with_it_the_power():
     free = Simulation(Configuration(LIGHT, RESONANCE))
-    loaded = Simulation(Configuration(preset("drilling"), RESONANCE))
+    loaded = Simulation(Configuration(tables("drilling"), RESONANCE))
     idle, sagging = mean_amplitude(free), mean_amplitude(loaded)
     assert idle == pytest.approx(AMPLITUDE, rel=0.02)
     assert 0.1 * idle < sagging < 0.6 * idle

@@ -126,7 +126,7 @@ def test_faults_combine():
     )
     assert found.progress_factor == 0.25
     assert found.parameters.drill_tool_restitution == 0.25
-    assert found.parameters.actuator_restitution == 0.5
+    assert found.parameters.actuator_restitution == 0.5 * Parameters().actuator_restitution
 
 
 def test_a_parameter_that_would_leave_its_range_takes_its_end():

@@ -46,7 +46,7 @@ def test_the_node_s_own_parameters_are_passed_over():
 
 
 def test_a_drive_that_would_break_the_stack_is_refused_and_any_nominal_one_is_not():
-    configuration = to_configuration({"nominal_voltage": 10.0})
+    configuration = to_configuration({"nominal_voltage": 10.0, "vibration_amplitude": 35e-6})
     # Even off resonance, because the resonance may drift there.
     with pytest.raises(ParameterError) as caught:
         configuration.check_drive(Drive(True, 500.0, 20000.0))

@@ -16,7 +16,7 @@ NOMINAL = Drive(True, 100.0, 16000.0)
 
 
 def made(timeout=0.0, ramp=0.5, active=True, **options):
-    simulation = Simulation(Configuration(Parameters(), **options))
+    simulation = Simulation(Configuration(Parameters(weight_on_bit=10.0), **options))
     control = Control(simulation, timeout, ramp, active)
     control.act()
     return simulation, control

@@ -81,9 +81,7 @@ def test_no_two_faults_that_a_recovery_treats_differently_look_alike():
         if SIGNATURES[one] == SIGNATURES[other]
     ]
     groups = [
-        {"binding", "corkscrewing"},
         {"choking", "hard_inclusion", "worn_bit"},
-        {"feed_stall", "arm_slip"},
     ]
     assert all(any(pair <= group for group in groups) for pair in alike)
 
@@ -116,7 +114,7 @@ def test_the_end_of_a_fault_brings_the_torque_back(kind):
     after = dict(zip(COLUMNS, measured(simulation, 2.0, 2.0), strict=True))
     bit = BitParameters()
     radius = radius_of(DRILL.rock.hole_area)
-    sharp = cut(bit, preset_layer("sandstone"), radius, after["weight on bit"], bit.bit_wear_flat)
+    sharp = cut(bit, preset_layer("limestone"), radius, after["weight on bit"], bit.bit_wear_flat)
     assert after["torque"] == pytest.approx(
         sharp.cutting_torque + sharp.friction_torque,
         rel=0.1,

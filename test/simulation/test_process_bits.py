@@ -71,16 +71,16 @@ FEEDS = (Feed("rate", 0.01), Feed("rate", -0.02), Feed("rate", 0.03), Feed("posi
 PITCHES = (400_000, 20 * MILLISECOND, MILLISECOND)
 LIBRARY = "69a70c2a73408780"
 EXPECTED = {
-    "rotation alone": "16b0851b58129cd6",
-    "rotation in one rock": "55e49962c3905598",
-    "strata without rotation": "08b9f3ee3b0d75db",
-    "rotation in strata": "c6ba9bfd37cfc27e",
-    "arm": "2f80fc28c88df389",
-    "arm before drilling": "f7dd8fbbf2a40dab",
-    "rigid arm": "6e2a44ea9cd5db79",
-    "slipping arm": "9821c92400111322",
-    "resonance": "88aa1952c3fcd25f",
-    "weak rotor": "6efce92c768c1a71",
+    "rotation alone": "26bd3a9ff7b2207f",
+    "rotation in one rock": "a11dac97a0a1892a",
+    "strata without rotation": "521aa4828a723b7e",
+    "rotation in strata": "b42c1c45d5db87af",
+    "arm": "bf817e5751c80962",
+    "arm before drilling": "5632f75d2b12244d",
+    "rigid arm": "16ac34d79a25d697",
+    "slipping arm": "8d25d3ed4cfb44e5",
+    "resonance": "f4856e4cf431c788",
+    "weak rotor": "17107975c58ddc00",
 }
 
 

@@ -262,7 +262,7 @@ def test_while_inactive_nothing_acts_and_the_first_block_shows_it():
     run.control.apply(WeightOnBit(30.0))
     assert run.simulation.applied == applied
     run.control.activate(True)
-    assert run.simulation.applied.weight_on_bit.force == 10.0
+    assert run.simulation.applied.weight_on_bit.force == 8.0
     assert run.simulation.applied.drive.enabled
 
 

@@ -135,7 +135,7 @@ def test_a_command_that_changes_nothing_leaves_every_bit(regime):
 
 def test_commands_come_back_as_applied_with_their_time():
     simulation = Simulation(Configuration(actuator=ActuatorParameters(nominal_voltage=50.0)))
-    assert simulation.applied.weight_on_bit == WeightOnBit(10.0)
+    assert simulation.applied.weight_on_bit == WeightOnBit(8.0)
     assert simulation.applied.drive == Drive(True, 50.0, 16000.0)
     assert (simulation.applied.weight_on_bit_time, simulation.applied.drive_time) == (0, 0)
     simulation.advance_to(3 * MILLISECOND)

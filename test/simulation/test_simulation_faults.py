@@ -157,9 +157,9 @@ def test_scheduled_faults_come_and_go_at_their_instants_whatever_the_blocks(stop
     ]
     segments = np.concatenate(segments)
     begun = starts(segments)
-    lost = segments["weight_on_bit"] == 5.0
+    lost = segments["weight_on_bit"] == 4.0
     assert begun[lost].max() < 123_456_789
-    assert (segments["weight_on_bit"][begun >= 123_456_789] == 10.0).all()
+    assert (segments["weight_on_bit"][begun >= 123_456_789] == 8.0).all()
     stiff = segments["load_spring_rate"] == 10_000.0
     assert set(begun[stiff]) == {400_000_001}
     assert segments["duration"][stiff].sum() == pytest.approx(1e-9, rel=1e-3)
@@ -260,15 +260,15 @@ def test_all_faults_clear_at_once_and_the_drill_is_as_it_was():
     healthy = Simulation(FULL).advance_to(SECOND // 5).segments[-1]
     for name in ("load_spring_rate", "load_spring_damping", "drill_tool_spring_rate", "gravity"):
         assert constants[name] == healthy[name], name
-    assert constants["weight_on_bit"] == 10.0
+    assert constants["weight_on_bit"] == 8.0
     assert simulation.actuator.resonance_frequency == 16000.0
 
 
 def test_lost_preload_changes_what_acts_and_not_what_is_commanded():
     simulation = Simulation(Parameters())
     simulation.inject(Fault("lost_preload", magnitude=0.25))
-    assert simulation.applied.weight_on_bit == WeightOnBit(10.0)
-    assert (simulation.advance_to(SECOND).segments["weight_on_bit"][1:] == 7.5).all()
+    assert simulation.applied.weight_on_bit == WeightOnBit(8.0)
+    assert (simulation.advance_to(SECOND).segments["weight_on_bit"][1:] == 6.0).all()
     simulation.apply(WeightOnBit(20.0))
     assert simulation.applied.weight_on_bit == WeightOnBit(20.0)
     assert simulation.advance_to(2 * SECOND).open_segment["weight_on_bit"] == 15.0

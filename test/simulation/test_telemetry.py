@@ -86,7 +86,7 @@ def test_the_state_of_the_actuator_is_complete_and_its_powers_add_up():
     power = 0.5 * last["voltage"] * last["current"] * np.cos(last["phase"])
     assert last["electrical_power"] == pytest.approx(power)
     unknown = told(made(), times)["actuator_state"][-1][1]
-    assert (unknown["voltage"], unknown["amplitude"]) == (100.0, 35e-6)
+    assert (unknown["voltage"], unknown["amplitude"]) == (100.0, 20e-6)
     assert np.isnan(
         [unknown["current"], unknown["electrical_power"], unknown["mechanical_power"]]
     ).all()

@@ -5,15 +5,18 @@ from pathlib import Path
 
 import pytest
 
+from rpud_sim.simulation import preset, to_configuration
+from rpud_sim.simulation.parameter_files import read_parameter_file
 from validation.choices import energy_shares, figure_12_implies
 from validation.contradictions import contradiction_rows
-from validation.named_choices import AS_FIGURE_12, FITTED, NAMED, PRESETS, REASONED
+from validation.named_choices import AS_FIGURE_12, FITTED, NAMED, REASONED, TABLES
 from validation.page import page
 from validation.paper_numbers import MEASURED, NUMBERS, SIMULATED
-from validation.results import Effort, run_validation
+from validation.results import Effort, named, run_validation
 from validation.tables import tool_table
 
-PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "validation.md"
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "explanation" / "validation.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 
 # The fifth percentile of the forces is a mean over few impacts of each run.
@@ -67,7 +70,7 @@ def test_the_measured_numbers_on_the_page_are_those_of_the_model(results):
 
 
 def test_the_verdicts_on_trends_are_those_of_the_page(results):
-    for number, name in ((2, PRESETS), (3, FITTED)):
+    for number, name in ((2, TABLES), (3, FITTED)):
         below = TEXT.partition("## Trends of Figs. 15 to 18")[2].partition("\n## ")[0]
         rows = [line.strip("| ").split(" | ") for line in below.splitlines() if line[:1] == "|"][2:]
         stated = {(row[0], row[1]): row[number].partition(",")[0] for row in rows}
@@ -97,13 +100,26 @@ def test_with_the_tool_of_figure_12_at_least_nine_of_ten_numbers_are_reached(res
     assert results.fit(FITTED).misfit() < 0.08
 
 
-def test_without_fitting_the_numbers_are_near_and_the_presets_are_far_off(results):
+def test_without_fitting_the_numbers_are_near_and_the_tables_are_far_off(results):
     reasoned = results.fit(REASONED)
 
     assert reasoned.near() >= 6
     assert reasoned.misfit() < 0.15
-    assert results.fit(PRESETS).near() <= 1
-    assert results.fit(PRESETS).misfit() > 1.0
+    assert results.fit(TABLES).near() <= 1
+    assert results.fit(TABLES).misfit() > 1.0
+
+
+@pytest.mark.parametrize("regime", ["free", "drilling"])
+def test_the_default_and_its_file_are_the_fitted_choices(regime):
+    def of_file(name):
+        values = read_parameter_file(ROOT / "config" / f"{name}_{regime}.yaml".lstrip("_"))
+        return to_configuration(values).parameters
+
+    assert preset(regime) == named(FITTED).parameters(regime) == of_file("")
+    tables = named(TABLES).parameters(regime)
+    # The choices of a regime leave the other one's tool open.
+    open_tool = {"free": "contact_model", "drilling": "drill_tool_mass"}[regime]
+    assert of_file("tables") == tables.replace(**{open_tool: getattr(of_file("tables"), open_tool)})
 
 
 def test_the_tool_that_figure_12_implies_gives_figure_12():

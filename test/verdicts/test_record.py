@@ -308,4 +308,4 @@ def test_two_drills_in_a_bag_must_be_named(faulty_bag, tmp_path):
     with pytest.raises(ExpectationError, match="several drills, /one, /two"):
         Record.from_bag(path, ["status"])
     record = Record.from_bag(path, ["status"], "/two")
-    assert outcome(always(WEIGHT.equals("10 N")), record) == "passed"
+    assert outcome(always(WEIGHT.equals("8 N")), record) == "passed"

@@ -136,7 +136,7 @@ def test_other_parameters_are_named_and_their_effect_is_found(made):
     found = compare([made / "a", made / "heavier", made / "other"])
     assert {(each.name, each.unit, each.values) for each in found.parameters} == {
         ("initial_phase", "cycles", ("0.1", "0.6", "0.6")),
-        ("weight_on_bit", "N", ("10", "20", "10")),
+        ("weight_on_bit", "N", ("8", "20", "8")),
     }
     by_run = [
         [d for q in found.windows[0].quantities for d in q.differences[run]] for run in range(2)

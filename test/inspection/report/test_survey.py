@@ -24,12 +24,12 @@ def test_segments_lie_between_commands_and_faults(seen, page):
     found = seen.periods["/rpud"].all
     assert [round(period.begin, 6) for period in found] == [0.0, 0.25, 0.75, 0.9]
     assert [period.faults for period in found] == ["", "bias wrench", "", "lost_preload"]
-    assert {period.commands for period in found} == {"weight on bit 10 N"}
+    assert {period.commands for period in found} == {"weight on bit 8 N"}
     topic = seen.topics["/rpud/contact_force"]
     assert sum(period.impacts for period in found) == topic.find("peak_force").count
     assert sum(period.energy for period in found) == pytest.approx(topic.find("energy").total)
     assert found[-1].end == pytest.approx(DURATION, abs=0.01)
-    assert "0.250000 0.750000 weight on bit 10 N bias wrench" in page.text
+    assert "0.250000 0.750000 weight on bit 8 N bias wrench" in page.text
 
 
 def test_the_figures_are_those_of_the_simulation(seen, drilled):

@@ -150,7 +150,8 @@ def test_a_malformed_payload_is_refused_and_counted_and_the_next_command_taken(
 
 
 def test_a_drive_that_would_break_the_stack_is_refused(commander):
-    commander.gate.settings = Settings().replace({"nominal_voltage": 10.0})
+    changes = {"nominal_voltage": 10.0, "vibration_amplitude": 35e-6}
+    commander.gate.settings = Settings().replace(changes)
     drive = DriveMessage(enabled=True, voltage=500.0, frequency=16e3)
     assert commander.give(drive) == (
         "vibration_amplitude at drive voltage 500 V = 0.00175 m is outside its range [0, 0.001] m"

@@ -204,7 +204,7 @@ def test_a_trajectory_has_every_field_of_every_segment(block):
 def test_a_trajectory_is_cut_where_constants_change(block):
     covering = block.covering.copy()
     covering["free_mass"][3:] = 7e-3
-    covering["gravity"][10:] = 1.62
+    covering["gravity"][:10], covering["gravity"][10:] = 9.81, 1.62
     changed = dataclasses.replace(block, covering=covering)
     found = trajectories(changed, 5, ORIGIN)
     assert [message.sequence for message in found] == [5, 8, 15]

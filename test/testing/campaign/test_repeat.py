@@ -16,7 +16,7 @@ from rpud_sim.testing.campaign.outcome import fly
 from rpud_sim.testing.pool import DrillPool
 
 CAMPAIGN = Path(__file__).resolve().parents[3] / "config" / "campaign.yaml"
-RUN = "jammed actuator_restitution=1.0 seed=1"
+RUN = "jammed actuator_restitution=0.8 seed=1"
 REPETITIONS = int(os.environ.get("RPUD_REPETITIONS", "2"))
 # Of a status: how fast the drill was on this machine, and what it had discovered.
 OF_THE_MACHINE = (
