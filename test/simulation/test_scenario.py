@@ -141,7 +141,7 @@ def test_one_fault_may_begin_when_the_last_of_its_kind_ends(file):
         ("faults: [{onset: 1}]", ": entry 1: kind is missing"),
         ("faults: [{kind: choking}]", ": entry 1: onset is missing"),
         ("faults: [{kind: choking, onset: 1, until: 3}]", ": entry 1: 'until' is not one of kind,"),
-        ("faults: [{kind: chocking, onset: 1}]", ": entry 1: fault kind = 'chocking' is not one"),
+        ("faults: [{kind: chocking, onset: 1}]", ": entry 1: fault kind = 'chocking' is unknown"),
         ("faults: [{kind: off, onset: 1}]", ": entry 1: channel of off = '' is not one of "),
         ("faults: [{kind: off, channel: waveform, onset: 1}]", ": entry 1: off on waveform is ref"),
         (

@@ -193,7 +193,7 @@ FEED = [{"time": 0.1, "feed": {"rate": 1e-4}}]
         ({"faults": []}, "onset and lasting are of faults, and there are none"),
         ({"faults": "physical"}, "faults: 'physical' is not a list"),
         ({"faults": [{"channel": "wrench"}]}, "faults: entry 1: kind is missing"),
-        ({"faults": [{"kind": "chocking"}]}, "faults: entry 1: fault kind = 'chocking' is not"),
+        ({"faults": [{"kind": "chocking"}]}, "faults: entry 1: fault kind = 'chocking' is unknown"),
         (
             {"faults": [{"kind": "choking", "severities": [0.5, 2.0]}]},
             "faults: entry 1: magnitude of choking = 2 is outside its range (0, 1]",
