@@ -59,7 +59,7 @@ def leave_artefacts(
     return Artefacts("\n".join(lines), tuple(properties))
 
 
-def _write_bag(path: Path, drill: Drill) -> None:
+def write_bag(path: Path, drill: Drill) -> None:
     """Write a bag of all that was published since the test began; its clock is simulation time."""
     manifest = Manifest(
         node=f"{drill.namespace}/drill_node",
@@ -96,7 +96,7 @@ def _bag_and_report(
 ) -> list[str]:
     bag, page = folder / "bag", folder / "report.html"
     try:
-        _write_bag(bag, drill)
+        write_bag(bag, drill)
     except BagError as error:
         return [f"bag: not written: {error}"]
     reports.begin(bag, page)

@@ -16,6 +16,7 @@ from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.domains import applied
 from rpud_sim.testing.drill_process import DrillProcess
 from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
+from rpud_sim.testing.introductions import Introductions
 from rpud_sim.testing.systems import Systems
 
 _START = 180.0  # that a drill may take to start, which compiles where nothing is compiled yet [s]
@@ -43,14 +44,13 @@ class Lockstep:
                 namespace, process.domain, node_name="drill_test_client", patience=_PATIENCE
             )
             # of the messages
-            self.collector = Collector(
-                self.client.node.context, namespace, f"{namespace}/drill_node"
-            )
+            self.collector = Collector(self.client)
         self.client.check_while_waiting(self._check)
-        own = str(self.client.node.get_fully_qualified_name())
-        self.answers = Answers(self.collector, own)  # that the nodes under test have declared
+        introductions = Introductions(self.collector, self.client.node)
+        # that the nodes under test have declared
+        self.answers = Answers(self.collector, introductions)
         # processes under test
-        self.systems = Systems(self.collector, self.answers, process.environment)
+        self.systems = Systems(self.collector, self.answers, introductions, process.environment)
         try:
             self._await_start()
         except BaseException:
@@ -108,13 +108,13 @@ class Lockstep:
     def settle(self) -> None:
         """Wait until all that the drill has published is here."""
         collector, status = self.collector, self.collector.own("status")
+        collector.ask()
 
         def complete() -> bool:
             return (
                 bool(status.stamps)
                 and status.stamps[-1] >= collector.time
                 and (status.number or 0) >= self.client.status_number
-                and collector.published.get("status", 0) == status.number
                 and not collector.missing()
             )
 
@@ -130,7 +130,7 @@ class Lockstep:
         One that was killed never has: the wait ends then, too.
         """
         self.settle()
-        self.collector.until(lambda: self.collector.acknowledged, _DELIVERY, self._check)
+        self.collector.until(lambda: self.collector.ask().acknowledged, _DELIVERY, self._check)
 
     def close(self) -> None:
         with contextlib.suppress(Exception):

@@ -9,11 +9,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.answers import Answers
 from rpud_sim.testing.collector import COMMANDS, Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
+from rpud_sim.testing.introductions import Introductions
 from rpud_sim.testing.processes import ChildProcess, stop_all
 
 _START = 30.0  # that nodes may take to start which the test does not start itself [s]
@@ -45,10 +47,15 @@ class Systems:
     """All processes under test of one drill."""
 
     def __init__(
-        self, collector: Collector, answers: Answers, environment: Mapping[str, str]
+        self,
+        collector: Collector,
+        answers: Answers,
+        introductions: Introductions,
+        environment: Mapping[str, str],
     ) -> None:
         self._collector = collector
         self._answers = answers
+        self._introductions = introductions
         self._environment = environment
         self._folder = Path(environment["ROS_LOG_DIR"]).parent
         self._processes: list[SystemUnderTest] = []
@@ -71,7 +78,7 @@ class Systems:
         """Start a process, and wait until it is connected; see ``Drill.start``."""
         words = _words(command)
         if self._ended:
-            self._answers.part()
+            self._part()
         before = {topic: self._subscribers(topic) for topic in hears}
         graph = self._graph()
         self._count += 1
@@ -86,12 +93,13 @@ class Systems:
         calm = _Calm(self._graph, graph)
 
         def lack() -> str:
+            strangers = self._introduce()
             if not self._answers.connect():
                 return f"does not publish on all of {', '.join(self._answers.names)}"
             silent = [topic for topic in hears if not self._subscribers(topic) - before[topic]]
             if silent:
                 return f"does not subscribe to {', '.join(silent)}"
-            if not self.connected() or not (hears or calm()):
+            if strangers or self._unconnected() or not (hears or calm()):
                 return f"is not connected to the drill{self._on_topics()}"
             if not _is_ready(system, ready):
                 return f"has not printed {ready!r}" if isinstance(ready, str) else "is not ready"
@@ -109,8 +117,8 @@ class Systems:
         return system
 
     def connected(self) -> bool:
-        """Return whether the drill reaches every subscriber and every publisher reaches it."""
-        return bool(self._collector.subscribers) and not self._unconnected()
+        """Return whether drill, test and nodes know each other, as far as they are discovered."""
+        return not self._introduce() and not self._unconnected()
 
     def await_connections(self) -> None:
         """Wait until the drill reaches every subscriber that there is."""
@@ -123,11 +131,20 @@ class Systems:
     def await_answerers(self) -> None:
         """Wait until the nodes that shall answer are there, and know that the test hears them."""
         answers = self._answers
-        if self._ended or not answers.declared or answers.introduced:
+        if self._ended or not answers.declared:
             return
-        if not self._collector.until(answers.connect, _START, self.check, _POLL_PERIOD):
+        if answers.introduced:
+            self._check_publishers()
+            return
+
+        def complete() -> bool:
+            return answers.connect() and self.connected()
+
+        if not self._collector.until(complete, _START, self.check, _POLL_PERIOD):
             text = f"no publisher on {' and '.join(answers.names)} within {_START:g} s"
             raise SystemUnderTestError(", ".join(answers.names), "silent", self._with_output(text))
+        answers.introduced = True
+        self._check_publishers()
 
     def await_answers(self, stamp: int) -> None:
         """Wait until all declared answers for a stamp [ns] are here."""
@@ -170,9 +187,21 @@ class Systems:
                 raise self._failure(system, "died", system.ending)
 
     def stop(self) -> None:
-        self._answers.part()
+        self._part()
         stop_all(self._processes)
         self._processes.clear()
+
+    def _introduce(self) -> list[str]:
+        return self._introductions.lacking(self._answers.publishers)
+
+    def _part(self) -> None:
+        self._answers.introduced = False
+        self._introductions.part(self._answers.publishers)
+
+    def _check_publishers(self) -> None:
+        # A publisher of a process that has ended may still be remembered.
+        if all(system.running for system in self._processes) and (crowd := self._answers.crowded()):
+            raise ParameterError(f"with_answers: {crowd}")
 
     @property
     def _ended(self) -> bool:
@@ -188,16 +217,19 @@ class Systems:
         )
 
     def _unconnected(self) -> list[str]:
-        node, collector = self._collector.node, self._collector
-        lacking = [
+        """Return topics and services that the graph shows with more ends than the drill knows."""
+        node, known = self._collector.node, self._collector.delivery
+        resolve = self._collector.resolve
+        return [
             name
-            for name, number in collector.subscribers.items()
-            if number < node.count_subscribers(collector.resolve(name))
+            for names, numbers, count in (
+                (known.topics, known.subscribers, node.count_subscribers),
+                (known.command_topics, known.publishers, node.count_publishers),
+                (known.services, known.clients, node.count_clients),
+            )
+            for name, number in zip(names, numbers, strict=True)
+            if number < count(resolve(name))
         ]
-        for name in COMMANDS:
-            if collector.publishers.get(name, 0) < node.count_publishers(collector.resolve(name)):
-                lacking.append(name)
-        return lacking
 
     def _on_topics(self) -> str:
         names = self._unconnected()
