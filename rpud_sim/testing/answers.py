@@ -87,6 +87,11 @@ class Answers:
             self._lack(answer, stamp) for answer in self._answers if not _answered(answer, stamp)
         ]
 
+    @property
+    def never(self) -> bool:
+        """Whether a topic has had no message at all."""
+        return any(answer.topic is None or not len(answer.topic) for answer in self._answers)
+
     def late(self, stamp: int) -> bool:
         """Return whether what is missing has come at all since the step began."""
         return any(

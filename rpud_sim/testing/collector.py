@@ -165,9 +165,6 @@ class Collector:
 
         Of latched topics the last message stays, and of the journal what follows the beginning.
         """
-        for name in set(self._topics) - self._always:
-            self._topics.pop(name).close()
-            self._wait_set = None
         journal = self.resolve("journal")
         for name, topic in self._topics.items():
             if name == journal:
@@ -176,6 +173,12 @@ class Collector:
                 topic.forget(begun[-1] if begun else len(topic))
             else:
                 topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
+
+    def forget_others(self) -> None:
+        """Unsubscribe from all topics but those of the drill that are always heard."""
+        for name in set(self._topics) - self._always:
+            self._topics.pop(name).close()
+            self._wait_set = None
 
     def close(self) -> None:
         self._wait_set = None

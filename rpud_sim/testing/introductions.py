@@ -47,7 +47,7 @@ class Introductions:
         discovered before its node.
         """
         infos = self._collector.node.get_publishers_info_by_topic(self._collector.resolve(topic))
-        found = {bytes(each.endpoint_gid): _node_name(each) for each in infos}
+        found = {bytes(each.endpoint_gid): node_name(each) for each in infos}
         return {
             gid: name
             for gid, name in found.items()
@@ -57,8 +57,8 @@ class Introductions:
     def lacking(self, answering: Mapping[bytes, str]) -> list[str]:
         """Ask the drill for its account, and return the nodes that are not introduced yet.
 
-        ``answering`` are publishers of answers. A node that never answers is introduced after a
-        while, with a warning.
+        ``answering`` are endpoints of other nodes, such as publishers of answers. A node that never
+        answers is introduced after a while, with a warning.
         """
         found = {**answering, **self._callers()}
         for topic in COMMANDS:
@@ -85,6 +85,18 @@ class Introductions:
                 )
         return sorted({name for gid, name in waiting.items() if gid not in self._introduced})
 
+    @property
+    def unserved(self) -> list[str]:
+        """A line for each service that a node under test calls and no node serves."""
+        node = self._collector.node
+        return sorted(
+            f"{name} calls {service}, which no node serves"
+            for name, services in self._clients().items()
+            if name not in self._strangers
+            for service in services
+            if not node.count_services(service)
+        )
+
     def renew(self) -> None:
         """Have all nodes introduced again: the test subscribes to other topics."""
         self._introduced.clear()
@@ -105,16 +117,21 @@ class Introductions:
 
     def _callers(self) -> dict[bytes, str]:
         """Return publishers of the nodes that have a client of one of the drill's services."""
-        services, node = set(self._collector.delivery.services), self._collector.node
-        callers = set()
+        own = set(self._collector.delivery.services)
+        callers = {name for name, services in self._clients().items() if own & services}
+        return {gid: name for gid, name in self.publishers(_EVENTS).items() if name in callers}
+
+    def _clients(self) -> dict[str, set[str]]:
+        """Return the services that nodes have clients of, by the full names of the nodes."""
+        node, found = self._collector.node, {}
         for name, namespace in node.get_node_names_and_namespaces():
             with suppress(RuntimeError):  # it has just gone
                 clients = node.get_client_names_and_types_by_node(name, namespace)
-                if any(service in services for service, _ in clients):
-                    callers.add(f"{namespace.rstrip('/')}/{name}")
-        return {gid: name for gid, name in self.publishers(_EVENTS).items() if name in callers}
+                found[f"{namespace.rstrip('/')}/{name}"] = {service for service, _ in clients}
+        return found
 
 
-def _node_name(publisher: TopicEndpointInfo) -> str:
-    name = publisher.node_name
-    return "" if name == _UNKNOWN else f"{publisher.node_namespace.rstrip('/')}/{name}"
+def node_name(endpoint: TopicEndpointInfo) -> str:
+    """Return the full name of an endpoint's node; empty where that is not discovered yet."""
+    name = endpoint.node_name
+    return "" if name == _UNKNOWN else f"{endpoint.node_namespace.rstrip('/')}/{name}"

@@ -76,8 +76,12 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
         ]
     )
     assert (folder / "bag" / "metadata.yaml").is_file()
-    assert "<html" in (folder / "report.html").read_text()
-    assert "press 20.0 N" in (folder / "commands.txt").read_text()
+    page = (folder / "report.html").read_text()
+    assert "<pre>test: test_failing" in page
+    assert "seed: 0\n[R1] calm: failed, margin -" in page
+    commands = (folder / "commands.txt").read_text()
+    assert "press 20.0 N" in commands
+    assert "at 0.000 s: step to 0.2 s" in commands
     assert "drilling: regime drilling" in (folder / "drill.log").read_text()
     assert "supervisor.py works" in (folder / "1_supervisor.py.log").read_text()
     assert "rpud_sim" in json.loads((folder / "versions.json").read_text())["versions"]

@@ -81,6 +81,8 @@ def test_a_number_that_is_none_is_undecided():
     record = record_of(force={0: 10.0, 1: math.nan, 2: 10.0})
     assert outcome(always(FORCE < "45 N"), record) == "undecided"
     assert outcome(always(FORCE < "5 N"), record) == "failed"
+    verdict = evaluate(Expectation("it", always(FORCE < "45 N")), record)
+    assert verdict.text == "reacting_force.force has no value at 1e-09 s"
 
 
 def test_a_periodic_topic_that_falls_silent_is_unknown_after_a_second():

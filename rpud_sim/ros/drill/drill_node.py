@@ -12,7 +12,8 @@ rejected, counted and logged.
 
 Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
 ``simulation/get_state``, ``set_state``, ``step``, ``run_to``, ``reset``, ``save``, ``restore`` and
-``get_delivery`` (rpud_msgs), those of a managed node, and those of ``simulation_interfaces`` if it is installed.
+``get_delivery`` (rpud_msgs), those of a managed node, and those of ``simulation_interfaces`` if it
+is installed.
 
 Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``; those of ``CHANGEABLE`` may be
 set while it runs.
