@@ -150,14 +150,17 @@ def _gap(evaluation: Evaluation, part: Formula) -> int | None:
 
 
 def _unit(formula: Formula, record: Record) -> str:
-    units = set()
-    for part in formula.walk():
-        if isinstance(part, (Compare, Quantile)):
-            field = record.field(part.signal)
-            units.add(unit_of(part.number, field if isinstance(field, Field) else None))
-        elif isinstance(part, Count):
-            units.add("")
+    units = _units(formula, record)
     return MIXED if len(units) > 1 else "".join(units)
+
+
+def _units(formula: Formula, record: Record) -> set[str]:
+    if isinstance(formula, Count):  # its margin is a number, whatever its events are
+        return {""}
+    if isinstance(formula, (Compare, Quantile)):
+        field = record.field(formula.signal)
+        return {unit_of(formula.number, field if isinstance(field, Field) else None)}
+    return set().union(*(_units(part, record) for part in formula.children()))
 
 
 def _decided(evaluation: Evaluation, formula: Formula, time: int, held: bool) -> int:
@@ -191,6 +194,9 @@ def _decided(evaluation: Evaluation, formula: Formula, time: int, held: bool) ->
         )
         found = _first(evaluation.steps(part), begin, last, held)
         return last if found is None else _decided(evaluation, part, found, held)
+    if isinstance(formula, Count) and formula.until is not None:
+        found = _first(evaluation.steps(formula.until), time, end, True)
+        return end if found is None else found
     if isinstance(formula, (Count, Quantile)):
         return _last(formula.window, time, end)
     return time

@@ -24,6 +24,7 @@ from rpud_sim.verdicts import (
     quantile,
     signal,
 )
+from rpud_sim.verdicts.notation import to_formula, to_plain
 
 FORCE = signal("reacting_force.force")
 WEIGHT = signal("status.weight_on_bit")
@@ -122,6 +123,21 @@ def test_a_jump_in_the_numbers_of_impacts_matters_where_it_is():
     assert {formula: outcome(formula, record) for formula in expected} == expected
     verdict = evaluate(Expectation("it", always(PEAK < "6 kN")), record)
     assert verdict.text == "1 messages of contact_force are lost"
+
+
+def test_a_count_until_a_goal_counts_the_tries_before_it():
+    record = record_of(force={0: 10.0, SECOND: 50.0, 2 * SECOND: 10.0}, weight={2 * SECOND: 0.0})
+    goal = FORCE > "45 N"
+    few, none = (count(Message("reacting_force"), "<=", number, until=goal) for number in (1, 0))
+    assert (outcome(few, record), outcome(none, record)) == ("passed", "failed")
+    never = count(Message("reacting_force"), "<=", 3, until=FORCE > "60 N")
+    assert outcome(never, record) == "undecided"
+    assert outcome(count(Message("reacting_force"), "<=", 2, until=FORCE > "60 N"), record) == (
+        "failed"
+    )
+    assert to_formula(to_plain(few)) == few
+    verdict = evaluate(Expectation("it", count(Message("reacting_force", goal), ">=", 1)), record)
+    assert (verdict.margin, verdict.unit) == (0.0, "")
 
 
 def test_losses_at_unknown_times_leave_only_what_was_seen():

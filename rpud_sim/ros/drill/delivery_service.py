@@ -55,6 +55,6 @@ class DeliveryService:
                 return False
             try:
                 self._probes[name] = DiscoveryProbe(self._node, name)
-            except NameValidationException:
+            except (NameValidationException, RuntimeError):  # RCLError: it is too long
                 return False
         return self._probes[name].answered()
