@@ -1,4 +1,7 @@
-"""A node under test that answers each period with a command; ``calls`` engages the drill first."""
+"""A node under test that answers each period with a command.
+
+With the argument ``calls`` it engages the drill first, with ``mute`` it has no services of parameters.
+"""
 
 import sys
 
@@ -13,7 +16,8 @@ class Commander(Node):
     """Commands 20 N at each multiple of 0.1 s."""
 
     def __init__(self):
-        super().__init__("commander", namespace="/rpud")
+        services = "mute" not in sys.argv
+        super().__init__("commander", namespace="/rpud", start_parameter_services=services)
         self.weights = self.create_publisher(WeightOnBit, "command/weight_on_bit", 10)
         self.create_subscription(ReactingForce, "reacting_force", self.hear, 1000)
         self.engage = self.create_client(SetBool, "engage") if "calls" in sys.argv else None

@@ -56,12 +56,35 @@ def test_two_publishers_of_one_answer_are_named(drill):
     expected = "has 2 publishers, /rpud/second and /rpud/supervisor, and count=1"
     with pytest.raises(ParameterError, match=expected):
         drill.step(10.0)
-    begun = drill.status.commands_accepted
-    drill.with_answers(HEARTBEAT, count=2)
-    drill.step(0.2)
-    assert len(drill.messages("command/weight_on_bit")) == begun + 4
-    assert drill.status.commands_accepted == begun + 4
     assert "second" in drill.systems[1].name
+
+
+@pytest.mark.extended
+def test_answers_of_two_nodes_are_awaited(drill):
+    drill.with_answers(HEARTBEAT, count=2)
+    supervise(drill)
+    supervise(drill, node="second")
+    drill.step(0.2)
+    assert len(drill.messages("command/weight_on_bit")) == drill.status.commands_accepted == 4
+
+
+@pytest.mark.extended
+def test_a_node_in_the_place_of_a_killed_one_is_introduced_anew(drill):
+    drill.with_answers(HEARTBEAT)
+    for number in (1, 2):
+        supervisor = supervise(drill)
+        drill.step(0.2)
+        assert drill.status.commands_accepted == 2 * number
+        supervisor.kill()
+
+
+@pytest.mark.extended
+def test_a_node_that_cannot_be_asked_has_some_time_and_a_warning(drill):
+    drill.with_answers("command/weight_on_bit")
+    with pytest.warns(UserWarning, match=r"^/rpud/commander does not answer get_parameters"):
+        drill.start("python commander.py mute", hears=("reacting_force",))
+    drill.step(0.2)
+    assert drill.status.commands_accepted == 2
 
 
 @pytest.mark.extended
