@@ -57,6 +57,8 @@ class Answers:
         for answer in self._answers:
             if answer.topic is None:
                 answer.topic = self._collector.subscribe(answer.name, answer.kind)
+                if answer.topic is not None:  # what nodes knew before is not enough
+                    self._introductions.renew()
         return all(self._publishers(answer) for answer in self._answers)
 
     @property

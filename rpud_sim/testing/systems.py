@@ -130,8 +130,9 @@ class Systems:
                 }
                 for topic in hears
             }
+            answering = self._answers.connect()
             strangers = self._introduce(dict(ChainMap(*hearing.values())))
-            if not self._answers.connect():
+            if not answering:
                 return f"does not publish on all of {', '.join(self._answers.names)}"
             silent = [topic for topic in hears if not hearing[topic]]
             if silent:
