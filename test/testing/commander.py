@@ -1,6 +1,6 @@
 """A node under test that answers each period with a command.
 
-With the argument ``calls`` it engages the drill first, with ``mute`` it has no services of parameters.
+With the argument ``calls`` it engages the drill first, with ``mute`` nothing asks its parameters.
 """
 
 import sys
