@@ -10,6 +10,7 @@ BENCH_ARGS ?=
 KILLS ?= 1000
 PYTHONS ?=
 RUNS ?= 100
+STARTS ?= 500
 
 # An installed ROS is used in place of the wheels. ROS_PREFIX= (empty) asks for the wheels all the same.
 ROS_PREFIX ?= $(wildcard /opt/ros/jazzy)
@@ -58,8 +59,8 @@ test-all: install/.package install/.kernels .venv/.browser .venv/.optional ## Ru
 	@$(WITH_ENV) $(EXTENDED) -n auto --dist worksteal $(PYTEST_ARGS)
 
 .PHONY: test-long
-test-long: ## Run what takes hours: fuzz, kills, mutants, campaign, random-sets, test-busy and soak
-	@for target in fuzz kills mutants campaign random-sets test-busy soak; do $(MAKE) --no-print-directory $$target; done
+test-long: ## Run what takes hours: fuzz, kills, mutants, campaign, starts, random-sets, test-busy and soak
+	@for target in fuzz kills mutants campaign starts random-sets test-busy soak; do $(MAKE) --no-print-directory $$target; done
 
 .PHONY: test-busy
 test-busy: SEED = 0
@@ -104,6 +105,10 @@ measure-setup: ## Clone into a new folder and print the time of each stage from 
 .PHONY: campaign
 campaign: install/.package ## Fly one run of config/campaign.yaml RUNS times (100) beside four busy loops; two different results fail
 	@$(WITH_ENV) RPUD_REPETITIONS=$(RUNS) python test/busy.py -- python -m pytest test/testing/campaign/test_repeat.py
+
+.PHONY: starts
+starts: install/.package install/.kernels ## Start a node under test STARTS times (500), in two ways, beside four busy loops: no first command is lost
+	@$(WITH_ENV) RPUD_STARTS=$(STARTS) python test/busy.py -- python -m pytest -m "" test/testing/test_starts.py
 
 .PHONY: kills
 kills: install/.package ## Kill KILLS recordings (1000) at random moments, and recover each

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,8 +28,7 @@ DETAILS = (
     "Each expectation is passed, failed or undecided. The last run in a bag is judged. "
     "A campaign flies scenarios, parameters and seeds against a system under test, by pytest, "
     "which gets all further options, such as -n 4 or --lf. "
-    "Exit codes of a bag: 0 all passed, 1 one failed or is undecided, 2 wrong call. Of a campaign: "
-    "0 all requirements passed, 1 one is undecided, or the run failed, 2 wrong call, 3 one failed."
+    "Exit codes: 0 all passed, 1 one is undecided, or a drill failed, 2 wrong call, 3 one failed."
 )
 EXAMPLE = "rpud test bags/first --expect config/expectations.yaml"
 
@@ -101,10 +101,8 @@ def _test_campaign(arguments: argparse.Namespace) -> int:
         return ExitCode.INTERRUPTED
     if code in (pytest.ExitCode.USAGE_ERROR, pytest.ExitCode.NO_TESTS_COLLECTED):
         return ExitCode.USAGE
-    if "failed" in outcomes:
-        return ExitCode.INCOMPLETE
-    met = code == pytest.ExitCode.OK and set(outcomes) == {"passed"}
-    return ExitCode.DONE if met else ExitCode.FAILED
+    met = _exit_code(outcomes)
+    return ExitCode.FAILED if met == ExitCode.DONE and code != pytest.ExitCode.OK else met
 
 
 def _test_bag(arguments: argparse.Namespace) -> int:
@@ -126,7 +124,14 @@ def _test_bag(arguments: argparse.Namespace) -> int:
     if arguments.junit:
         Path(arguments.junit).write_text(junit_xml(verdicts, arguments.subject), encoding="utf-8")
     print_json(_content(verdicts, record)) if arguments.json else print(_account(verdicts, record))
-    return ExitCode.DONE if all(each.passed for each in verdicts) else ExitCode.FAILED
+    return _exit_code(each.outcome for each in verdicts)
+
+
+def _exit_code(outcomes: Iterable[str]) -> ExitCode:
+    found = set(outcomes)
+    if "failed" in found:
+        return ExitCode.INCOMPLETE
+    return ExitCode.DONE if found == {"passed"} else ExitCode.FAILED
 
 
 def _counts(verdicts: list[Verdict]) -> dict[str, int]:

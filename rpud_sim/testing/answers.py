@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 
-from rclpy.topic_endpoint_info import TopicEndpointInfo
-
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.testing.collector import Collector
-from rpud_sim.testing.discovery_probe import DiscoveryProbe
 from rpud_sim.testing.heard_topic import HeardTopic
-
-_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a publisher whose node has not been discovered
+from rpud_sim.testing.introductions import Introductions
 
 
 @dataclasses.dataclass
@@ -27,27 +23,20 @@ class Answers:
     """Declared answers of the nodes under test.
 
     An answer to a step has the stamp that the step has reached, or a later one. A message without a
-    stamp answers if it comes after the step has begun. ``own`` is the full name of the test's own
-    node, which publishes commands and answers nothing.
+    stamp answers if it comes after the step has begun.
     """
 
-    def __init__(self, collector: Collector, own: str) -> None:
+    def __init__(self, collector: Collector, introductions: Introductions) -> None:
         self._collector = collector
-        self._own = own
+        self._introductions = introductions
         self._answers: list[_Answer] = []
-        self._introduced = False
-        self._probes: dict[str, DiscoveryProbe] = {}
-        self._dead: set[bytes] = set()  # publishers of ended processes that are still remembered
+        self.introduced = False  # whether the nodes that answer know the test and the drill
         self.period = 0  # simulation time between two answers [ns]; 0 without answers
         self.timeout = 0.0  # longest real time for the answers to one step [s]
 
     @property
     def declared(self) -> bool:
         return bool(self._answers)
-
-    @property
-    def introduced(self) -> bool:
-        return self._introduced
 
     @property
     def names(self) -> list[str]:
@@ -58,37 +47,36 @@ class Answers:
     ) -> None:
         """Declare topics with answers, in place of those before."""
         self.period = period if names else 0
-        self._introduced = False
+        self.introduced = False
+        self._introductions.renew()
         resolve = self._collector.resolve
         self._answers = [_Answer(resolve(name), kind, count) for name in names]
 
     def connect(self) -> bool:
-        """Subscribe as far as publishers are there; return whether all of them know it."""
+        """Subscribe as far as publishers are there; return whether each topic has one."""
         for answer in self._answers:
             if answer.topic is None:
                 answer.topic = self._collector.subscribe(answer.name, answer.kind)
-        living = [self._publishers(answer) for answer in self._answers]
-        if not all(living):
-            return False
-        names = {name for found in living for name in found.values()}
-        for name in names - self._probes.keys():
-            self._probes[name] = DiscoveryProbe(self._collector.node, name)
-        # Of those that are there now: a node without a name yet gets one soon.
-        waiting = [name for name in names if not self._probes[name].done()]
-        self._introduced = not waiting
-        return self._introduced
+                if answer.topic is not None:  # what nodes knew before is not enough
+                    self._introductions.renew()
+        return all(self._publishers(answer) for answer in self._answers)
 
-    def part(self) -> None:
-        """Forget the nodes that have answered until now: others take their places.
+    @property
+    def publishers(self) -> dict[bytes, str]:
+        """Living publishers of all answers, by their identifiers, with the names of their nodes."""
+        return {gid: name for each in self._answers for gid, name in self._publishers(each).items()}
 
-        The middleware remembers a killed process for up to 20 s.
-        """
+    def crowded(self) -> str:
+        """Return a phrase for a topic with more publishers than awaited messages; empty if none."""
         for answer in self._answers:
-            self._dead.update(self._publishers(answer))
-        for probe in self._probes.values():
-            probe.close()
-        self._probes.clear()
-        self._introduced = False
+            if answer.topic and answer.topic.subscription.get_publisher_count() > answer.count:
+                names = sorted(name or "a node" for name in self._publishers(answer).values())
+                if len(names) > answer.count:
+                    return (
+                        f"{answer.name} has {len(names)} publishers, {' and '.join(names)}, and "
+                        f"count={answer.count} awaits as many messages: give count={len(names)}"
+                    )
+        return ""
 
     def begin(self) -> None:
         """Begin a step: what has come until now is no answer to it."""
@@ -101,6 +89,11 @@ class Answers:
             self._lack(answer, stamp) for answer in self._answers if not _answered(answer, stamp)
         ]
 
+    @property
+    def never(self) -> bool:
+        """Whether a topic has had no message at all."""
+        return any(answer.topic is None or not len(answer.topic) for answer in self._answers)
+
     def late(self, stamp: int) -> bool:
         """Return whether what is missing has come at all since the step began."""
         return any(
@@ -110,19 +103,9 @@ class Answers:
         )
 
     def _publishers(self, answer: _Answer) -> dict[bytes, str]:
-        """Return the living publishers, by their identifiers, with the names of their nodes.
-
-        The name is empty where a publisher has been discovered before its node.
-        """
         if answer.topic is None or not answer.topic.subscription.get_publisher_count():
             return {}
-        found = {
-            bytes(each.endpoint_gid): _node_name(each)
-            for each in self._collector.node.get_publishers_info_by_topic(answer.name)
-        }
-        return {
-            gid: name for gid, name in found.items() if gid not in self._dead and name != self._own
-        }
+        return self._introductions.publishers(answer.name)
 
     def _lack(self, answer: _Answer, stamp: int) -> str:
         topic = answer.topic
@@ -133,11 +116,6 @@ class Answers:
         if not topic.stamped:
             return f"{answer.name}: {len(topic) - answer.begun} of {answer.count} messages"
         return f"{answer.name}, whose last answer is for {topic.stamps[-1] / SECOND:.3f} s"
-
-
-def _node_name(publisher: TopicEndpointInfo) -> str:
-    name = publisher.node_name
-    return "" if name == _UNKNOWN else f"{publisher.node_namespace.rstrip('/')}/{name}"
 
 
 def _answered(answer: _Answer, stamp: int) -> bool:

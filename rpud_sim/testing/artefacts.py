@@ -52,7 +52,9 @@ def leave_artefacts(
         for index, system in enumerate(drill.systems, 1):
             file = own / f"{index}_{_NAME.sub('_', system.name)}.log"
             file.write_text(f"$ {' '.join(system.command)}\n{system.output}")
-        lines += _bag_and_report(own, drill, properties, reports)
+        head = [f"test: {test}", f"seed: {drill.seed}", *drill.verdict_lines]
+        head += failure.splitlines()[:1] if not drill.verdict_lines else []
+        lines += _bag_and_report(own, drill, properties, reports, head)
         lines.append(f"commands: {own / 'commands.txt'}; the last ones:")
         lines += [f"    {command}" for command in commands[-_LAST:] or ["(none)"]]
     (place / _MARKER).write_text(json.dumps({"test": test, **dict(properties)}, indent=2) + "\n")
@@ -92,14 +94,18 @@ def write_bag(path: Path, drill: Drill) -> None:
 
 
 def _bag_and_report(
-    folder: Path, drill: Drill, properties: list[tuple[str, str]], reports: ReportPages
+    folder: Path,
+    drill: Drill,
+    properties: list[tuple[str, str]],
+    reports: ReportPages,
+    head: Sequence[str],
 ) -> list[str]:
     bag, page = folder / "bag", folder / "report.html"
     try:
         write_bag(bag, drill)
     except BagError as error:
         return [f"bag: not written: {error}"]
-    reports.begin(bag, page)
+    reports.begin(bag, page, head)
     properties += [("rpud_bag", str(bag)), ("rpud_report", str(page))]
     return [f"bag: {bag}", f"report: {page}"]
 

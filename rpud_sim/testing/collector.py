@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.serialization import deserialize_message
+from rpud_msgs.srv import GetDelivery
 
 from rpud_sim.foundation.time import SECOND
+from rpud_sim.ros.client import DrillClient
 from rpud_sim.ros.client.topic_lookup import listening_qos, types_of_topic
 from rpud_sim.ros.types import message_class
 from rpud_sim.simulation.topics import TOPICS
@@ -29,44 +29,41 @@ COMMANDS: Mapping[str, str] = {
 _DEPTH = 5_000  # messages that may wait to be taken; Fast DDS keeps no more
 _LONGEST_WAIT = 0.05  # between looks at processes, whose end sends no signal [s]
 __tracebackhide__ = is_verdict
-_DIAGNOSTICS = QoSProfile(depth=100)
 
 
 class Collector:
     """Node that keeps every message of the topics it has subscribed to.
 
     Taking messages by hand costs a tenth of what an executor costs, which would be most of a step.
-    ``drill_name`` is the full name of the drill's node.
+    ``client`` says what the drill has published; both have one participant of the middleware.
     """
 
-    def __init__(self, context: rclpy.Context, namespace: str, drill_name: str) -> None:
+    def __init__(self, client: DrillClient) -> None:
         self.time = 0  # of the drill, for messages without a stamp [ns]
-        # by topic, number of the drill's latest message, as the drill says
-        self.published: Mapping[str, int] = {}
-        # by topic, number of subscriptions that the drill reaches, as it says
-        self.subscribers: Mapping[str, int] = {}
-        # by topic of commands, number of publishers that reach the drill, as it says
-        self.publishers: Mapping[str, int] = {}
-        self.acknowledged = False  # whether all subscribers have all messages, as the drill says
-        self._context = context
-        self._source = f"{drill_name}: messages"
+        self.delivery = GetDelivery.Response()  # the drill's latest account
+        self._client = client
+        self._context = client.node.context
         self.node = rclpy.create_node(
             "drill_test",
-            namespace=namespace,
-            context=context,
+            namespace=client.namespace,
+            context=self._context,
             use_global_arguments=False,
             enable_rosout=False,
             start_parameter_services=False,
         )
         self._topics: dict[str, HeardTopic] = {}
         self._wait_set: Any = None
-        self._diagnostics = HeardTopic(self.node, "/diagnostics", DiagnosticArray, _DIAGNOSTICS)
         for name in TOPICS:
             if name not in STREAMS:
                 self.subscribe(name, TOPICS[name].type)
         for name, kind in COMMANDS.items():
             self.subscribe(name, kind)
         self._always = set(self._topics)
+
+    @property
+    def published(self) -> dict[str, int]:
+        """Number of messages that the drill has published, by relative topic; see ``ask``."""
+        return dict(zip(self.delivery.topics, self.delivery.published, strict=True))
 
     @property
     def topics(self) -> Mapping[str, HeardTopic]:
@@ -107,14 +104,16 @@ class Collector:
         self._wait_set = None
         return topic
 
+    def ask(self, nodes: Sequence[str] = ()) -> GetDelivery.Response:
+        """Ask the drill for its account; see ``DrillClient.delivery``."""
+        self.delivery = self._client.delivery(nodes)
+        return self.delivery
+
     def take(self) -> bool:
         """Take what has arrived, and return whether it was anything."""
         taken = False
         for topic in self._topics.values():
             taken |= topic.take(self.time)
-        if self._diagnostics.take(self.time):
-            self._read_diagnostics()
-            taken = True
         return taken
 
     def until(
@@ -142,7 +141,7 @@ class Collector:
 
     def wait(self, seconds: float) -> None:
         """Wait until a message is there, at most for some seconds."""
-        handles = [topic.subscription.handle for topic in self._all()]
+        handles = [topic.subscription.handle for topic in self._topics.values()]
         if self._wait_set is None:
             self._wait_set = rclpy_implementation.WaitSet(
                 len(handles), 0, 0, 0, 0, 0, self._context.handle
@@ -166,9 +165,6 @@ class Collector:
 
         Of latched topics the last message stays, and of the journal what follows the beginning.
         """
-        for name in set(self._topics) - self._always:
-            self._topics.pop(name).close()
-            self._wait_set = None
         journal = self.resolve("journal")
         for name, topic in self._topics.items():
             if name == journal:
@@ -178,28 +174,15 @@ class Collector:
             else:
                 topic.forget(len(topic) - 1 if topic.latched and len(topic) else len(topic))
 
+    def forget_others(self) -> None:
+        """Unsubscribe from all topics but those of the drill that are always heard."""
+        for name in set(self._topics) - self._always:
+            self._topics.pop(name).close()
+            self._wait_set = None
+
     def close(self) -> None:
         self._wait_set = None
         self.node.destroy_node()
-
-    def _all(self) -> list[HeardTopic]:
-        return [*self._topics.values(), self._diagnostics]
-
-    def _read_diagnostics(self) -> None:
-        for payload in self._diagnostics.payloads:
-            for status in deserialize_message(payload, DiagnosticArray).status:
-                if status.name == self._source:
-                    values = {each.key: each.value for each in status.values}
-                    self.published = _numbers(values["published"])
-                    self.subscribers = _numbers(values["subscribers"])
-                    self.publishers = _numbers(values["publishers"])
-                    self.acknowledged = values["acknowledged"] == "True"
-        self._diagnostics.forget(len(self._diagnostics))
-
-
-def _numbers(text: str) -> dict[str, int]:
-    pairs = (pair.split() for pair in text.split(", "))
-    return {name: int(number) for name, number in pairs}
 
 
 def _qos_of(latched: bool) -> QoSProfile:

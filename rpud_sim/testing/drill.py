@@ -20,6 +20,7 @@ from rpud_sim.verdicts import Formula, Verdict
 
 # Simulation time of one step, and between two answers, unless another one is given [s].
 PERIOD = 0.1
+_STEP = "step to "
 
 _SECONDS = Quantity("s", "a simulation time", 1e-9, 1e6)
 _REAL_SECONDS = Quantity("s", "a time limit", 0.0, 1e6, exclusive=True)
@@ -44,6 +45,7 @@ class Drill:
         self._verdicts = LiveVerdicts(self._collector)
         # of the test; its commands start there, and relative paths begin there
         self.folder = folder
+        self.seed = 0  # of the drill
         self.log: list[tuple[float, str]] = []  # commands of the test: simulation time [s] and text
 
     @property
@@ -116,10 +118,10 @@ class Drill:
         SystemUnderTestError, messages of the drill that are lost are a LostMessagesError.
         """
         if seconds is None:
-            self._lockstep.advance(self._next_stop())
+            self._advance(self._next_stop())
         else:
             length = round(_SECONDS.check("step", seconds) * SECOND)
-            self._lockstep.advance(self._collector.time + length)
+            self._advance(self._collector.time + length)
         return self.time
 
     def step_until(
@@ -153,8 +155,19 @@ class Drill:
                     f"{self._summary()}"
                 )
             stop = self._next_stop() if length is None else now + length
-            self._lockstep.advance(min(stop, end))
+            self._advance(min(stop, end))
         return self.time
+
+    def reset(self, seed: int | None = None) -> None:
+        """Take the drill back to time zero, as it was started; nodes under test go on.
+
+        What was published before is forgotten, and expectations judge what follows. ``seed`` is
+        that of the drill from here on; None for the present one.
+        """
+        self._note("reset" if seed is None else f"reset seed={seed}")
+        self._lockstep.reset(seed)
+        self.seed = self.seed if seed is None else seed
+        self._verdicts.reset()
 
     # Commands.
 
@@ -257,6 +270,8 @@ class Drill:
     ) -> Drill:
         """Declare how the nodes under test answer; a step is over when all have answered.
 
+        This takes the place of what was declared before. Without topics no answer is awaited.
+
         Args:
             topics: on which a node publishes when it has done its work for a stamp: with a header
                 or a time, that stamp; otherwise one more message.
@@ -295,7 +310,8 @@ class Drill:
         """
         self._note(f"start {' '.join(command)}")
         limit = _REAL_SECONDS.check("timeout", timeout)
-        return self._lockstep.systems.start(command, self.folder, name, hears, ready, limit)
+        systems = self._lockstep.systems
+        return systems.start(command, self.folder, name, hears, ready, limit, self._note)
 
     # For the owner of the drill.
 
@@ -314,6 +330,7 @@ class Drill:
 
     def begin(self, seed: int, scenario: str = NO_FAULTS) -> None:
         """Begin a test; see ``Lockstep.begin``."""
+        self.seed = seed
         self._lockstep.begin(seed, scenario)
         self._verdicts.begin()
         self.log = []
@@ -335,6 +352,14 @@ class Drill:
         if self._lockstep.answers.period:
             return self._lockstep.next_answer()
         return self._collector.time + round(PERIOD * SECOND)
+
+    def _advance(self, until: int) -> None:
+        text = f"{_STEP}{until / SECOND:.9g} s"
+        if self.log and self.log[-1][1].startswith(_STEP):  # one line for steps in a row
+            self.log[-1] = self.log[-1][0], text
+        else:
+            self._note(text)
+        self._lockstep.advance(until)
 
     def _act(self, text: str, action: Callable[[], Value]) -> Value:
         self._note(text)

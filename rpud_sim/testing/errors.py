@@ -36,6 +36,11 @@ class ExpectationFailedError(AssertionError):
         super().__init__(text)
         self.verdicts = verdicts
 
+    @property
+    def undecided(self) -> bool:
+        """Whether none of them failed: an error of the test, which has tested nothing."""
+        return all(verdict.outcome != "failed" for verdict in self.verdicts)
+
 
 def is_verdict(error: Any) -> bool:
     """Whether a failure needs no traceback into this package; pytest asks it for each frame."""

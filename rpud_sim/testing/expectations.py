@@ -35,8 +35,13 @@ class LiveVerdicts:
     def begin(self) -> None:
         """Forget everything: a test begins."""
         self.verdicts: list[Verdict] = []  # all since the test began
+        self.reset()
+
+    def reset(self) -> None:
+        """Judge only what comes from now on."""
         self._record = Record(self._collector.node.get_namespace())
-        self._added: dict[str, int] = {}
+        self._added: dict[str, int] = {}  # messages, by topic
+        self._lost: dict[str, int] = {}  # messages, by topic
 
     def expectations(
         self, given: Sequence[Expectable], folder: Path | None, name: str, requirement: str
@@ -86,9 +91,10 @@ class LiveVerdicts:
             for stamp, message in zip(heard.stamps[begin:], messages[begin:], strict=True):
                 self._record.add(topic, stamp, message)
             self._added[topic] = len(messages)
-            if heard.lost:
-                self._record.add_losses(topic, heard.lost)
-                heard.lost = 0
+            lost = heard.lost - self._lost.get(topic, 0)
+            if lost:
+                self._record.add_losses(topic, lost)
+                self._lost[topic] = heard.lost
         return self._record
 
 

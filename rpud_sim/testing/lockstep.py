@@ -16,6 +16,8 @@ from rpud_sim.testing.collector import Collector
 from rpud_sim.testing.domains import applied
 from rpud_sim.testing.drill_process import DrillProcess
 from rpud_sim.testing.errors import DrillError, LostMessagesError, is_verdict
+from rpud_sim.testing.introductions import Introductions
+from rpud_sim.testing.lockstep_client import LockstepClient
 from rpud_sim.testing.systems import Systems
 
 _START = 180.0  # that a drill may take to start, which compiles where nothing is compiled yet [s]
@@ -39,18 +41,17 @@ class Lockstep:
         namespace = process.namespace
         with applied(process.environment):
             # of the drill
-            self.client = DrillClient(
+            self.client = LockstepClient(
                 namespace, process.domain, node_name="drill_test_client", patience=_PATIENCE
             )
             # of the messages
-            self.collector = Collector(
-                self.client.node.context, namespace, f"{namespace}/drill_node"
-            )
+            self.collector = Collector(self.client)
         self.client.check_while_waiting(self._check)
-        own = str(self.client.node.get_fully_qualified_name())
-        self.answers = Answers(self.collector, own)  # that the nodes under test have declared
+        introductions = Introductions(self.collector, self.client.node)
+        # that the nodes under test have declared
+        self.answers = Answers(self.collector, introductions)
         # processes under test
-        self.systems = Systems(self.collector, self.answers, process.environment)
+        self.systems = Systems(self.collector, self.answers, introductions, process.environment)
         try:
             self._await_start()
         except BaseException:
@@ -74,15 +75,21 @@ class Lockstep:
             self.client.pause()
             self.client.set_parameters(real_time_factor=1.0)  # the one that no reset restores
             self._process.scenario.write_text(scenario)
-            self.client.reset(seed=seed)
-            self.collector.time = 0
-            self.settle()
-            self.collector.forget()
+            self.reset(seed)
+            self.collector.forget_others()
         except (ClientError, LostMessagesError) as error:
             raise DrillError(f"the drill cannot be reset: {error}") from error
         status = self.collector.own("status")
         if status.stamps[-1] or status.latest().state != Status.STATE_PAUSED:
             raise DrillError(f"the drill is {status.latest().state} after a reset, not paused")
+
+    def reset(self, seed: int | None) -> None:
+        """Take the drill back to time zero; what came before is forgotten, nodes go on."""
+        self.settle()  # messages from before are none of after
+        DrillClient.reset(self.client, seed=seed)
+        self.collector.time = 0
+        self.settle()
+        self.collector.forget()
 
     def advance(self, until: int) -> None:
         """Advance to a simulation time [ns], with an answer of every node at each due time."""
@@ -108,13 +115,13 @@ class Lockstep:
     def settle(self) -> None:
         """Wait until all that the drill has published is here."""
         collector, status = self.collector, self.collector.own("status")
+        collector.ask()
 
         def complete() -> bool:
             return (
                 bool(status.stamps)
                 and status.stamps[-1] >= collector.time
                 and (status.number or 0) >= self.client.status_number
-                and collector.published.get("status", 0) == status.number
                 and not collector.missing()
             )
 
@@ -130,7 +137,7 @@ class Lockstep:
         One that was killed never has: the wait ends then, too.
         """
         self.settle()
-        self.collector.until(lambda: self.collector.acknowledged, _DELIVERY, self._check)
+        self.collector.until(lambda: self.collector.ask().acknowledged, _DELIVERY, self._check)
 
     def close(self) -> None:
         with contextlib.suppress(Exception):
@@ -146,7 +153,7 @@ class Lockstep:
         while self.time < until:
             length = min(until - self.time, _LONGEST_ADVANCE)
             with self._guarded():
-                reached = self.client.step(length / SECOND)
+                reached = DrillClient.step(self.client, length / SECOND)
             self.collector.time = round(reached * SECOND)
             self.settle()
         period = self.answers.period

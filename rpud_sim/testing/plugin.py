@@ -25,6 +25,9 @@ _MARK = (
     "test: a ROS parameter file, faults that begin by themselves, a seed, and parameters by name."
 )
 
+# Phase of a test that ends undecided: failed in any but ``call``, a report is an error.
+_VERDICT: Any = "verdict"
+
 
 class _Stash:
     drills = pytest.StashKey[list[Any]]()
@@ -81,13 +84,15 @@ def pytest_runtest_makereport(
     """Leave the artefacts of a test whose drill still is as it was when the test failed."""
     outcome = yield
     report = outcome.get_result()
+    if call.when == "call" and call.excinfo and getattr(call.excinfo.value, "undecided", False):
+        report.when = _VERDICT
     drills = item.stash.get(_Stash.drills, [])
     if not drills:
         return
     properties = []
-    if report.when == "call":
+    if call.when == "call":
         properties += [("rpud_verdict", text) for drill in drills for text in drill.verdict_lines]
-    keep = item.config.getoption("rpud_keep") and report.when == "call"
+    keep = item.config.getoption("rpud_keep") and call.when == "call"
     name = item.config.getoption("rpud_artefacts")
     if not name or not (report.failed or keep):
         item.user_properties += properties
@@ -103,6 +108,12 @@ def pytest_runtest_makereport(
         report.longrepr.addsection("rpud_sim", artefacts.text)
     else:
         report.sections.append(("rpud_sim", artefacts.text))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_report_teststatus(report: pytest.TestReport) -> tuple[str, str, str] | None:
+    """Call a test with undecided expectations an error, as JUnit does."""
+    return ("error", "E", "ERROR") if report.failed and report.when == _VERDICT else None
 
 
 @pytest.hookimpl(trylast=True)  # after the teardown of a test that was interrupted

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import html
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
@@ -19,9 +21,12 @@ class ReportPages:
         self._pool = ThreadPoolExecutor(1, "rpud_report")
         self._pages: list[Future[None]] = []
 
-    def begin(self, bag: Path, page: Path) -> None:
-        """Write the page of a bag soon; where that fails, the page's place has the reason."""
-        self._pages.append(self._pool.submit(_write, bag, page))
+    def begin(self, bag: Path, page: Path, head: Sequence[str]) -> None:
+        """Write the page of a bag soon, below some lines.
+
+        Where that fails, the page's place has the reason.
+        """
+        self._pages.append(self._pool.submit(_write, bag, page, head))
 
     def finish(self) -> None:
         for page in self._pages:
@@ -29,7 +34,7 @@ class ReportPages:
         self._pool.shutdown()
 
 
-def _write(bag: Path, page: Path) -> None:
+def _write(bag: Path, page: Path, head: Sequence[str]) -> None:
     command = (sys.executable, "-m", "rpud_sim.cli.main", "report", str(bag), "--out", str(page))
     reason = ""
     with contextlib.suppress(FileNotFoundError):  # of a bag that the test itself has removed
@@ -44,5 +49,8 @@ def _write(bag: Path, page: Path) -> None:
             reason = done.stderr.decode(errors="replace")
         except (OSError, subprocess.TimeoutExpired) as error:
             reason = str(error)
-        if not page.exists():
+        if page.exists():
+            text, lines = page.read_text(), html.escape("\n".join(head))
+            page.write_text(text.replace("<body>", f"<body>\n<pre>{lines}</pre>", 1))
+        else:
             page.write_text(f"<pre>The report could not be written: {reason}</pre>")

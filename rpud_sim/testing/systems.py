@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import re
 import shlex
+import signal
 import sys
 import time
+from collections import ChainMap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from rpud_sim.foundation.quantities import ParameterError, suggestion
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.simulation.topics import TOPICS
 from rpud_sim.testing.answers import Answers
 from rpud_sim.testing.collector import COMMANDS, Collector
 from rpud_sim.testing.errors import LostMessagesError, SystemUnderTestError, is_verdict
+from rpud_sim.testing.introductions import Introductions, node_name
 from rpud_sim.testing.processes import ChildProcess, stop_all
 
 _START = 30.0  # that nodes may take to start which the test does not start itself [s]
 _CONNECTION = 10.0  # that the middleware may take to connect what is there [s]
 _ACCEPTANCE = 10.0  # that a command may take to reach the drill [s]
 _POLL_PERIOD = 0.01  # between looks at the graph, whose changes send no signal [s]
+_SILENT = 1.0  # for an answer of a process that has never answered, in a test before [s]
 _CALM = 0.25  # without a change of the graph, after which a node counts as complete [s]
 
 __tracebackhide__ = is_verdict
@@ -29,10 +34,12 @@ class SystemUnderTest(ChildProcess):
     """Process that a test has started."""
 
     expected = False  # whether it may end: the test has ended it
+    note: Callable[[str], None]  # writes down what the test does with it
 
     def stop(self) -> None:
         """End it; that it is gone is no failure."""
         self.expected = True
+        self.resume()
         super().stop()
 
     def kill(self) -> None:
@@ -40,18 +47,42 @@ class SystemUnderTest(ChildProcess):
         self.expected = True
         super().kill()
 
+    def send(self, number: int) -> None:
+        """Send it a signal."""
+        if self.running:
+            self.note(f"{signal.Signals(number).name} to {self.name}")
+        super().send(number)
+
+    def pause(self) -> None:
+        """Let it stand still, as one that hangs; the test awaits its declared answers all the same.
+
+        ``drill.with_answers()`` ends these.
+        """
+        self.send(signal.SIGSTOP)
+
+    def resume(self) -> None:
+        """Let it go on after ``pause``."""
+        self.send(signal.SIGCONT)
+
 
 class Systems:
     """All processes under test of one drill."""
 
     def __init__(
-        self, collector: Collector, answers: Answers, environment: Mapping[str, str]
+        self,
+        collector: Collector,
+        answers: Answers,
+        introductions: Introductions,
+        environment: Mapping[str, str],
     ) -> None:
         self._collector = collector
         self._answers = answers
+        self._introductions = introductions
         self._environment = environment
         self._folder = Path(environment["ROS_LOG_DIR"]).parent
         self._processes: list[SystemUnderTest] = []
+        # topics and commands of the tests in which these have never answered
+        self._silent: set[tuple[object, ...]] = set()
         self._count = 0
 
     @property
@@ -67,31 +98,50 @@ class Systems:
         hears: Sequence[str],
         ready: str | Callable[[], object] | None,
         timeout: float,
+        note: Callable[[str], None],
     ) -> SystemUnderTest:
         """Start a process, and wait until it is connected; see ``Drill.start``."""
         words = _words(command)
         if self._ended:
-            self._answers.part()
+            self._part()
         before = {topic: self._subscribers(topic) for topic in hears}
         graph = self._graph()
         self._count += 1
-        system = SystemUnderTest(
-            name or _name_of(words),
-            words,
-            self._environment,
-            self._folder / f"system_{self._count}.log",
-            folder,
-        )
+        name = name or _name_of(words)
+        if name in [each.name for each in self._processes]:
+            name = shlex.join(words[words[0] == sys.executable :])
+        log = self._folder / f"system_{self._count}.log"
+        try:
+            system = SystemUnderTest(name, words, self._environment, log, folder)
+        except OSError as error:
+            what = f"{error.filename or name} cannot be started: {error.strerror}"
+            raise SystemUnderTestError(name, "died", what) from None
+        system.note = note
         self._processes.append(system)
         calm = _Calm(self._graph, graph)
 
         def lack() -> str:
-            if not self._answers.connect():
+            # The graph may show what a node hears before it shows what the node publishes.
+            hearing = {
+                topic: {
+                    gid: name
+                    for gid, name in self._subscribers(topic).items()
+                    if gid not in before[topic]
+                }
+                for topic in hears
+            }
+            answering = self._answers.connect()
+            strangers = self._introduce(dict(ChainMap(*hearing.values())))
+            if not answering:
                 return f"does not publish on all of {', '.join(self._answers.names)}"
-            silent = [topic for topic in hears if not self._subscribers(topic) - before[topic]]
+            silent = [topic for topic in hears if not hearing[topic]]
             if silent:
-                return f"does not subscribe to {', '.join(silent)}"
-            if not self.connected() or not (hears or calm()):
+                hints = [
+                    suggestion(topic, TOPICS) if topic not in TOPICS else "" for topic in silent
+                ]
+                names = map("".join, zip(silent, hints, strict=True))
+                return f"does not subscribe to {', '.join(names)}"
+            if strangers or self._unconnected() or not (hears or calm()):
                 return f"is not connected to the drill{self._on_topics()}"
             if not _is_ready(system, ready):
                 return f"has not printed {ready!r}" if isinstance(ready, str) else "is not ready"
@@ -109,8 +159,8 @@ class Systems:
         return system
 
     def connected(self) -> bool:
-        """Return whether the drill reaches every subscriber and every publisher reaches it."""
-        return bool(self._collector.subscribers) and not self._unconnected()
+        """Return whether drill, test and nodes know each other, as far as they are discovered."""
+        return not self._introduce() and not self._unconnected()
 
     def await_connections(self) -> None:
         """Wait until the drill reaches every subscriber that there is."""
@@ -123,23 +173,38 @@ class Systems:
     def await_answerers(self) -> None:
         """Wait until the nodes that shall answer are there, and know that the test hears them."""
         answers = self._answers
-        if self._ended or not answers.declared or answers.introduced:
+        if self._ended or not answers.declared:
             return
-        if not self._collector.until(answers.connect, _START, self.check, _POLL_PERIOD):
+        if answers.introduced:
+            self._check_publishers()
+            return
+
+        def complete() -> bool:
+            return answers.connect() and self.connected()
+
+        if not self._collector.until(complete, _START, self.check, _POLL_PERIOD):
             text = f"no publisher on {' and '.join(answers.names)} within {_START:g} s"
             raise SystemUnderTestError(", ".join(answers.names), "silent", self._with_output(text))
+        answers.introduced = True
+        self._check_publishers()
 
     def await_answers(self, stamp: int) -> None:
         """Wait until all declared answers for a stamp [ns] are here."""
         answers = self._answers
         if self._ended:
             return
-        if self._collector.until(lambda: not answers.missing(stamp), answers.timeout, self.check):
+        commands = tuple(system.command for system in self._processes)
+        known = (*answers.names, *commands) in self._silent
+        limit = min(answers.timeout, _SILENT) if known else answers.timeout
+        if self._collector.until(lambda: not answers.missing(stamp), limit, self.check):
             return
         kind = "late" if answers.late(stamp) else "silent"
+        if answers.never:
+            self._silent.add((*answers.names, *commands))
         text = (
             f"no answer for {stamp / SECOND:.3f} s of simulation time within "
-            f"{answers.timeout:g} s on {'; '.join(answers.missing(stamp))}"
+            f"{limit:g} s on {'; '.join(answers.missing(stamp))}"
+            f"{', as in a test before' if known else ''}"
         )
         raise SystemUnderTestError(", ".join(answers.names), kind, self._with_output(text))
 
@@ -170,43 +235,69 @@ class Systems:
                 raise self._failure(system, "died", system.ending)
 
     def stop(self) -> None:
-        self._answers.part()
+        self._part()
+        for system in self._processes:
+            system.resume()
         stop_all(self._processes)
         self._processes.clear()
+
+    def _introduce(self, further: Mapping[bytes, str] = {}) -> list[str]:
+        return self._introductions.lacking({**self._answers.publishers, **further})
+
+    def _part(self) -> None:
+        self._answers.introduced = False
+        self._introductions.part(self._answers.publishers)
+
+    def _check_publishers(self) -> None:
+        # A publisher of a process that has ended may still be remembered.
+        if all(system.running for system in self._processes) and (crowd := self._answers.crowded()):
+            raise ParameterError(f"with_answers: {crowd}")
 
     @property
     def _ended(self) -> bool:
         return bool(self._processes) and all(system.expected for system in self._processes)
 
     def _with_output(self, text: str) -> str:
-        return "\n".join([text, *map(_last_lines, self._processes)])
+        return "\n".join([text, *self._introductions.unserved, *map(_last_lines, self._processes)])
 
     def _failure(self, system: SystemUnderTest, kind: str, what: str) -> SystemUnderTestError:
         when = f"at {self._collector.time / SECOND:.3f} s of simulation time"
         return SystemUnderTestError(
-            system.name, kind, f"{system.name} {what}, {when}\n{_last_lines(system)}"
+            system.name,
+            kind,
+            "\n".join(
+                [
+                    f"{system.name} {what}, {when}",
+                    *self._introductions.unserved,
+                    _last_lines(system),
+                ]
+            ),
         )
 
     def _unconnected(self) -> list[str]:
-        node, collector = self._collector.node, self._collector
-        lacking = [
+        """Return topics and services that the graph shows with more ends than the drill knows."""
+        node, known = self._collector.node, self._collector.delivery
+        resolve = self._collector.resolve
+        return [
             name
-            for name, number in collector.subscribers.items()
-            if number < node.count_subscribers(collector.resolve(name))
+            for names, numbers, count in (
+                (known.topics, known.subscribers, node.count_subscribers),
+                (known.command_topics, known.publishers, node.count_publishers),
+                (known.services, known.clients, node.count_clients),
+            )
+            for name, number in zip(names, numbers, strict=True)
+            if number < count(resolve(name))
         ]
-        for name in COMMANDS:
-            if collector.publishers.get(name, 0) < node.count_publishers(collector.resolve(name)):
-                lacking.append(name)
-        return lacking
 
     def _on_topics(self) -> str:
         names = self._unconnected()
         return f" on {', '.join(names)}" if names else ""
 
-    def _subscribers(self, topic: str) -> set[bytes]:
+    def _subscribers(self, topic: str) -> dict[bytes, str]:
+        """Return the subscriptions of a topic, with the names of their nodes."""
         name = self._collector.resolve(topic)
         infos = self._collector.node.get_subscriptions_info_by_topic(name)
-        return {bytes(each.endpoint_gid) for each in infos}
+        return {bytes(each.endpoint_gid): node_name(each) for each in infos}
 
     def _graph(self) -> tuple[object, ...]:
         node, collector = self._collector.node, self._collector

@@ -60,7 +60,7 @@ FORMS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "hold until": (("hold", "until"), _WINDOW),
     "hold unless": (("hold", "unless"), ()),
     "after": (("after", "expect"), ()),
-    "count": (("count", "is"), _WINDOW),
+    "count": (("count", "is"), (*_WINDOW, "until")),
     "quantile": (("quantile", "of", "is"), _WINDOW),
 }
 _MAIN = tuple(dict.fromkeys(required[0] for required, _ in FORMS.values()))
@@ -179,7 +179,8 @@ def _count(value: Mapping[str, Any], path: Path) -> Count:
     plain, unit = parse_quantity(number)
     if unit:
         raise ExpectationError(f"a count has no unit, given {number}", (*path, "is"))
-    return Count(event, operator, plain, _window(value))
+    goal = _one("until", value, path) if "until" in value else None
+    return Count(event, operator, plain, _window(value), goal)
 
 
 def _quantile(value: Mapping[str, Any], path: Path) -> Quantile:
@@ -252,7 +253,8 @@ def to_plain(formula: Formula) -> Any:
     if isinstance(formula, Count):
         compared = f"{formula.operator} {Number(formula.number)}"
         event = to_plain(formula.event)
-        return {"count": event, "is": compared, **_plain_window(formula.window)}
+        goal = {} if formula.until is None else {"until": to_plain(formula.until)}
+        return {"count": event, "is": compared, **_plain_window(formula.window), **goal}
     assert isinstance(formula, Quantile)
     return {
         "quantile": formula.share,

@@ -157,11 +157,21 @@ class Evaluation:
         maybe = instants.stamps[instants.values[MOST_TRUTH] > 0.0]
         edges = (instants.stamps, instants.first - 1, instants.first, instants.last)
         times = self._times(np.concatenate(edges), window)
-        least = _inside(sure, times, window, end)
-        most = _inside(maybe, times, window, end)
-        most += instants.missing.among(*_span(times, window, end))
-        beyond = _beyond(times, window, end)
-        most[beyond | _touched(instants, times, window, end)] = math.inf
+        if formula.until is None:
+            first, last = _span(times, window, end)
+            surely_last, beyond = last, _beyond(times, window, end)
+        else:
+            goal = self.steps(formula.until)
+            times = np.union1d(times, goal.starts)
+            first = times
+            surely_last = _next(goal, (goal.values[MOST_TRUTH] > 0.0) | goal.absent, times, end) - 1
+            last = _next(goal, (goal.values[LEAST_TRUTH] > 0.0) & ~goal.absent, times, end) - 1
+            beyond = last >= end
+        least = _inside(sure, first, surely_last)
+        most = _inside(maybe, first, last) + instants.missing.among(first, last)
+        touched = _touched(instants, first, last)
+        most[last < first], touched[last < first] = 0.0, False
+        most[beyond | touched] = math.inf
         values = compared(least, most, formula.operator, formula.number)
         return Steps(times, values, np.zeros(len(times), bool)).merged()
 
@@ -225,16 +235,22 @@ def _span(times: np.ndarray, window: Window, end: int) -> tuple[np.ndarray, np.n
     return times + window.start, last
 
 
-def _inside(stamps: np.ndarray, times: np.ndarray, window: Window, end: int) -> np.ndarray:
-    begin, last = _span(times, window, end)
-    first = np.searchsorted(stamps, begin, side="left")
-    return np.maximum(np.searchsorted(stamps, last, side="right") - first, 0).astype(float)
+def _next(steps: Steps, chosen: np.ndarray, times: np.ndarray, end: int) -> np.ndarray:
+    """Return the first instant from each time on in one of the chosen steps, or after the end."""
+    starts = np.append(steps.starts[chosen & (steps.starts <= end)], end + 1)
+    found = starts[np.searchsorted(starts, times, side="left")]
+    inside = chosen[steps.at(times)] & (times <= end)
+    return np.where(inside, times, found)
 
 
-def _touched(instants: Instants, times: np.ndarray, window: Window, end: int) -> np.ndarray:
-    begin, last = _span(times, window, end)
+def _inside(stamps: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    begun = np.searchsorted(stamps, last, side="right")
+    return np.maximum(begun - np.searchsorted(stamps, first, side="left"), 0).astype(float)
+
+
+def _touched(instants: Instants, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     begun = np.searchsorted(instants.first, last, side="right")
-    return begun > np.searchsorted(instants.last, begin, side="left")
+    return begun > np.searchsorted(instants.last, first, side="left")
 
 
 def _beyond(times: np.ndarray, window: Window, end: int) -> np.ndarray:

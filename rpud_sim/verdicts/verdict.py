@@ -12,10 +12,12 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.verdicts.atoms import Atoms
 from rpud_sim.verdicts.expectation import Expectation
 from rpud_sim.verdicts.names import Field, unit_of
+from rpud_sim.verdicts.notation import to_plain
 from rpud_sim.verdicts.record import Record
 from rpud_sim.verdicts.robustness import Evaluation
 from rpud_sim.verdicts.steps import LEAST_MARGIN, LEAST_TRUTH, MOST_MARGIN, MOST_TRUTH, Steps
 from rpud_sim.verdicts.vocabulary import (
+    WHOLE,
     After,
     Always,
     And,
@@ -27,6 +29,7 @@ from rpud_sim.verdicts.vocabulary import (
     Not,
     Or,
     Quantile,
+    Says,
     Until,
     Window,
 )
@@ -79,7 +82,7 @@ def evaluate(expectation: Expectation, record: Record) -> Verdict:
     steps = evaluation.steps(expectation.formula, once=True)
     least, most = (float(steps.values[row, 0]) for row in (LEAST_TRUTH, MOST_TRUTH))
     if steps.absent[0] or least < 0.0 < most:
-        text = missing or _why_undecided(expectation, record, end, zero)
+        text = missing or _why_undecided(expectation, evaluation, record, zero)
         return _verdict(expectation, UNDECIDED, text=text)
     held = least > 0.0
     margin = float(steps.values[LEAST_MARGIN if held else MOST_MARGIN, 0])
@@ -117,25 +120,47 @@ def _verdict(
     )
 
 
-def _why_undecided(expectation: Expectation, record: Record, end: int, zero: int) -> str:
+def _why_undecided(
+    expectation: Expectation, evaluation: Evaluation, record: Record, zero: int
+) -> str:
     for topic in expectation.used_topics:
         lost = record.missing(topic).total
         if lost:
             return f"{lost} messages of {topic} are lost"
-    triggers = [part for part in expectation.formula.walk() if isinstance(part, After)]
-    over = f"the record ends at {(end - zero) / SECOND:.9g} s, before it is decided"
-    return f"{over}, or the event of after never came" if triggers else over
+    for part in expectation.formula.walk():
+        if isinstance(part, After) and not _sure(
+            evaluation.trigger(part.trigger), evaluation.begin
+        ):
+            return f"the event of after never came: {to_plain(part.trigger)}"
+    over = f"the record ends at {(evaluation.end - zero) / SECOND:.9g} s, before it is decided"
+    for part in expectation.formula.walk():
+        if isinstance(part, (Compare, Says)) and (gap := _gap(evaluation, part)) is not None:
+            silent = f"{part.signal} has no value at {(gap - zero) / SECOND:.9g} s"
+            windows = [getattr(each, "window", WHOLE) for each in expectation.formula.walk()]
+            return silent if set(windows) == {WHOLE} else f"{silent}, or {over}"
+    return over
+
+
+def _gap(evaluation: Evaluation, part: Formula) -> int | None:
+    """Return when a signal was silent for longer than it holds, or not a number [ns]."""
+    steps = evaluation.steps(part)
+    unknown = (steps.values[LEAST_TRUTH] < 0.0) & (steps.values[MOST_TRUTH] > 0.0)
+    found = steps.starts[unknown & ~steps.absent & (steps.starts <= evaluation.end)]
+    return int(found[0]) if len(found) else None
 
 
 def _unit(formula: Formula, record: Record) -> str:
-    units = set()
-    for part in formula.walk():
-        if isinstance(part, (Compare, Quantile)):
-            field = record.field(part.signal)
-            units.add(unit_of(part.number, field if isinstance(field, Field) else None))
-        elif isinstance(part, Count):
-            units.add("")
+    units = _units(formula, record)
     return MIXED if len(units) > 1 else "".join(units)
+
+
+def _units(formula: Formula, record: Record) -> set[str]:
+    if isinstance(formula, Count):  # its margin is a number, whatever its events are
+        return {""}
+    if isinstance(formula, (Compare, Quantile)):
+        field = record.field(formula.signal)
+        return {unit_of(formula.number, field if isinstance(field, Field) else None)}
+    return set().union(*(_units(part, record) for part in formula.children()))
 
 
 def _decided(evaluation: Evaluation, formula: Formula, time: int, held: bool) -> int:
@@ -169,6 +194,9 @@ def _decided(evaluation: Evaluation, formula: Formula, time: int, held: bool) ->
         )
         found = _first(evaluation.steps(part), begin, last, held)
         return last if found is None else _decided(evaluation, part, found, held)
+    if isinstance(formula, Count) and formula.until is not None:
+        found = _first(evaluation.steps(formula.until), time, end, True)
+        return end if found is None else found
     if isinstance(formula, (Count, Quantile)):
         return _last(formula.window, time, end)
     return time

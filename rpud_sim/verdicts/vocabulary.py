@@ -300,15 +300,18 @@ class After(Formula):
 
 @dataclasses.dataclass(frozen=True)
 class Count(Formula):
-    """The number of events in a window, compared."""
+    """The number of events in a window, or before a goal holds, compared."""
 
     event: Event
     operator: str
     number: float
     window: Window = WHOLE
+    until: Formula | None = None  # the goal, in place of a window
 
     def __post_init__(self) -> None:
         _check_operator(self.operator)
+        if self.until is not None and self.window != WHOLE:
+            raise ExpectationError("a count has a window or an until, not both")
         if not 0.0 <= self.number < 1e15:
             raise ExpectationError(f"count = {self.number:g} is outside its range [0, 1e15)")
 

@@ -79,10 +79,15 @@ def after(trigger: Formula, formula: Formula) -> After:
 
 
 def count(
-    event: Event, operator: str, number: float, within: Any = None, between: Any = None
+    event: Event,
+    operator: str,
+    number: float,
+    within: Any = None,
+    between: Any = None,
+    until: Formula | None = None,
 ) -> Count:
-    """Return the comparison of the number of events in a window."""
-    return Count(event, operator, float(number), window(within, between))
+    """Return the comparison of the number of events in a window, or before ``until`` holds."""
+    return Count(event, operator, float(number), window(within, between), until)
 
 
 def quantile(

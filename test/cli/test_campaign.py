@@ -1,6 +1,7 @@
 """`rpud test CAMPAIGN.yaml`: exit codes, pytest's options, wrong calls."""
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from support import rpud
@@ -48,9 +49,15 @@ def test_all_requirements_met_give_0_and_a_page_with_all_bags(campaign, tmp_path
 
 
 def test_a_requirement_that_no_run_decides_gives_1_and_a_failed_one_3(campaign, tmp_path):
-    words = ("test", campaign, "--only", "calm", "--out", tmp_path / "out")
+    junit = tmp_path / "junit.xml"
+    words = ("test", campaign, "--only", "calm", "--out", tmp_path / "out", "--junit", junit)
     result = rpud(*words)
     assert result.returncode == 1, result.stdout
+    assert "campaign.yaml::SAFE-2" in result.stdout
+    assert "1 error in" in result.stdout.splitlines()[-1]
+    suite = ElementTree.parse(junit).getroot().find("testsuite")
+    assert (suite.get("errors"), suite.get("failures")) == ("1", "0")
+    assert "the event of after never came: {'onset': 'free_mass_jammed'}" in junit.read_text()
     assert "SAFE-2             undecided  undecided" in result.stdout
     campaign.write_text(CAMPAIGN.replace("< 500 N", "< 0 N"))
     result = rpud(*words)

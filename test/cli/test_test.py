@@ -45,16 +45,16 @@ def test_all_passed_gives_0(bag, rpud):
     assert out.splitlines()[-1] == "1 passed, 0 failed, 0 undecided"
 
 
-@pytest.mark.parametrize("entry", [FAILED, UNDECIDED])
-def test_failed_and_undecided_give_1(bag, rpud, entry):
-    code, _, err = rpud(bag, [PASSED, entry])
-    assert (code, err) == (1, "")
+@pytest.mark.parametrize(("entries", "expected"), [([FAILED, UNDECIDED], 3), ([UNDECIDED], 1)])
+def test_failed_gives_3_and_undecided_alone_1(bag, rpud, entries, expected):
+    code, _, err = rpud(bag, [PASSED, *entries])
+    assert (code, err) == (expected, "")
 
 
 def test_json_and_junit_have_every_verdict(bag, rpud, tmp_path):
     code, out, _ = rpud(bag, [PASSED, FAILED, UNDECIDED], "--json", "--junit", tmp_path / "j.xml")
     content = json.loads(out)
-    assert code == 1
+    assert code == 3
     assert content["counts"] == {"passed": 1, "failed": 1, "undecided": 1}
     assert content["runs"] == 1
     assert [each["outcome"] for each in content["verdicts"]] == ["passed", "failed", "undecided"]

@@ -310,6 +310,7 @@ WAYS: Mapping[str, Send] = {
     ),
     "list_faults": _service("list_faults", _answered),
     "simulation/get_state": _service("simulation/get_state", _of_result),
+    "simulation/get_delivery": _service("simulation/get_delivery", _answered, nodes=_names),
     "simulation/set_state": _service("simulation/set_state", _of_result, state=_state),
     "simulation/step": _step("simulation/step", "duration"),
     "simulation/run_to": _step("simulation/run_to", "time"),

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.extended
 INPUTS = 3000
 NEVER_REFUSED = {
     *("get_parameters", "get_parameter_types", "describe_parameters", "list_parameters"),
-    *("list_faults", "simulation/get_state", "engage"),
+    *("list_faults", "simulation/get_state", "simulation/get_delivery", "engage"),
 }
 
 

@@ -43,6 +43,28 @@ def test_a_command_is_over_when_the_drill_has_accepted_it(drill):
     assert (shown.drive_voltage, shown.drive_frequency) == (100.0, 15900.0)
 
 
+def test_the_account_of_delivery_says_who_knows_the_drill(drill):
+    with DrillClient("/bench") as other:
+        node = other.node.create_publisher(WeightOnBit, "command/weight_on_bit", 1)
+        namesake = rclpy.create_node("answers", context=other.node.context)  # with parameters
+        asked = ["no name", "/nobody", "/answers"]
+
+        def known():
+            rclpy.spin_once(namesake, executor=other._drill.listening._executor, timeout_sec=0.0)
+            delivery = drill.delivery(asked)
+            commanders = dict(zip(delivery.command_topics, delivery.publishers, strict=True))
+            return delivery.unanswered == asked[:2] and commanders["command/weight_on_bit"]
+
+        drill.until(known)
+        assert drill.delivery(["/answers"]).unanswered == []
+        namesake.destroy_node()
+        other.node.destroy_publisher(node)
+    delivery = drill.delivery()
+    assert dict(zip(delivery.topics, delivery.published, strict=True))["status"] >= 1
+    assert min(delivery.clients) >= 0
+    assert "/bench/engage" in delivery.services
+
+
 def test_a_refused_command_raises_the_reason_of_the_drill(drill):
     with pytest.raises(RefusedError, match=r"^weight_on_bit = -1 N is outside its range \[0, 1"):
         drill.press(-1.0)

@@ -9,6 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rpud_msgs.msg import ReactingForce, WeightOnBit
 from std_msgs.msg import Header
+from std_srvs.srv import SetBool
 
 PERIOD = 100_000_000  # ns
 HOW = sys.argv[1]
@@ -25,9 +26,13 @@ class Supervisor(Node):
         if HOW == "unheard":
             quality.reliability = ReliabilityPolicy.BEST_EFFORT
         self.weights = self.create_publisher(WeightOnBit, "command/weight_on_bit", quality)
+        if HOW == "calls":
+            self.nowhere = self.create_client(SetBool, "nowhere")
         self.create_subscription(ReactingForce, "reacting_force", self.hear, 1000)
 
     def hear(self, message):
+        if HOW == "calls":  # and waits for ever
+            return
         self.force.append(message.force)
         stamp = message.header.stamp
         now = stamp.sec * 1_000_000_000 + stamp.nanosec

@@ -11,7 +11,7 @@ from rpud_msgs.msg import Status
 import rpud_sim.bag
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.inspection.verify.verification import verify
-from rpud_sim.ros.client import RefusedError
+from rpud_sim.ros.client import DrillClient, RefusedError
 from rpud_sim.testing import (
     ExpectationFailedError,
     LostMessagesError,
@@ -74,7 +74,7 @@ def test_nothing_leaks_into_the_next_test():
         drill.inject("lost_preload")
         drill.listen("waveform")
         drill.step(0.2)
-        drill.client.play()
+        DrillClient.play(drill.client)
         pool.give_back(drill)
 
         assert pool.take(setup) is drill

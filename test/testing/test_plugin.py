@@ -49,10 +49,14 @@ def test_wrong_marks_are_refused_before_anything_starts(pytester):
 def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing(pytester):
     pytester.makefile(".py", supervisor=SUPERVISOR)
     pytester.makepyfile("""
-        from rpud_sim.verdicts import always, signal
+        from rpud_sim.verdicts import always, eventually, signal
 
         def test_passes(drill):
             drill.step(0.1)
+
+        def test_is_undecided(drill):
+            drill.step(0.1)
+            drill.expect(eventually(signal("reacting_force.force") > "1 MN", within="1 s"))
 
         def test_fails(drill):
             drill.press(20.0)
@@ -65,8 +69,8 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
     """)
     options = ("-p", "no:cacheprovider", "-n2", "--junitxml=junit.xml", "--rpud-artefacts=left")
     result = pytester.runpytest_subprocess(*options)
-    result.assert_outcomes(passed=1, failed=1)
-    [folder] = (pytester.path / "left").iterdir()
+    result.assert_outcomes(passed=1, failed=1, errors=1)
+    [folder] = (pytester.path / "left").glob("*fails")
     result.stdout.fnmatch_lines(
         [
             "E *ExpectationFailedError: [[]R1] calm: failed, margin -* N: *",
@@ -76,11 +80,19 @@ def test_failing_tests_leave_artefacts_also_in_parallel_and_passing_ones_nothing
         ]
     )
     assert (folder / "bag" / "metadata.yaml").is_file()
-    assert "<html" in (folder / "report.html").read_text()
-    assert "press 20.0 N" in (folder / "commands.txt").read_text()
+    page = (folder / "report.html").read_text()
+    assert "<pre>test: test_failing" in page
+    assert "seed: 0\n[R1] calm: failed, margin -" in page
+    commands = (folder / "commands.txt").read_text()
+    assert "press 20.0 N" in commands
+    assert "at 0.000 s: step to 0.2 s" in commands
     assert "drilling: regime drilling" in (folder / "drill.log").read_text()
     assert "supervisor.py works" in (folder / "1_supervisor.py.log").read_text()
     assert "rpud_sim" in json.loads((folder / "versions.json").read_text())["versions"]
+    tests = ElementTree.parse(pytester.path / "junit.xml").iter("testcase")
+    found = {case.get("name"): (case.find("failure"), case.find("error")) for case in tests}
+    assert found["test_fails"][1] is found["test_is_undecided"][0] is None
+    assert "before it is decided" in found["test_is_undecided"][1].get("message")
     cases = {
         case.get("name"): {each.get("name"): each.get("value") for each in case.iter("property")}
         for case in ElementTree.parse(pytester.path / "junit.xml").iter("testcase")

@@ -1,7 +1,5 @@
-"""What .ci/run asks of make: a browser, both tiers of tests, and second attempts for one error."""
+"""What .ci/run asks of make: a browser, and both tiers of tests."""
 
-import os
-import shlex
 import shutil
 import subprocess
 import sys
@@ -46,7 +44,7 @@ def ci_run(tmp_path):
 
 def test_a_browser_that_is_there_is_required(ci_run, tmp_path):
     printed, errors, code = ci_run(chromium="", apt_get="touch asked")
-    assert "make test RPUD_BROWSER=required -x --reruns 1" in printed
+    assert "make test RPUD_BROWSER=required -x" in printed
     assert "make test-all SEED=0 RPUD_BROWSER=required" in printed
     assert not (tmp_path / "asked").exists()
     assert (errors, code) == ("", 0)
@@ -72,43 +70,3 @@ def test_elsewhere_one_line_says_what_is_missing(ci_run, made):
     assert errors.count("\n") == 1
     assert "no Chromium" in errors
     assert code == 0
-
-
-TESTS = """
-from pathlib import Path
-
-from rpud_sim.testing.errors import LostMessagesError
-
-def once(name, error):
-    with open(name, "a") as file:
-        file.write("x")
-    if Path(name).read_text() == "x":
-        raise error
-
-def test_a_lost_command():
-    once("lost", LostMessagesError("1 commands were given, and the drill has not got all of them"))
-
-def test_an_assertion():
-    once("assertion", AssertionError("it did not come true"))
-
-def test_an_error():
-    once("error", TimeoutError("no answer within 1 s"))
-"""
-
-
-@pytest.mark.extended
-def test_only_a_lost_command_has_a_second_attempt(ci_run, tmp_path):
-    line = next(line for line in ci_run(chromium="")[0].splitlines() if "make test " in line)
-    options = shlex.split(line.partition("-x ")[2])
-    (tmp_path / "test_waits.py").write_text(TESTS)
-    (tmp_path / "pytest.ini").write_text("[pytest]\n")
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-n1", "-ra", *options, "test_waits.py"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"},
-        capture_output=True,
-        text=True,
-    )
-    attempts = {name: len((tmp_path / name).read_text()) for name in ("lost", "assertion", "error")}
-    assert attempts == {"lost": 2, "assertion": 1, "error": 1}, done.stdout
-    assert "2 failed, 1 passed, 1 rerun" in done.stdout

@@ -1,5 +1,7 @@
 """Records: runs, losses, repetitions, silence, other clocks and other bags."""
 
+import math
+
 import pytest
 from altered_bags import altered, unchanged
 from random_expectations import record_of
@@ -22,6 +24,7 @@ from rpud_sim.verdicts import (
     quantile,
     signal,
 )
+from rpud_sim.verdicts.notation import to_formula, to_plain
 
 FORCE = signal("reacting_force.force")
 WEIGHT = signal("status.weight_on_bit")
@@ -58,6 +61,14 @@ def test_a_window_that_is_not_over_is_undecided_unless_it_is_decided_already():
     assert outcome(eventually(FORCE > "45 N", within="2 s"), record) == "passed"
     assert outcome(eventually(FORCE > "60 N", within="2 s"), record) == "undecided"
     assert outcome(eventually(FORCE > "60 N", within="1 s"), record) == "failed"
+
+
+def test_a_number_that_is_none_is_undecided():
+    record = record_of(force={0: 10.0, 1: math.nan, 2: 10.0})
+    assert outcome(always(FORCE < "45 N"), record) == "undecided"
+    assert outcome(always(FORCE < "5 N"), record) == "failed"
+    verdict = evaluate(Expectation("it", always(FORCE < "45 N")), record)
+    assert verdict.text == "reacting_force.force has no value at 1e-09 s"
 
 
 def test_a_periodic_topic_that_falls_silent_is_unknown_after_a_second():
@@ -97,6 +108,21 @@ def test_a_jump_in_the_numbers_of_impacts_matters_where_it_is():
     assert {formula: outcome(formula, record) for formula in expected} == expected
     verdict = evaluate(Expectation("it", always(PEAK < "6 kN")), record)
     assert verdict.text == "1 messages of contact_force are lost"
+
+
+def test_a_count_until_a_goal_counts_the_tries_before_it():
+    record = record_of(force={0: 10.0, SECOND: 50.0, 2 * SECOND: 10.0}, weight={2 * SECOND: 0.0})
+    goal = FORCE > "45 N"
+    few, none = (count(Message("reacting_force"), "<=", number, until=goal) for number in (1, 0))
+    assert (outcome(few, record), outcome(none, record)) == ("passed", "failed")
+    never = count(Message("reacting_force"), "<=", 3, until=FORCE > "60 N")
+    assert outcome(never, record) == "undecided"
+    assert outcome(count(Message("reacting_force"), "<=", 2, until=FORCE > "60 N"), record) == (
+        "failed"
+    )
+    assert to_formula(to_plain(few)) == few
+    verdict = evaluate(Expectation("it", count(Message("reacting_force", goal), ">=", 1)), record)
+    assert (verdict.margin, verdict.unit) == (0.0, "")
 
 
 def test_losses_at_unknown_times_leave_only_what_was_seen():

@@ -72,7 +72,8 @@ def formulas(draw, depth=3):
         return draw(events())
     if kind == "count":
         operator, number = draw(st.sampled_from(["<", ">=", "=="])), draw(st.sampled_from([0, 2]))
-        return Count(draw(events()), operator, float(number), window)
+        goal = draw(st.none() | comparisons() | events())
+        return Count(draw(events()), operator, float(number), WHOLE if goal else window, goal)
     if kind == "quantile":
         share = draw(st.sampled_from([0.3, 0.5, 1.0]))
         signal = Signal(each.signal.topic, each.signal.field)
@@ -261,11 +262,18 @@ class Oracle:
         every = [self.at(formula.event, each) for each in range(self.begin, self.end + 1)]
         if all(absent for _, absent in every):
             return UNKNOWN, True
-        times = self.window(formula.window, time)
+        times = surely = self.window(formula.window, time)
         window = formula.window
         beyond = time + (window.start if window.end is None else window.end) > self.end
+        if formula.until is not None:
+            goals = {each: self.at(formula.until, each) for each in times}
+            came = [each for each, (goal, absent) in goals.items() if goal[2] > 0.0 and not absent]
+            may = [each for each, (goal, absent) in goals.items() if goal[3] > 0.0 or absent]
+            beyond = not came
+            times = range(time, min(came, default=self.end + 1))
+            surely = range(time, min(may, default=self.end + 1))
+        low = sum(self.known(formula.event, each)[2] > 0.0 for each in surely if each <= self.end)
         found = [self.known(formula.event, each) for each in times if each <= self.end]
-        low = sum(bounds[2] > 0.0 for bounds in found)
         high = math.inf if beyond else sum(bounds[3] > 0.0 for bounds in found)
         unsure = [not absent and bounds[2] < bounds[3] for bounds, absent in every]
         for first in range(self.begin, self.end):  # any number of events in two such instants

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, TypeVar
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rpud_msgs.srv import GetDelivery
 
 from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.client.commands import Commands
@@ -89,6 +90,15 @@ class DrillClient(Commands, FaultServices, SimulationServices):
     def status_number(self) -> int:
         """Number that the drill's publisher has given to the latest status; 0 before the first."""
         return self._drill.watch.number
+
+    def delivery(self, nodes: Sequence[str] = ()) -> GetDelivery.Response:
+        """Return what the drill has published, and who has discovered it.
+
+        It asks these nodes, by full names, whether they know the drill: ask again until all have
+        answered.
+        """
+        request = GetDelivery.Request(nodes=nodes)
+        return self._drill.call("simulation/get_delivery", request, repeat=True)
 
     def found(self, patience: float | None = None) -> None:
         """Wait until the drill is found and has published its status.

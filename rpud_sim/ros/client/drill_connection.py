@@ -11,6 +11,7 @@ from rclpy.qos import QoSProfile
 from rpud_msgs.msg import Drive, Feed, Status, WeightOnBit
 from rpud_msgs.srv import (
     ClearFault,
+    GetDelivery,
     GetSimulationState,
     InjectFault,
     ListFaults,
@@ -42,6 +43,7 @@ _SERVICES = {
     "clear_fault": ClearFault,
     "list_faults": ListFaults,
     "engage": SetBool,
+    "simulation/get_delivery": GetDelivery,
     "simulation/set_state": SetSimulationState,
     "simulation/step": StepSimulation,
     "simulation/run_to": RunToTime,

@@ -11,8 +11,9 @@ Subscriptions: ``command/weight_on_bit`` (rpud_msgs/WeightOnBit), ``command/driv
 rejected, counted and logged.
 
 Services: ``engage`` (std_srvs/SetBool), ``inject_fault``, ``clear_fault``, ``list_faults``,
-``simulation/get_state``, ``set_state``, ``step``, ``run_to``, ``reset``, ``save`` and ``restore``
-(rpud_msgs), those of a managed node, and those of ``simulation_interfaces`` if it is installed.
+``simulation/get_state``, ``set_state``, ``step``, ``run_to``, ``reset``, ``save``, ``restore`` and
+``get_delivery`` (rpud_msgs), those of a managed node, and those of ``simulation_interfaces`` if it
+is installed.
 
 Parameters: ``rpud_sim.simulation.configuration.PARAMETERS``, to be set while it is unconfigured;
 those of ``CHANGEABLE`` at any time.
@@ -37,6 +38,7 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.ros.drill import standard_services
 from rpud_sim.ros.drill.configured_drill import ConfiguredDrill
 from rpud_sim.ros.drill.declaration import DrillParameters
+from rpud_sim.ros.drill.delivery_service import DeliveryService
 from rpud_sim.ros.drill.drilling import Drilling
 from rpud_sim.ros.drill.fault_services import FaultServices
 from rpud_sim.ros.drill.gate import Gate
@@ -89,6 +91,7 @@ class DrillNode(ManagedNode):
         if standard_services.INSTALLED:
             StandardServices(self, services, lambda: self.settings.telemetry_rate)
         FaultServices(self, self)
+        DeliveryService(self, lambda: self._drill)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(REPORT_PERIOD, self._report_before_start, clock=steady)
 

@@ -47,7 +47,6 @@ class DrillPublishers:
         self._dropped = 0
         self._unacknowledged = Counter[str]()
         self._published = Counter[str]()
-        self._delivery: tuple[dict[str, int], bool] = ({}, True)
         # counts of the messages of each topic, None for no count. With a count topics
         # without a subscriber are published too.
         self.sent = sent
@@ -92,11 +91,6 @@ class DrillPublishers:
     def acknowledged(self) -> bool:
         """Return whether all reliable subscribers have every message of the namespace."""
         return all(self._publishers[name].wait_for_all_acked(_AT_ONCE) for name in self._offered)
-
-    def delivery_changed(self) -> bool:
-        """Return whether subscribers or acknowledgement differ from those at the last call."""
-        before, self._delivery = self._delivery, (self.subscribers(), self.acknowledged())
-        return self._delivery != before
 
     def wanted(self, topic: str) -> bool:
         """Return whether to publish a topic: it has a subscriber, or messages are counted."""

@@ -51,7 +51,6 @@ class StatusReporter:
         ]
         commands = {topic for topics in _COMMAND_TOPICS for topic in topics}
         self._subscriptions = [each for each in node.subscriptions if each.topic in commands]
-        self._publishers_heard: Mapping[str, int] = {}
         self._last: Report | None = None
         self._blocks: list[Block] = []
         self._impact_delays = Lateness()
@@ -97,11 +96,6 @@ class StatusReporter:
         The graph names a publisher before its messages arrive.
         """
         return {each.topic: each.get_publisher_count() for each in self._subscriptions}
-
-    def publishers_changed(self) -> bool:
-        """Return whether these differ from those at the last call."""
-        before, self._publishers_heard = self._publishers_heard, self.publishers_heard()
-        return self._publishers_heard != before
 
     def due(self) -> bool:
         """Whether it is time for a full report."""

@@ -43,7 +43,10 @@ class CampaignItem(pytest.Item):
         self.rpud_outcome: RunOutcome | None = None
 
     def runtest(self) -> None:
-        """Fly the run; a failed verdict fails the test, an undecided one does not."""
+        """Fly the run; a failed verdict fails the test.
+
+        An undecided one may be decided by another run; see ``CampaignSession``.
+        """
         system = self._campaign.system
         try:
             drill = take_drill(self, self._run.setup, system.folder)

@@ -114,8 +114,6 @@ def _step_through(
             drill.step(min(number * system.period, duration) - drill.time)
     except SystemUnderTestError as error:
         return error.kind, str(error)
-    except OSError as error:
-        return "died", f"{system.command[0]} cannot be started: {error.strerror}"
     return COMPLETED, ""
 
 

@@ -101,6 +101,15 @@ class CampaignResults:
         outcomes = [each.outcome for each in self.requirements]
         return {outcome: outcomes.count(outcome) for outcome in OUTCOMES}
 
+    @property
+    def undecided(self) -> dict[str, str]:
+        """Requirements that no run decides, with the reason of one verdict."""
+        return {
+            each.identifier: each.whole.verdict.text if each.whole else "no run has a verdict on it"
+            for each in self.requirements
+            if each.outcome == UNDECIDED
+        }
+
     def lines(self) -> list[str]:
         """Return the matrix of requirements by scenarios as lines of a table."""
         names = [scenario.name for scenario in self.scenarios]

@@ -71,7 +71,8 @@ class CampaignSession:
         elif report.when == "teardown" and report.nodeid in self._reports:
             self._reports[report.nodeid].update(report.user_properties)
 
-    def pytest_sessionfinish(self) -> None:
+    @pytest.hookimpl(tryfirst=True)  # before the results of pytest are written
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Write the page and the results of each campaign of which a run was flown."""
         if not self._reports or hasattr(self._config, "workerinput"):
             return
@@ -83,14 +84,33 @@ class CampaignSession:
             reports = {test: each for test, each in self._reports.items() if each["file"] == file}
             place = Path(self._config.rootpath, folder)
             results = results_from_reports(Path(file), reports.values(), place)
-            name = next(iter(reports)).partition("::")[0].replace("/", "-")
+            file_id = next(iter(reports)).partition("::")[0]
+            name = file_id.replace("/", "-")
             page = place / _UNSAFE.sub("_", Path(name).with_suffix(".html").name)
             self.results[str(page)] = results
+            self._report_undecided(session, file_id, results)
             if folder:
                 place.mkdir(parents=True, exist_ok=True)
                 _write(page, campaign_page(results))
                 content = json.dumps(results.to_dict(), indent=2)
                 _write(page.with_suffix(".json"), content + "\n")
+
+    def _report_undecided(
+        self, session: pytest.Session, file_id: str, results: CampaignResults
+    ) -> None:
+        """Report each requirement that no run decides as an error of an item of its own."""
+        for name, reason in results.undecided.items():
+            report = pytest.TestReport(
+                nodeid=f"{file_id}::{name}",
+                location=(file_id, None, name),
+                keywords={},
+                outcome="failed",
+                longrepr=f"{name}: undecided: {reason}",
+                when="setup",  # what pytest calls an error, and not a failure
+            )
+            self._config.hook.pytest_runtest_logreport(report=report)
+            if session.exitstatus == pytest.ExitCode.OK:
+                session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter: Any) -> None:
         """Print the matrix of requirements by faults of each campaign."""

@@ -158,11 +158,9 @@ def test_publishers_are_counted_for_each_command(drill):
     for kind, topic in ((WeightOnBitMessage, "weight_on_bit"), (Drive, "drive")):
         drill.node.create_subscription(kind, f"command/{topic}", lambda _: None, 1)
     reporter = Drill(drill.node).reporter
-    assert reporter.publishers_changed()  # since there was no call
-    assert not reporter.publishers_changed()
+    assert reporter.publishers_heard() == {"command/weight_on_bit": 0, "command/drive": 0}
     publisher = drill.node.create_publisher(Drive, "command/drive", 1)
-    until(reporter.publishers_changed)
-    assert reporter.publishers_heard() == {"command/weight_on_bit": 0, "command/drive": 1}
+    until(lambda: reporter.publishers_heard() == {"command/weight_on_bit": 0, "command/drive": 1})
     drill.node.destroy_publisher(publisher)
 
 

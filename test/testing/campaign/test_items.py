@@ -83,7 +83,7 @@ def test_a_drill_that_fails_says_nothing_about_the_system_under_test(pytester):
         Drill.step = fail
     """)
     result = run(pytester, "arm.yaml::nominal seed=1")
-    result.assert_outcomes(failed=1)
+    result.assert_outcomes(failed=1, errors=4)
     result.stdout.fnmatch_lines(
         ["the drill was ended by SIGKILL; *", "system under test  undecided  undecided"]
     )

@@ -1,0 +1,137 @@
+"""Introductions: proof that nodes under test, the drill and the test have discovered each other."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Mapping
+from contextlib import suppress
+
+from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+from rpud_sim.ros.discovery_probe import DiscoveryProbe
+from rpud_sim.testing.collector import COMMANDS, Collector
+
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # of a publisher whose node has not been discovered
+_PATIENCE = 5.0  # with a node that does not answer, or has no services of parameters [s]
+_EVENTS = "/parameter_events"  # a topic on which every node publishes
+
+
+class Introductions:
+    """Nodes that command the drill, call it or answer the test, by their publishers.
+
+    The graph of one process shows who has discovered that process, and not whom the others have
+    discovered. A node is introduced when it has answered a request of the drill and one of the
+    test, by clients that were made after everything that the node may reach there. ``own`` is the
+    node of the test's client.
+    """
+
+    def __init__(self, collector: Collector, own: Node) -> None:
+        self._collector = collector
+        self._own = own
+        self._strangers = {
+            own.get_fully_qualified_name(),
+            collector.node.get_fully_qualified_name(),
+            collector.resolve("drill_node"),
+        }
+        self._gone: set[bytes] = set()  # publishers of ended processes that are still remembered
+        self._introduced: set[bytes] = set()  # publishers whose nodes have answered
+        self._probes: dict[str, DiscoveryProbe] = {}  # of the test, by node
+        self._begun: dict[bytes, float] = {}  # when publishers were seen first [s]
+
+    def publishers(self, topic: str) -> dict[bytes, str]:
+        """Return the living publishers of a topic, by their identifiers, with their nodes' names.
+
+        The drill and the test are none of them. A name is empty where a publisher has been
+        discovered before its node.
+        """
+        infos = self._collector.node.get_publishers_info_by_topic(self._collector.resolve(topic))
+        found = {bytes(each.endpoint_gid): node_name(each) for each in infos}
+        return {
+            gid: name
+            for gid, name in found.items()
+            if gid not in self._gone and name not in self._strangers
+        }
+
+    def lacking(self, answering: Mapping[bytes, str]) -> list[str]:
+        """Ask the drill for its account, and return the nodes that are not introduced yet.
+
+        ``answering`` are endpoints of other nodes, such as publishers of answers. A node that never
+        answers is introduced after a while, with a warning.
+        """
+        found = {**answering, **self._callers()}
+        for topic in COMMANDS:
+            found.update(self.publishers(topic))
+        waiting = {gid: name for gid, name in found.items() if gid not in self._introduced}
+        names = {name for name in waiting.values() if name}
+        for name in self._probes.keys() - names:
+            self._probes.pop(name).close()
+        for name in names - self._probes.keys():
+            self._probes[name] = DiscoveryProbe(self._own, name)
+        # First all of them: each call sends a request.
+        unanswered = {name for name in names if not self._probes[name].answered()}
+        unanswered.update(self._collector.ask(sorted(names)).unanswered)
+        for gid, name in waiting.items():
+            patient = time.monotonic() - self._begun.setdefault(gid, time.monotonic()) < _PATIENCE
+            if name and name not in unanswered:
+                self._introduced.add(gid)
+            elif not patient:
+                self._introduced.add(gid)
+                warnings.warn(
+                    f"{name or 'a node without a name'} does not answer get_parameters: its first "
+                    "commands or answers may be lost",
+                    stacklevel=2,
+                )
+        return sorted({name for gid, name in waiting.items() if gid not in self._introduced})
+
+    @property
+    def unserved(self) -> list[str]:
+        """A line for each service that a node under test calls and no node serves."""
+        node = self._collector.node
+        return sorted(
+            f"{name} calls {service}, which no node serves"
+            for name, services in self._clients().items()
+            if name not in self._strangers
+            for service in services
+            if not node.count_services(service)
+        )
+
+    def renew(self) -> None:
+        """Have all nodes introduced again: the test subscribes to other topics."""
+        self._introduced.clear()
+        self._begun.clear()
+        for probe in self._probes.values():
+            probe.close()
+        self._probes.clear()
+
+    def part(self, answers: Mapping[bytes, str]) -> None:
+        """Forget the nodes that are there: others take their places.
+
+        The middleware remembers a killed process for up to 20 s.
+        """
+        self._gone.update(answers)
+        for topic in (*COMMANDS, _EVENTS):
+            self._gone.update(self.publishers(topic))
+        self.renew()
+
+    def _callers(self) -> dict[bytes, str]:
+        """Return publishers of the nodes that have a client of one of the drill's services."""
+        own = set(self._collector.delivery.services)
+        callers = {name for name, services in self._clients().items() if own & services}
+        return {gid: name for gid, name in self.publishers(_EVENTS).items() if name in callers}
+
+    def _clients(self) -> dict[str, set[str]]:
+        """Return the services that nodes have clients of, by the full names of the nodes."""
+        node, found = self._collector.node, {}
+        for name, namespace in node.get_node_names_and_namespaces():
+            with suppress(RuntimeError):  # it has just gone
+                clients = node.get_client_names_and_types_by_node(name, namespace)
+                found[f"{namespace.rstrip('/')}/{name}"] = {service for service, _ in clients}
+        return found
+
+
+def node_name(endpoint: TopicEndpointInfo) -> str:
+    """Return the full name of an endpoint's node; empty where that is not discovered yet."""
+    name = endpoint.node_name
+    return "" if name == _UNKNOWN else f"{endpoint.node_namespace.rstrip('/')}/{name}"

@@ -1,0 +1,143 @@
+"""Nodes under test of a drill: how they are started, connected, paused, and told of."""
+
+import pytest
+
+import rpud_sim.bag
+from rpud_sim.foundation.quantities import ParameterError
+from rpud_sim.testing import SystemUnderTestError
+from rpud_sim.testing.artefacts import write_bag
+from rpud_sim.verdicts import always
+from rpud_sim.verdicts import signal as field
+
+HEARTBEAT = "supervisor/heartbeat"
+
+
+def supervise(drill, how="works", node="supervisor"):
+    remap = f"--ros-args -r __ns:={drill.namespace} -r __node:={node}"
+    return drill.start(f"python supervisor.py {how} {remap}", hears=("reacting_force",))
+
+
+def test_a_reset_begins_again_beside_the_same_node(drill):
+    drill.with_answers(HEARTBEAT)
+    supervise(drill)
+    drill.step(0.3)
+    drill.reset(seed=3)
+    assert (drill.time, drill.seed) == (0.0, 3)
+    assert drill.step(0.2) == pytest.approx(0.2)
+    assert drill.status.header.stamp.nanosec == 200_000_000
+    assert drill.status.commands_accepted == len(drill.messages("command/weight_on_bit")) == 2
+    assert len(drill.messages("reacting_force")) == 20
+    assert drill.expect(always(field("reacting_force.force") < "450 N"))
+    assert [text for _, text in drill.log][-3:] == [
+        "step to 0.3 s",
+        "reset seed=3",
+        "step to 0.2 s",
+    ]
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        lambda client: client.step(0.1),
+        lambda client: client.run_to(1.0),
+        lambda client: client.play(),
+        lambda client: client.reset("all"),
+    ],
+)
+def test_what_would_go_past_the_lockstep_is_refused(drill, action):
+    with pytest.raises(ParameterError, match=r"would go past .* call drill\.(step|reset)"):
+        action(drill.client)
+
+
+def test_two_publishers_of_one_answer_are_named(drill):
+    drill.with_answers(HEARTBEAT)
+    supervise(drill)
+    supervise(drill, node="second")
+    expected = "has 2 publishers, /rpud/second and /rpud/supervisor, and count=1"
+    with pytest.raises(ParameterError, match=expected):
+        drill.step(10.0)
+    assert "second" in drill.systems[1].name
+
+
+@pytest.mark.extended
+def test_answers_of_two_nodes_are_awaited(drill):
+    drill.with_answers(HEARTBEAT, count=2)
+    supervise(drill)
+    supervise(drill, node="second")
+    drill.step(0.2)
+    assert len(drill.messages("command/weight_on_bit")) == drill.status.commands_accepted == 4
+
+
+@pytest.mark.extended
+def test_a_node_in_the_place_of_a_killed_one_is_introduced_anew(drill):
+    drill.with_answers(HEARTBEAT)
+    for number in (1, 2):
+        supervisor = supervise(drill)
+        drill.step(0.2)
+        assert drill.status.commands_accepted == 2 * number
+        supervisor.kill()
+
+
+@pytest.mark.extended
+def test_a_node_that_cannot_be_asked_has_some_time_and_a_warning(drill):
+    drill.with_answers("command/weight_on_bit")
+    with pytest.warns(UserWarning, match=r"^/rpud/commander does not answer get_parameters"):
+        drill.start("python commander.py mute", hears=("reacting_force",))
+    drill.step(0.2)
+    assert drill.status.commands_accepted == 2
+
+
+@pytest.mark.extended
+def test_a_node_that_never_answers_is_waited_for_once(drill):
+    for limit in ("within 2 s", r"within 1 s .*, as in a test before"):
+        drill.begin(0)
+        drill.with_answers(HEARTBEAT, timeout=2.0)
+        supervise(drill, "calls")
+        with pytest.raises(SystemUnderTestError, match=limit) as error:
+            drill.step(0.1)
+        assert "/rpud/supervisor calls /rpud/nowhere, which no node serves" in str(error.value)
+
+
+def test_a_start_that_fails_says_in_one_line_why(drill):
+    with pytest.raises(SystemUnderTestError) as error:
+        drill.start("nosuch --fast")
+    assert str(error.value) == "nosuch cannot be started: No such file or directory"
+    with pytest.raises(
+        SystemUnderTestError, match=r"reacting_forc \(did you mean reacting_force\?"
+    ):
+        drill.start("sleep", "100", hears=("reacting_forc",), timeout=0.1)
+
+
+def test_a_paused_node_is_silent_until_it_goes_on(drill):
+    drill.with_answers(HEARTBEAT)
+    supervisor = supervise(drill)
+    drill.step(0.2)
+    supervisor.pause()
+    drill.with_answers()
+    drill.step(0.2)
+    assert len(drill.messages("command/weight_on_bit")) == 2
+    supervisor.resume()
+    drill.with_answers(HEARTBEAT)
+    drill.step(0.2)
+    assert len(drill.messages(HEARTBEAT)) == 6
+    supervisor.kill()
+    texts = [text for _, text in drill.log]
+    assert [text for text in texts if text.startswith("SIG")] == [
+        "SIGSTOP to supervisor.py",
+        "SIGCONT to supervisor.py",
+        "SIGKILL to supervisor.py",
+    ]
+
+
+def test_a_bag_declares_what_the_test_has_lost(drill, tmp_path):
+    drill.step(0.1)
+    impacts = drill.heard["/rpud/contact_force"]
+    impacts._count(drill.published["contact_force"] + 3)  # as if two were lost
+    impacts.number = drill.published["contact_force"]
+    drill.expect(always(field("reacting_force.force") < "450 N"))
+    with pytest.raises(AssertionError):
+        drill.expect(always(field("contact_force.peak_force") < "1e9 N"))
+    write_bag(tmp_path / "bag", drill)
+    with rpud_sim.bag.open(tmp_path / "bag") as bag:
+        losses = {each.topic.name: each.losses for each in bag.topics}
+    assert losses["/rpud/contact_force"].total == 2
