@@ -23,7 +23,7 @@ DETAILS = (
 )
 EXAMPLE = "rpud verify bags/first"
 
-_COUNTS = ("equal", "different", "unexpected", "missing", "tail")
+_COUNTS = ("equal", "different", "unexpected", "missing", "tail", "before")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,6 +53,7 @@ def _content(verification: Verification) -> dict[str, Any]:
     return {
         "proved": verification.proved,
         "simulated": verification.simulated,
+        "begins": verification.begins,
         "topics": {
             name: {**dataclasses.asdict(counts), "lost": verification.lost[name]}
             for name, counts in sorted(verification.topics.items())
@@ -98,7 +99,9 @@ def _account(verification: Verification) -> str:
 def _verdict(verification: Verification) -> str:
     equal = sum(counts.equal for counts in verification.topics.values())
     if verification.proved:
-        return f"proved: {equal} messages are equal bit for bit"
+        begins = verification.begins
+        since = f" from {begins / SECOND:.9f} s on, where the journal begins" if begins else ""
+        return f"proved{since}: {equal} messages are equal bit for bit"
     if verification.first_difference and verification.other_versions:
         return "not proved: it differs, and other versions made it"
     if verification.first_difference:

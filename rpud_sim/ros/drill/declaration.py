@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -27,6 +28,8 @@ class DrillParameters:
         self._node = node
         self._changed = changed
         self._settings = declare_settings(node)
+        # A reset sets parameters in the pacing thread, a service in another one.
+        self._applying = threading.Lock()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -57,8 +60,9 @@ class DrillParameters:
         if not any(change.name in CHANGEABLE for change in changes):
             return
         # All of them: a reset may set others back at the same time.
-        values = {name: self._node.get_parameter(name).value for name in CHANGEABLE}
-        self._settings = self._settings.replace(values)
+        with self._applying:
+            values = {name: self._node.get_parameter(name).value for name in CHANGEABLE}
+            self._settings = self._settings.replace(values)
         self._changed(self._settings)
 
 

@@ -130,8 +130,7 @@ class SimulationServices:
                 )
             return drilling.step(until)
 
-        reached = self._host.request(begin)
-        return drilling.run.origin + int(reached)
+        return int(self._host.request(begin))
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
         """Fill the response with the result of an action, and return it."""
