@@ -70,7 +70,7 @@ class RecordedTopics:
 class RecordedMessages:
     """Recorded messages of one topic in order; of a latched one without repeats."""
 
-    def __init__(self, source: RecordedTopics, topic: str, latched: bool) -> None:
+    def __init__(self, source: RecordedTopics, topic: str, latched: bool = False) -> None:
         self._source = source
         self._topic = topic
         self._latched = latched

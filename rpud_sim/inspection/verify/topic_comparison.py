@@ -93,7 +93,7 @@ class TopicComparison:
         recorded: RecordedMessages,
         stretches: Stretches,
         span: Span,
-        latched: bool,
+        latched: bool = False,
         begins: tuple[int, int] | None = None,
     ) -> None:
         self._latched = latched

@@ -145,7 +145,8 @@ class _CommandTopic:
     def _on_message(self, payload: bytes, information: Mapping[str, Any]) -> None:
         """Take all commands that wait: the executor takes one of each topic in a turn."""
         taken: tuple[bytes, Mapping[str, Any]] | None = (payload, information)
-        with self._subscription.handle as handle:
+        handle = self._subscription.handle
+        with handle:
             for _ in range(COMMAND_QOS.depth):
                 if taken is None:
                     break

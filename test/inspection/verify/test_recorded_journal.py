@@ -145,11 +145,11 @@ def test_a_journal_alone_proves_nothing(bag, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("number", "text"), [(0, "0 to 0 .* its recorder came too late"), (1, "1 to 1")]
+    ("number", "text"), [(0, "can begin; its recorder came too late"), (1, "entries 1 to 1")]
 )
 def test_a_journal_with_a_gap_cannot_be_verified(bag, tmp_path, number, text):
     altered(bag, tmp_path / "bag", numbered("journal", number, lambda m: []))
-    with pytest.raises(UnverifiableError, match=f"entries {text}"):
+    with pytest.raises(UnverifiableError, match=text):
         verify(tmp_path / "bag")
 
 
