@@ -176,9 +176,9 @@ class _Reader:
             field: self.read(None, tree) for field, tree in zip(fields, trees, strict=True)
         }
         for field, hint in fields.items():
-            wanted = _TYPES.get(hint)
+            wanted = hint if isinstance(hint, type) else _TYPES.get(str(hint))
             if wanted is not None and type(values[field]) is not wanted:
-                raise ValueError(f"{name}.{field} = {values[field]!r:.40} is no {hint}")
+                raise ValueError(f"{name}.{field} = {values[field]!r:.40} is no {wanted.__name__}")
         if found is Block:
             _check_records("covering", [values["covering"]], SEGMENT)
             _check_records("impacts", [values["impacts"]], IMPACT)
@@ -246,16 +246,13 @@ def _is_value(kind: type) -> bool:
     return frozen and (kind is Parameters or not issubclass(kind, ParameterGroup))
 
 
-def _fields(kind: Any) -> dict[str, str]:
-    """Return the fields of a value, with their types as written."""
+def _fields(kind: Any) -> dict[str, Any]:
+    """Return the fields of a value, with their types or the texts of these."""
     if issubclass(kind, tuple):
-        hints = kind.__annotations__
-        return {name: _hint(hints[name]) for name in kind._fields}
-    return {field.name: _hint(field.type) for field in dataclasses.fields(kind)}
-
-
-def _hint(hint: Any) -> str:
-    return hint if isinstance(hint, str) else getattr(hint, "__forward_arg__", str(hint))
+        hints = {name: kind.__annotations__[name] for name in kind._fields}
+    else:
+        hints = {field.name: field.type for field in dataclasses.fields(kind)}
+    return {name: getattr(hint, "__forward_arg__", hint) for name, hint in hints.items()}
 
 
 def _name(value: Any) -> str:

@@ -16,6 +16,7 @@ from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 from rpud_sim.simulation.statistics import Statistics

@@ -177,6 +177,7 @@ class TopicComparison:
 
     def _count_equal(self, more: int) -> None:
         counts = self.counts
+        self._begins = None
         missing = self._missing if counts.equal + counts.different else 0
         self._missing = 0
         self.counts = dataclasses.replace(
@@ -197,7 +198,11 @@ class TopicComparison:
                 return None
             key = recorded_key(message, self._codec)
             if self._begins is not None:
-                if key[0] < self._begins[0] or message.publish_time < self._begins[1]:
+                stamp, published = self._begins
+                # Of the same stamp, a sample is of before the entry, and a waveform of after it.
+                awaited = bool(self._computed) and self._computed[0].key == key
+                older = key[0] < stamp or key[0] == stamp and not awaited
+                if older or message.publish_time < published:
                     before = self.counts.before + 1
                     self.counts = dataclasses.replace(self.counts, before=before)
                     continue
