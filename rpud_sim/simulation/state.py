@@ -76,6 +76,7 @@ def set_state(run: Run, time: int, state: Mapping[str, Any]) -> None:
     """
     beginning = to_values(run.beginning.settings.configuration)
     configuration = to_configuration({**beginning, **state["parameters"]})
+    run.simulation._plant.engine.drain_covering()  # impacts of time zero are no part of it
     _Reader(configuration).read(run, state["run"])
     run.faults_published = bool(state["faults_published"])
     plant = run.simulation._plant

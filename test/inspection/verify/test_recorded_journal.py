@@ -168,11 +168,12 @@ def test_an_altered_header_of_an_entry_is_a_difference(bag, tmp_path, number, ed
 
 
 def test_a_shifted_origin_is_a_difference(bag, tmp_path):
-    def edit(content):
-        if "origin" in content:
-            content["origin"] += 1
+    def change(message):
+        fields = dataclasses.asdict(installed_codec(TYPE).decode(message.data))
+        assert fields["content"] == '{"time": 0, "origin": 0}'
+        return [installed_codec(TYPE).encode({**fields, "content": '{"time": 0, "origin": 1}'})]
 
-    verification = verify(altered(bag, tmp_path / "bag", edited(edit)))
+    verification = verify(altered(bag, tmp_path / "bag", numbered("journal", 1, change)))
     assert verification.first_difference is not None
 
 
