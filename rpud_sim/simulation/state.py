@@ -48,11 +48,14 @@ _PACKED = {
 _WAITING = {"_segments": SEGMENT, "_impacts": IMPACT}
 _STAGES = {f"{kind.__module__}.{kind.__name__}": kind for kind in STAGES.values()}
 # Attributes that are no state: what a run gets from its owner, room for results, and what is kept
-# so that it need not be calculated again. What commands do is in the simulation, not in control.
+# so that it need not be calculated again. What commands do is in the simulation.
 _LEFT_OUT = frozenset(
-    ("_beginning", "_control", "_journal", "_wanted", "_on_block", "_recent_energy", "_published_faults")
-    + ("_refusals", "_capacity", "_room", "_advance_code", "_interrupt_code", "_segment_room")
-    + ("_impact_room", "_written", "_struck", "_parameters", "_known_state", "_cut_for", "_last_cut")
+    (
+        *("_beginning", "_control", "_journal", "_wanted", "_on_block", "_recent_energy"),
+        *("_published_faults", "_refusals", "_parameters"),
+        *("_capacity", "_room", "_segment_room", "_impact_room", "_written", "_struck"),
+        *("_advance_code", "_interrupt_code", "_known_state", "_cut_for", "_last_cut"),
+    )
 )
 _TYPES = {"float": float, "int": int, "bool": bool, "str": str}
 
@@ -113,7 +116,7 @@ class _Writer:
             return {"dict": pairs}
         if callable(value):  # a message that is made when a fault needs it
             return self.write(value())
-        if isinstance(value, tuple) and hasattr(value, "_fields") or _is_value(type(value)):
+        if _is_value(type(value)):
             names = _fields(type(value))
             return {"value": _name(value), "of": [self.write(getattr(value, n)) for n in names]}
         if isinstance(value, (tuple, list, deque)):
@@ -173,9 +176,7 @@ class _Reader:
         if not (module.startswith("rpud_sim.") and isinstance(found, type) and _is_value(found)):
             raise ValueError(f"{name:.80} is no value of a state")
         fields = _fields(found)
-        values = {
-            field: self.read(None, tree) for field, tree in zip(fields, trees, strict=True)
-        }
+        values = {field: self.read(None, tree) for field, tree in zip(fields, trees, strict=True)}
         for field, hint in fields.items():
             wanted = hint if isinstance(hint, type) else _TYPES.get(str(hint))
             if wanted is not None and type(values[field]) is not wanted:
@@ -219,9 +220,8 @@ def _check(name: str, before: Any, value: Any) -> None:
             raise ValueError(f"{name} is no array of {before.dtype!s:.40}")
         if before.dtype in _RECORDS and value.shape != before.shape:
             raise ValueError(f"{name} has the shape {value.shape}, not {before.shape}")
-    elif before is not None and hasattr(before, "__dict__") and not _is_value(type(before)):
-        if value is not before:
-            raise ValueError(f"{name} is no {type(before).__name__}")
+    elif hasattr(before, "__dict__") and not _is_value(type(before)) and value is not before:
+        raise ValueError(f"{name} is no {type(before).__name__}")
     if name in _WAITING and isinstance(value, list):
         _check_records(name, value, _WAITING[name])
 

@@ -122,7 +122,8 @@ class RecordedMessages:
                 self._block, self._next = self._source.next(self._topic), 0
                 if self._block is None:
                     return None
-            if not self._latched or self._last is None or not self._repeats(self._block, self._last):
+            last = self._last if self._latched else None
+            if last is None or not self._repeats(self._block, last):
                 return self._block
             self._next += 1
 

@@ -201,7 +201,7 @@ class TopicComparison:
                 stamp, published = self._begins
                 # Of the same stamp, a sample is of before the entry, and a waveform of after it.
                 awaited = bool(self._computed) and self._computed[0].key == key
-                older = key[0] < stamp or key[0] == stamp and not awaited
+                older = key[0] < stamp or (key[0] == stamp and not awaited)
                 if older or message.publish_time < published:
                     before = self.counts.before + 1
                     self.counts = dataclasses.replace(self.counts, before=before)

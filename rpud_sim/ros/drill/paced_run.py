@@ -99,7 +99,7 @@ class PacedRun:
             self._stand_still()
             return _STANDSTILL_PERIOD
         elif (idle := self._pacer.idle(until)) > 0.0:
-            if self._reporter.due() or self._unreported and self._reporter.rested:
+            if self._reporter.due() or (self._unreported and self._reporter.rested):
                 self.report()
             self._fill_time(until)
             return idle

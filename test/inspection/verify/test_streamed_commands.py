@@ -2,6 +2,7 @@
 
 import json
 from collections import deque
+from itertools import pairwise
 
 import pytest
 from altered_bags import altered, flipped, messages_of, numbered
@@ -90,7 +91,7 @@ def test_verify_says_from_where_it_proves(late, capsys):
 def test_the_last_thousand_entries_hold_a_state_at_any_time(late):
     kinds = [JOURNAL.decode(m.data).kind for m in messages_of(late, {"/rpud/journal"})]
     places = [place for place, kind in enumerate(kinds) if kind == "state"]
-    assert all(later - earlier <= 260 for earlier, later in zip(places, places[1:], strict=False))
+    assert all(later - earlier <= 260 for earlier, later in pairwise(places))
     assert places[0] <= 260
 
 
@@ -189,7 +190,9 @@ def test_an_altered_state_is_a_difference_unless_it_is_the_first(late, tmp_path)
         lambda state: state.clear(),
         lambda state: state.update(run={"object": "os.system", "of": {}}),
         lambda state: state.update(run=[]),
-        lambda state: plant(state).update(_conditions={"value": "rpud_sim.cli.main.main", "of": []}),
+        lambda state: plant(state).update(
+            _conditions={"value": "rpud_sim.cli.main.main", "of": []}
+        ),
         lambda state: plant(state).update(time=10**18),
         lambda state: plant(state).update(next_step=0),
         lambda state: engine(state).update(_state={"array": "state", "bytes": ""}),
