@@ -100,7 +100,9 @@ def _verdict(verification: Verification) -> str:
     equal = sum(counts.equal for counts in verification.topics.values())
     if verification.proved:
         begins = verification.begins
-        since = f" from {begins / SECOND:.9f} s on, where the journal begins" if begins else ""
+        since = (
+            "" if begins is None else f" from {begins / SECOND:.9f} s on, where its journal begins"
+        )
         return f"proved{since}: {equal} messages are equal bit for bit"
     if verification.first_difference and verification.other_versions:
         return "not proved: it differs, and other versions made it"

@@ -96,6 +96,7 @@ class TopicComparison:
         latched: bool = False,
         begins: tuple[int, int] | None = None,
     ) -> None:
+        self.older: Message | None = None  # the last one of before the journal begins
         self._latched = latched
         self._begins = begins
         self.counts = Counts()  # results so far
@@ -203,6 +204,7 @@ class TopicComparison:
                 awaited = bool(self._computed) and self._computed[0].key == key
                 older = key[0] < stamp or (key[0] == stamp and not awaited)
                 if older or message.publish_time < published:
+                    self.older = message
                     before = self.counts.before + 1
                     self.counts = dataclasses.replace(self.counts, before=before)
                     continue

@@ -22,6 +22,11 @@ from rpud_sim.inspection.verify.installed_types import (
     is_provable,
     proof_codec,
 )
+from rpud_sim.inspection.verify.messages import (
+    first_difference,
+    recorded_key,
+    without_padding,
+)
 from rpud_sim.inspection.verify.recorded_journal import (
     BEGINNINGS,
     Stretches,
@@ -32,6 +37,7 @@ from rpud_sim.inspection.verify.recorded_journal import (
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.topic_comparison import Counts, Difference, Suspect, TopicComparison
 from rpud_sim.simulation import EngineError
+from rpud_sim.simulation.fields import Fields, faults_fields, header_fields
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
 from rpud_sim.simulation.run import Run
@@ -55,7 +61,8 @@ class Verification:
     first_difference: Difference | None
     undecided: str  # why it cannot be decided whether messages differ, one line; empty if it can
     simulated: int  # simulation time that was run again [ns]
-    begins: int  # stamp from which on the messages are compared [ns]; 0 for all of them
+    # stamp from which on messages are compared [ns]; None if the journal has the drill's start
+    begins: int | None
     warnings: tuple[str, ...]  # one line each
     other_versions: bool  # whether other versions made the bag than those that verified it
 
@@ -98,7 +105,7 @@ def verify(
         min(differences, key=lambda difference: difference.log_time, default=None),
         next((part.undecided for part in parts if part.undecided), ""),
         sum(part.simulated for part in parts),
-        max(part.begins for part in parts),
+        max((part.begins for part in parts if part.begins is not None), default=None),
         tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
         any(part.other_versions for part in parts),
     )
@@ -137,7 +144,9 @@ class _Proof:
     def run(self, report: Callable[[float], object]) -> Verification:
         self._stretches = Stretches(self._entries())
         self._coverage = find_coverage(self._bag, self._coverage_codecs(), self._stretches)
+        # of entries of the journal, and of what they prove at once
         self._journal_differences: list[Difference] = []
+        self._first_faults: Fields = {}
         self._check_headers()
         comparisons = self._compare(report)
         counts = {name: comparison.counts for name, comparison in comparisons.items()}
@@ -156,8 +165,10 @@ class _Proof:
         decided = [each for each in found if until is None or each.published <= until]
         if found and not decided:
             undecided = self._early_end(len(found))
-        if not undecided and (before := sum(each.before for each in counts.values())):
-            undecided = f"{before} messages are of before the journal begins"
+        older = sum(counts[name].before for name in counts if not TOPICS[name].latched)
+        if not undecided and older:
+            undecided = f"{older} messages are of before the journal begins"
+        self._check_older_faults(comparisons)
         differences = [*self._journal_differences, *(each.difference for each in decided)]
         held = [
             name for name in self._names if self._summaries[name].message_count or counts[name].tail
@@ -172,7 +183,7 @@ class _Proof:
             min(differences, key=lambda difference: difference.log_time, default=None),
             undecided,
             self._simulated,
-            0 if (begins := self._begins()) is None else begins[0],
+            begins[0] if (begins := self._begins()) else None,
             tuple(self._warnings),
             self._other_versions,
         )
@@ -276,6 +287,9 @@ class _Proof:
                     yield found, stretch, rerun.origin + rerun.time
                 if entry.kind == "state" and known is not None:
                     self._compare_state(message, entry, known)
+                if entry.kind == "state" and known is None and rerun.run is not None:
+                    faults = rerun.run.simulation.faults
+                    self._first_faults = faults_fields(faults, rerun.time, rerun.origin)
                 # A restored checkpoint takes the time back.
                 reached = entry.time if entry.kind == "restore" else rerun.time
                 self._count(reached - before, report)
@@ -321,6 +335,19 @@ class _Proof:
             texts.append(json.dumps({**told, "faults_published": None}, sort_keys=True))
         if texts[0] != texts[1]:
             self._add_journal_difference(message, entry, "state", "a state", "another one")
+
+    def _check_older_faults(self, comparisons: Mapping[str, TopicComparison]) -> None:
+        """Compare the faults that a late recorder got first with those of the first state."""
+        older = comparisons["faults"].older if "faults" in comparisons else None
+        if older is None:
+            return
+        codec = self._codecs["faults"]
+        header = {"header": header_fields("faults", recorded_key(older, codec)[0])}
+        expected = codec.encode({**self._first_faults, **header})
+        if without_padding(older, codec) != expected:
+            found = first_difference(codec, older.data, expected)
+            stamp = recorded_key(older, codec)[0]
+            self._journal_differences.append(Difference(older.topic, stamp, older.log_time, *found))
 
     def _add_journal_difference(
         self, message: Message, entry: JournalEntry, field: str, value: str, computed: str

@@ -15,13 +15,14 @@ from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.inspection.verify.verification import verify
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.fields import Bookkeeping
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.run import Beginning, Run
 from rpud_sim.simulation.topics import TOPICS
 
 SECOND = 1_000_000_000
-HELD = ("journal", "status", "wrench", "contact_force", "waveform")
+HELD = ("journal", "status", "faults", "wrench", "contact_force", "waveform")
 JOURNAL = installed_codec(TOPICS["journal"].type)
 
 
@@ -45,10 +46,13 @@ def streamed_bag(path, rate, duration, start):
                     data = codecs[name].encode(values)
                     bag.write(f"/rpud/{name}", data, log_time or time, time)
 
+        faults = []
+        run.simulation.inject(Fault("lost_preload", magnitude=0.1))
         for number in range(round(duration * rate)):
             if not heard and number >= round(start * rate):
                 heard.append(True)
                 write(latched, run.time)
+                write(faults[-1:], run.time)
             messages = list(run.advance_to(run.next_boundary))
             if heard:
                 write(messages)
@@ -56,6 +60,7 @@ def streamed_bag(path, rate, duration, start):
                     write([run.status("running", Bookkeeping())])
             else:
                 latched.extend(each for each in messages if each[1] == "journal")
+                faults.extend(each for each in messages if each[1] == "faults")
             run.control.apply(WeightOnBit(10.0 + number / 1000.0))
     return path
 
@@ -83,9 +88,16 @@ def test_verify_says_from_where_it_proves(late, capsys):
     assert verification.proved
     assert 2.0 * SECOND < verification.begins <= 4.51 * SECOND
     assert verification.topics["/rpud/wrench"].equal == 150
-    assert verification.before == 0
+    assert verification.before == verification.topics["/rpud/faults"].before == 1
     assert exit_code("verify", late) == 0
     assert f"proved from {verification.begins / SECOND:.9f} s on" in capsys.readouterr().out
+
+
+def test_faults_that_began_before_the_journal_are_compared_with_the_state(late, tmp_path):
+    place = len(messages_of(late, {"/rpud/faults"})[0].data) - 1
+    change = numbered("faults", 0, lambda m: [flipped(m.data, place)])
+    verification = verify(altered(late, tmp_path / "bag", change))
+    assert verification.first_difference.topic == "/rpud/faults"
 
 
 def test_the_last_thousand_entries_hold_a_state_at_any_time(late):
