@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_configuration
@@ -87,7 +88,11 @@ class Rerun:
             if entry.kind == "save":
                 self._checkpoints.save(entry.content["name"], self._run)
             yield from repeat_change(self._run, entry)
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        except Exception as error:
+            expected = isinstance(error, (ArithmeticError, LookupError, TypeError, ValueError))
+            # A state of a stranger may hold what no drill has, which shows anywhere.
+            if isinstance(error, EngineError) or not (expected or self._late):
+                raise
             reason = str(error) if isinstance(error, ValueError) else f"{error!r:.100}"
             raise JournalError(
                 f"journal entry {entry.sequence} ({entry.kind:.20}) cannot be done: {reason}"

@@ -19,7 +19,7 @@ import numpy as np
 from rpud_sim.drilling.strata import Strata
 from rpud_sim.foundation.parameters import ParameterGroup
 from rpud_sim.foundation.time import split_fraction
-from rpud_sim.model.drill import STATE
+from rpud_sim.model.drill import STATE, Drill
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.model.segment import IMPACT, SEGMENT
 from rpud_sim.simulation.block import Block
@@ -57,6 +57,8 @@ _LEFT_OUT = frozenset(
         *("_advance_code", "_interrupt_code", "_known_state", "_cut_for", "_last_cut"),
     )
 )
+# Whole numbers that follow from the beginning.
+_RATES = ("_rate", "_sample_rate", "_stream_period")
 _TYPES = {"float": float, "int": int, "bool": bool, "str": str}
 
 
@@ -143,8 +145,8 @@ class _Reader:
         """Return the value of a tree; an object is set in place of the old one of its class."""
         if not isinstance(tree, dict):
             return tree
-        kind = next(iter(tree))
-        content = tree[kind]
+        kind = next(iter(tree), "")
+        content = tree.get(kind)
         if kind == "complex":
             return complex(*content)
         if kind == "array":
@@ -168,6 +170,8 @@ class _Reader:
             )
         if kind == "value":
             return self._value(content, tree["of"])
+        if kind != "object":
+            raise ValueError(f"{kind:.80} is no kind of a state's values")
         return self._object(old, content, tree["of"])
 
     def _value(self, name: str, trees: list[Any]) -> Any:
@@ -224,6 +228,16 @@ def _check(name: str, before: Any, value: Any) -> None:
         raise ValueError(f"{name} is no {type(before).__name__}")
     if name in _WAITING and isinstance(value, list):
         _check_records(name, value, _WAITING[name])
+    if name in _RATES and type(before) is int and value != before:
+        raise ValueError(f"{name} = {value} is not that of the beginning, {before}")
+    if name == "_seating" and not all(map(_is_seating, value)):
+        raise ValueError("_seating holds other values than times and drills")
+
+
+def _is_seating(step: Any) -> bool:
+    if not (type(step) is tuple and len(step) == 2 and type(step[0]) is tuple):
+        return False
+    return tuple(map(type, step[0])) == (int, float) and type(step[1]) is Drill
 
 
 def _check_records(name: str, arrays: Any, dtype: np.dtype[Any]) -> None:

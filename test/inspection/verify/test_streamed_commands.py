@@ -213,6 +213,9 @@ def test_an_altered_state_is_a_difference_unless_it_is_the_first(late, tmp_path)
         lambda state: engine(state)["_drill"]["of"].__setitem__(0, "text"),
         lambda state: engine(state)["_drill"]["of"].pop(),
         lambda state: engine(state).update(_room=1),
+        lambda state: engine(state).update(_seating={"deque": [1]}),
+        lambda state: state["run"]["of"].update(_rate=10**18),
+        lambda state: state["run"].clear(),
     ],
 )
 def test_a_state_that_no_drill_has_is_one_line(late, tmp_path, capsys, spoil):
