@@ -146,7 +146,7 @@ class _Reader:
         if not isinstance(tree, dict):
             return tree
         kind = next(iter(tree), "")
-        content = tree.get(kind)
+        content: Any = tree.get(kind)
         if kind == "complex":
             return complex(*content)
         if kind == "array":
