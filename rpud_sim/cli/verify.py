@@ -23,7 +23,7 @@ DETAILS = (
 )
 EXAMPLE = "rpud verify bags/first"
 
-_COUNTS = ("equal", "different", "unexpected", "missing", "tail")
+_COUNTS = ("equal", "different", "unexpected", "missing", "tail", "before")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,6 +59,7 @@ def _content(verification: Verification) -> dict[str, Any]:
     return {
         "proved": verification.proved,
         "simulated": verification.simulated,
+        "begins": verification.begins,
         "topics": {
             name: {**dataclasses.asdict(counts), "lost": verification.lost[name]}
             for name, counts in sorted(verification.topics.items())
@@ -104,8 +105,12 @@ def _account(verification: Verification) -> str:
 def _verdict(verification: Verification) -> str:
     equal = sum(counts.equal for counts in verification.topics.values())
     if verification.proved:
+        begins = verification.begins
+        since = (
+            "" if begins is None else f" from {begins / SECOND:.9f} s on, where its journal begins"
+        )
         lacking = f", and {verification.missing} are missing" if verification.missing else ""
-        return f"proved: {equal} messages are equal bit for bit{lacking}"
+        return f"proved{since}: {equal} messages are equal bit for bit{lacking}"
     if verification.first_difference and verification.other_versions:
         return "not proved: it differs, and other versions made it"
     if verification.first_difference:

@@ -126,7 +126,8 @@ def find_run(bag: BagReader, number: int = 1, topic: str | None = None) -> Recor
         entries.extend(journal_entries(bag.messages({name}), codec))
     except UnverifiableError as error:
         torn = f"{name}: {error}"
-    begins = [place for place, (_, entry) in enumerate(entries) if _begins(entry)]
+    # The first entry is a beginning, or a state from which a late recording goes on.
+    begins = [place for place, (_, entry) in enumerate(entries) if not place or _begins(entry)]
     if not begins:
         raise ForkError(torn or f"{name} holds no beginning of a run")
     if not 1 <= number <= len(begins):
@@ -138,7 +139,8 @@ def find_run(bag: BagReader, number: int = 1, topic: str | None = None) -> Recor
     first = begins[number - 1]
     last = number == len(begins)
     own = entries[first:] if last else entries[first : begins[number]]
-    node = max(place for place in range(first + 1) if entries[place][1].sequence == 0)
+    starts = (place for place in range(first + 1) if entries[place][1].sequence == 0)
+    node = max(starts, default=0)
     before = entries[node:first]
     closed = own[-1][1].kind == "end" or (not last and own[-1][1].kind == "flush")
     end = own[-1][1].time
@@ -188,11 +190,18 @@ def _begins(entry: JournalEntry) -> bool:
 
 
 def _begin_of(before: Sequence[Recorded], own: Sequence[Recorded]) -> Mapping[str, Any]:
-    return next(e.content for _, e in reversed((*before, *own[:1])) if e.kind == "begin")
+    for _, entry in reversed((*before, *own[:1])):
+        if entry.kind == "begin":
+            return entry.content
+        if entry.kind == "state" and isinstance(entry.content.get("beginning"), Mapping):
+            return entry.content["beginning"]
+    raise ForkError("the journal does not tell how its run began")
 
 
 def _start(own: list[Recorded]) -> int:
     """Return the simulation time at which a run begins: that of its first origin."""
+    if own[0][1].kind == "state":
+        return own[0][1].time
     return next((entry.time for _, entry in own if entry.kind == "origin"), 0)
 
 

@@ -298,6 +298,7 @@ class Bookkeeping:
 
     commands_accepted: int = 0
     commands_rejected: int = 0
+    commands_discarded: int = 0
     commands_lost: bool = False
     commanders: int = 0
     deadlines_missed: int = 0

@@ -27,17 +27,40 @@ class JournalEntry:
         return json.dumps({"time": self.time, **self.content})
 
 
-class Journal:
-    """Journal: a queue of entries, in order."""
+# Kinds of entries at which a run can begin: what follows does not need what was before.
+STARTS = ("begin", "state")
+# Entries from one of these to the next. A late subscriber gets 1000: so the last 750 at least.
+_STATE_PERIOD = 250
 
-    def __init__(self) -> None:
+
+class Journal:
+    """Journal: a queue of entries, in order; ``states`` says whether states become due."""
+
+    def __init__(self, states: bool = True) -> None:
+        self._states = states
         self._sequence = 0
+        self._since_start = 0
         self._entries: list[JournalEntry] = []
+
+    @property
+    def count(self) -> int:
+        """Number of entries so far."""
+        return self._sequence
+
+    @property
+    def state_due(self) -> bool:
+        """Whether the state of the run should be the next entry."""
+        return self._states and self._since_start >= _STATE_PERIOD
 
     def note(self, time: int, kind: str, **content: Any) -> None:
         """Append an entry for a change at a simulation time [ns]."""
+        last = self._entries[-1] if self._entries else None
+        if kind == "origin" and last and (last.kind, last.time) == (kind, time):
+            self._entries.pop()  # nothing was published under it
+            self._sequence -= 1
         self._entries.append(JournalEntry(self._sequence, time, kind, content))
         self._sequence += 1
+        self._since_start = 0 if kind in STARTS else self._since_start + 1
 
     def restart(self, sequence: int) -> None:
         """Discard the entries since the last ``drain``, and give the next one this number."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from rpud_sim.model.engine import EngineError
 from rpud_sim.simulation.checkpoints import Checkpoints
 from rpud_sim.simulation.commands import Drive, Feed, WeightOnBit
 from rpud_sim.simulation.configuration import to_configuration
 from rpud_sim.simulation.faults import Fault
 from rpud_sim.simulation.journal import Journal, JournalEntry
 from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.state import set_state
 from rpud_sim.simulation.together import Entry, Together
 
 
@@ -36,6 +38,8 @@ class Rerun:
         self._wanted = wanted
         self._run: Run | None = None
         self._checkpoints = Checkpoints()
+        # Whether checkpoints may be unknown that the drill had: it began at a state.
+        self._late = False
 
     @property
     def run(self) -> Run | None:
@@ -61,24 +65,43 @@ class Rerun:
             if entry.kind == "begin":
                 if entry.sequence == 0:  # another start of the node, which forgot its checkpoints
                     self._checkpoints = Checkpoints()
+                    self._late = False
+                self._late |= entry.sequence > 0 and self._run is None
                 self._run = Run(Beginning.from_journal(entry.content), self._journal, self._wanted)
                 return
             if self._run is None:
-                raise JournalError("nothing has begun")
+                if entry.kind == "state":
+                    self._late = True
+                    self._run = self._run_in_state(entry)
+                elif not self._late:
+                    raise JournalError("nothing has begun")
+                return
             if entry.time < self._run.time:
                 raise JournalError(f"its time {entry.time} ns is before that of the one before it")
             yield from self._run.advance_together(entry.time)
             if entry.kind == "restore":
-                self._run = self._checkpoints.find(entry.content["name"])
+                name = entry.content["name"]
+                unknown = self._late and name not in self._checkpoints.names
+                # The state of the restored run follows.
+                self._run = None if unknown else self._checkpoints.find(name)
                 return
             if entry.kind == "save":
                 self._checkpoints.save(entry.content["name"], self._run)
             yield from repeat_change(self._run, entry)
-        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+        except Exception as error:
+            expected = isinstance(error, (ArithmeticError, LookupError, TypeError, ValueError))
+            # A state of a stranger may hold what no drill has, which shows anywhere.
+            if isinstance(error, EngineError) or not (expected or self._late):
+                raise
             reason = str(error) if isinstance(error, ValueError) else f"{error!r:.100}"
             raise JournalError(
                 f"journal entry {entry.sequence} ({entry.kind:.20}) cannot be done: {reason}"
             ) from error
+
+    def _run_in_state(self, entry: JournalEntry) -> Run:
+        run = Run(Beginning.from_journal(entry.content["beginning"]), self._journal, self._wanted)
+        set_state(run, entry.time, entry.content["state"])
+        return run
 
     def advance_to(self, time: int) -> Iterator[Entry | Together]:
         """Advance to a simulation time [ns] and yield the messages, as ``repeat`` does."""
@@ -105,6 +128,7 @@ def repeat_change(run: Run, entry: JournalEntry) -> Iterator[Entry]:
         "clear_all": simulation.clear_all,
         "origin": lambda: run.place(content["origin"]),
         "stop": lambda: None,
+        "state": run.note_state,
         "save": lambda: run.note("save", **content),
     }
     if entry.kind in ("flush", "end"):

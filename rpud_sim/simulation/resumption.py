@@ -49,7 +49,7 @@ def resume(
         EngineError: if the simulation cannot go on.
     """
     listening: list[bool] = []
-    journal = Journal()
+    journal = Journal(states=False)  # the recorded ones are repeated
     rerun = Rerun(journal, lambda topic: bool(listening))
     faults: Entry | None = None
     reached = 0

@@ -17,6 +17,7 @@ from rpud_sim.simulation.fields import Bookkeeping, faults_fields, journal_field
 from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.scenario import Scenario, ScheduledFault
 from rpud_sim.simulation.simulation import Simulation
+from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.telemetry import Stream, Telemetry, messages_of
 from rpud_sim.simulation.together import Entry, Together
 from rpud_sim.simulation.versions import PHYSICS, engine_and_processor
@@ -181,6 +182,23 @@ class Run:
             self, {id(own): own if other is None else other for own, other in shared if own}
         )
 
+    def note_state(self, *, due: bool = False) -> None:
+        """Append the state to the journal, so that a reader can begin there; ``due`` if it is time.
+
+        Nothing may be under way: the entries before it have acted, and those after it have not.
+        """
+        if self._journal is not None and (self._journal.state_due or not due):
+            self.note("state", beginning=self._beginning.to_journal(), state=state_of(self))
+
+    @property
+    def faults_published(self) -> bool:
+        """Whether the present faults are published."""
+        return self._published_faults is self._simulation.faults.active
+
+    @faults_published.setter
+    def faults_published(self, published: bool) -> None:
+        self._published_faults = self._simulation.faults.active if published else None
+
     def begin_streams(self) -> None:
         """Let waveform and trajectory begin here; what is pending of them is not published."""
         self._telemetry.drop_pending()
@@ -219,7 +237,7 @@ class Run:
             block = simulation.advance_to(min(end, time))
             if block.end < end:
                 self.note("stop")
-                yield from self._entries()
+                yield from self.entries()
             self._recent_energy.add(block)
             yield from self._telemetry.prompt(block, simulation.faults.since(block.start))
             yield from self._changed_faults()
@@ -260,13 +278,15 @@ class Run:
 
     def changes(self) -> Iterator[Entry]:
         """Yield what changed since the last message: journal entries, and the faults once."""
-        yield from self._entries()
+        self.note_state(due=True)
+        yield from self.entries()
         yield from self._changed_faults()
 
     def flush(self, kind: str = "flush") -> Iterator[Entry]:
         """Yield a journal entry, ``flush`` or ``end``, and the rest of waveform and trajectory."""
         self.note(kind)
-        yield from self.changes()
+        yield from self.entries()
+        yield from self._changed_faults()
         yield from self._telemetry.flush()
 
     def status(self, state: str, bookkeeping: Bookkeeping) -> Entry:
@@ -281,6 +301,7 @@ class Run:
             {
                 **status_fields(self._simulation, self.origin, state, bookkeeping),
                 **self._recent_energy.powers(),
+                "journal_entries": self._journal.count if self._journal is not None else 0,
             },
         )
 
@@ -289,7 +310,8 @@ class Run:
         if self._journal is not None:
             self._journal.note(self.time, kind, **content)
 
-    def _entries(self) -> Iterator[Entry]:
+    def entries(self) -> Iterator[Entry]:
+        """Yield the journal's entries since the last call."""
         for entry in self._journal.drain() if self._journal is not None else ():
             yield entry.time, "journal", journal_fields(entry, self.origin)
 

@@ -108,7 +108,7 @@ class SignalFaults:
         last = self._last.get(fault.channel)
         if callable(last):
             last = last()
-        return _STAGES[fault.kind](CHANNELS[fault.channel], fault.magnitude, random, last)
+        return STAGES[fault.kind](CHANNELS[fault.channel], fault.magnitude, random, last)
 
 
 class _Stage:
@@ -230,7 +230,7 @@ class _Bias(_Stage):
         return _replaced(fields, {main: _at(fields, main) + self._magnitude})
 
 
-_STAGES: dict[str, type[_Stage]] = {
+STAGES: dict[str, type[_Stage]] = {
     "off": _Off,
     "stuck": _Stuck,
     "garbage": _Garbage,

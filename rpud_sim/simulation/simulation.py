@@ -190,8 +190,8 @@ class Simulation:
 
         The nodal plane's position and velocity and the phase of the vibration stay continuous; a
         new amplitude takes effect when the vibration next passes through zero displacement. A
-        command that changes nothing leaves the trajectory as it is. A feed that is in force already
-        has no entry in the journal, and its time stays.
+        command that is in force already changes nothing: it has no entry in the journal, and its
+        time stays.
 
         Raises:
             ParameterError: if the drive would give an amplitude outside its range, if a feed is
@@ -201,6 +201,8 @@ class Simulation:
         before = self._applied
         if isinstance(command, WeightOnBit):
             self._configuration.check_weight_on_bit()
+            if command == before.weight_on_bit:
+                return  # a controller may repeat it 100 times a second
             self._plant.weight_on_bit = command.force
             self._applied = dataclasses.replace(
                 before, weight_on_bit=command, weight_on_bit_time=self.time
@@ -209,13 +211,15 @@ class Simulation:
         elif isinstance(command, Feed):
             self._configuration.check_feed(command)
             if command == before.feed:
-                return  # a controller may repeat it 100 times a second
+                return
             self._plant.process.feed(command)
             self._applied = dataclasses.replace(before, feed=command, feed_time=self.time)
             kind = "feed"
         else:
             drive = command.after(before.drive)
             self._configuration.check_drive(drive)
+            if drive == before.drive:
+                return
             self._plant.actuator.drive(drive)
             self._applied = dataclasses.replace(before, drive=drive, drive_time=self.time)
             kind = "drive"

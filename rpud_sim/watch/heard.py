@@ -72,7 +72,7 @@ _BANDS = {
 }
 _FREE_MASS, _PEAK_FORCE = _band("free_mass"), _band("peak_force")
 _TIMES = ("weight_on_bit_applied", "drive_applied", "feed_applied")
-_UNMARKED = {"begin", "origin", "flush", "stop"}
+_UNMARKED = {"begin", "origin", "flush", "stop", "state"}
 
 
 class Heard:

@@ -19,7 +19,7 @@ def bag(tmp_path_factory):
 def test_a_proved_bag_gives_0(bag, rpud):
     code, out, err = rpud("verify", bag)
     assert (code, err) == (0, "")
-    head = ["topic", "equal", "different", "unexpected", "missing", "tail", "lost"]
+    head = ["topic", "equal", "different", "unexpected", "missing", "tail", "before", "lost"]
     assert out.splitlines()[0].split() == head
     assert "messages are equal bit for bit, 0.200 s simulated again" in out
 

@@ -28,7 +28,7 @@ def test_a_command_is_over_when_the_drill_has_accepted_it(drill):
     journal = drill.listen("journal")
     before = len(journal)
     for number in range(20):
-        force = 10.0 + number
+        force = 11.0 + number
         drill.press(force)
         assert drill.status.weight_on_bit == force
         assert drill.status.commands_accepted == number + 1

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
-from rpud_msgs.msg import Drive, Status, WeightOnBit
-from rpud_msgs.srv import ResetSimulation
+from rpud_msgs.msg import Drive, Result, Status, WeightOnBit
+from rpud_msgs.srv import ResetSimulation, RestoreSimulation, SaveSimulation
 from sample_bags import PLAIN_PROVED
 from std_srvs.srv import SetBool
 from support import Process
@@ -244,6 +244,46 @@ def test_a_recorder_that_is_started_after_a_reset(process, start_drill, connect,
     verification = verify(tmp_path / "bag")
     assert verification.proved, verification
     assert verification.topics["/rpud/nodal_plane"].equal == 150
+
+
+@pytest.mark.extended
+def test_a_recorder_that_is_started_after_a_stream_of_commands(
+    process, start_drill, connect, tmp_path
+):
+    """The journal has more entries than it keeps, and a checkpoint is of before the recording."""
+    drill = start_drill("/rpud", start_paused=True, publish_clock=True, real_time_factor=0.0)
+    client = connect("/rpud")
+    client.step(0.1)
+    save = SaveSimulation.Request(name="early")
+    assert client.call(SaveSimulation, "simulation/save", save).result.result == Result.RESULT_OK
+    count = 1500
+    for number in range(count):
+        client.command(WeightOnBit(force=10.0 + 0.01 * (number + 1)))
+
+    def taken():
+        last = client.status[-1]
+        counts = (last.commands_accepted, last.commands_rejected, last.commands_discarded)
+        return sum(counts) == count
+
+    client.until(taken)
+    assert client.status[-1].commands_accepted > 1000
+    recorder = process("rpud", "record", "--out", tmp_path / "bag")
+    for topic in (*PLAIN_PROVED, "journal"):
+        recorder.wait_for_line(f"subscribed /rpud/{topic} ")
+        client.until(lambda topic=topic: client.node.count_subscribers(f"/rpud/{topic}"))
+    client.step(0.5)
+    restore = RestoreSimulation.Request(name="early")
+    response = client.call(RestoreSimulation, "simulation/restore", restore)
+    assert response.result.result == Result.RESULT_OK
+    client.step(0.5)
+    drill.interrupt()
+    assert drill.wait() == 0, drill.output
+    recorder.interrupt()
+    recorder.wait()
+    verification = verify(tmp_path / "bag")
+    assert verification.proved, verification
+    assert verification.begins is not None
+    assert verification.topics["/rpud/nodal_plane"].equal == 100
 
 
 @settings(max_examples=6)

@@ -14,6 +14,7 @@ from rpud_sim.simulation import Parameters, preset
 from rpud_sim.simulation.actuator import ActuatorParameters
 from rpud_sim.simulation.commands import Drive, WeightOnBit
 from rpud_sim.simulation.configuration import Configuration
+from rpud_sim.simulation.journal import Journal
 from rpud_sim.simulation.sampling import Times
 from rpud_sim.simulation.simulation import Simulation
 
@@ -148,10 +149,15 @@ def test_commands_come_back_as_applied_with_their_time():
     assert simulation.applied.drive_time == 5 * MILLISECOND
 
 
-def test_the_same_command_again_has_the_later_time():
-    simulation = Simulation(Parameters())
+def test_the_same_command_again_changes_nothing():
+    journal = Journal()
+    simulation = Simulation(Parameters(), journal=journal)
     simulation.advance_to(MILLISECOND)
     simulation.apply(WeightOnBit(10.0))
+    simulation.apply(simulation.applied.drive)
+    assert simulation.applied.weight_on_bit_time == simulation.applied.drive_time == 0
+    assert journal.drain() == []
+    simulation.apply(WeightOnBit(11.0))
     assert simulation.applied.weight_on_bit_time == MILLISECOND
 
 

@@ -18,7 +18,7 @@ from rpud_sim.inspection.recorded_run import ForkError, RecordedRun, find_run
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.topics import TOPICS
 
-_NO_COMMANDS = ("begin", "origin", "stop", "flush", "save", "end")
+_NO_COMMANDS = ("begin", "origin", "stop", "flush", "save", "state", "end")
 _LATEST = 2**62  # later than every time [ns]
 
 

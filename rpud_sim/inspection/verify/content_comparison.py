@@ -13,7 +13,7 @@ from rpud_sim.inspection.verify.messages import (
     without_padding,
     without_repeats,
 )
-from rpud_sim.inspection.verify.topic_comparison import Difference, Suspect
+from rpud_sim.inspection.verify.topic_comparison import Suspect
 from rpud_sim.simulation.fields import Fields
 
 
@@ -25,11 +25,11 @@ class ContentComparison:
     """
 
     def __init__(
-        self, suspects: Sequence[Suspect], codec: Codec, recorded: Iterator[Message]
+        self, suspects: Sequence[Suspect], codec: Codec, recorded: Iterator[Message], latched: bool
     ) -> None:
         self.equal = 0  # number of recorded messages that were computed, in the recorded order
         self._codec = codec
-        self._recorded = without_repeats(recorded)
+        self._recorded = without_repeats(recorded) if latched else recorded
         self._suspects: dict[Key, list[Suspect]] = {}
         for suspect in suspects:
             self._suspects.setdefault(suspect.key, []).append(suspect)
@@ -41,9 +41,9 @@ class ContentComparison:
         return self._next is None
 
     @property
-    def unmatched(self) -> list[Difference]:
-        """Differences of those suspects that no run gives."""
-        return [suspect.difference for group in self._suspects.values() for suspect in group]
+    def unmatched(self) -> list[Suspect]:
+        """Suspects that no run gives."""
+        return [suspect for group in self._suspects.values() for suspect in group]
 
     def add(self, computed: Fields) -> None:
         """Add the next computed message."""

@@ -31,6 +31,8 @@ _PROGRESS = np.dtype(
         ("stamp", np.int64),
         ("status", np.bool_),
         ("stopped", np.bool_),
+        ("published", np.int64),
+        ("entries", np.int64),  # of the journal so far; -1 if it is no status
     ]
 )
 _STOPPED = "stopped"  # the STATE constant of rpud_msgs/Status
@@ -43,6 +45,9 @@ class Coverage:
     span: Span  # in positions of the drill
     # that at least two topics reach, so that one altered stamp changes nothing [ns]
     last_stamp: int
+    # publishing time up to which the journal holds every entry [ns]; None if that is the end
+    journal_until: int | None
+    journal_count: int  # entries that the drill counted last in a status; 0 if it did not
 
 
 def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretches) -> Coverage:
@@ -64,7 +69,26 @@ def find_coverage(bag: BagReader, codecs: Mapping[str, Codec], stretches: Stretc
             parts.append(found)
     reached = _reached(np.concatenate(parts), end, stretches.ended)
     span = Span(_find_begin(bag, codecs, stretches), reached)
-    return Coverage(span, min(sorted(latest.values())[-2:], default=0))
+    last_stamp = min(sorted(latest.values())[-2:], default=0)
+    return Coverage(span, last_stamp, *_journal_until(np.concatenate(parts), end, stretches))
+
+
+def _journal_until(found: np.ndarray, end: int, stretches: Stretches) -> tuple[int | None, int]:
+    """Return ``journal_until`` and ``journal_count`` of a coverage; see ``_reached``.
+
+    A status counts the journal's entries. Without one that counts more than there are, the journal
+    is complete but for the last second, in which an entry may be still on its way.
+    """
+    if stretches.ended:
+        return None, 0
+    counts = found[found["entries"] >= 0]
+    confirmed = counts["published"][counts["entries"] <= stretches.count]
+    until = max(stretches.last_published, int(confirmed.max(initial=0)))
+    count = int(counts["entries"].max(initial=0))
+    if count <= stretches.count:
+        sure = found["published"][found["log_time"] <= max(0, end - _TOPIC_DELAY)]
+        until = max(until, int(sure.max(initial=0)))
+    return until, count
 
 
 def _reached(found: np.ndarray, end: int, ended: bool) -> Position:
@@ -96,7 +120,9 @@ class _StampReader:
         state = columns.get("state") if codec.type_name == TOPICS["status"].type else None
         self._stamp = stamp.name if stamp and stamp.kind is Kind.TIME else ""
         self._state = state.name if state and state.kind is Kind.TEXT else ""
-        wanted = {self._stamp, self._state}
+        entries = columns.get("journal_entries") if self._state else None
+        self._entries = entries.name if entries and entries.kind is Kind.NUMBER else ""
+        wanted = {self._stamp, self._state, self._entries}
         chosen = [column for column in columns.values() if column.name in wanted]
         self._reader = FieldReader(codec, chosen)
 
@@ -107,6 +133,8 @@ class _StampReader:
         values = self._reader.read(block)
         found = np.zeros(len(values.rows), _PROGRESS)
         found["log_time"] = block.log_times[values.rows]
+        found["published"] = block.publish_times[values.rows]
+        found["entries"] = values.columns[self._entries] if self._entries else -1
         found["stamp"] = values.columns[self._stamp]
         found["stretch"], _ = stretches.ranges(block.publish_times[values.rows])
         if self._state:

@@ -47,7 +47,10 @@ def without_padding(message: Message, codec: Codec) -> bytes:
 
 
 def without_repeats(recorded: Iterator[Message]) -> Iterator[Message]:
-    """Skip messages equal to the one before: latched ones repeat where a bag's next file begins."""
+    """Skip messages equal to the one before, of a latched topic.
+
+    They repeat where a bag's next file begins.
+    """
     last = None
     for message in recorded:
         if message.data != last:

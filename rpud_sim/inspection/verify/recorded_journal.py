@@ -5,17 +5,23 @@ from __future__ import annotations
 import dataclasses
 import json
 from bisect import bisect_left, bisect_right
+from collections import OrderedDict
 from collections.abc import Iterable, Iterator
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 
 from rpud_sim.bag import BagFormatError, Message
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.simulation.journal import JournalEntry
+from rpud_sim.foundation.time import join_seconds
+from rpud_sim.simulation.journal import STARTS, JournalEntry
+from rpud_sim.simulation.topics import TOPICS
 
 # Kinds of entries after which stamps may repeat: each begins a stretch, counted from 0.
 BEGINNINGS = ("begin", "origin")
+# Entries that are compared with those that a recorder repeats at the beginning of a bag's next
+# file: it repeats as many as the drill keeps.
+_KEPT = TOPICS["journal"].depth
 
 Position = tuple[int, int]  # progress of the drill: number of the stretch, and the stamp in it [ns]
 
@@ -39,27 +45,42 @@ def journal_entries(
 
     Repeated entries are skipped: a recorder repeats them at the beginning of a bag's next file.
     Number zero begins the journal of another start of the node. Both journals may be equal, where
-    the node is its own clock; then their publishing times differ. A bag of a test begins with a
-    later number, of an entry with which a run begins. Missing or malformed entries raise an
-    UnverifiableError.
+    the node is its own clock; then their publishing times differ. Without it the journal begins
+    with the first entry with which a run can begin: its recorder came late. Missing or malformed
+    entries raise an UnverifiableError.
     """
-    expected = 0
+    expected = -1
     first = (0, b"")
-    for number, message in enumerate(recorded):
+    kept: OrderedDict[int, bytes] = OrderedDict()
+    for message in recorded:
         entry = _decode(message, codec)
-        if number == 0 and entry.kind == "begin":
+        if expected < 0:
+            if entry.sequence and entry.kind not in STARTS:
+                continue
             expected = entry.sequence
         published = (message.publish_time, message.data)
         if entry.sequence == 0 and published != first:
             first, expected = published, 0
+            kept.clear()
         if entry.sequence < expected:
+            if kept.get(entry.sequence, message.data) != message.data:
+                raise UnverifiableError(
+                    f"entry {entry.sequence} of the journal is there twice, with other content"
+                )
             continue
         if entry.sequence > expected:
-            missing = f"entries {expected} to {entry.sequence - 1} of the journal are missing"
-            late = "; its recorder came too late" if expected == 0 else ""
-            raise UnverifiableError(f"{missing}{late}")
+            raise UnverifiableError(
+                f"entries {expected} to {entry.sequence - 1} of the journal are missing"
+            )
         expected += 1
+        kept[entry.sequence] = message.data
+        if len(kept) > _KEPT:
+            kept.popitem(last=False)
         yield message, entry
+    if expected < 0:
+        raise UnverifiableError(
+            "the journal holds no entry with which a run can begin; its recorder came too late"
+        )
 
 
 def _decode(message: Message, codec: Codec) -> JournalEntry:
@@ -75,6 +96,31 @@ def _decode(message: Message, codec: Codec) -> JournalEntry:
     return JournalEntry(int(fields.sequence), time, str(fields.kind), content)
 
 
+def wrong_header(
+    journal: Iterable[tuple[Message, JournalEntry]], codec: Codec
+) -> tuple[Message, JournalEntry, str, str, str] | None:
+    """Return the first entry whose header does not fit; its field, its value and the right one.
+
+    The stamp is the entry's time under an origin in force: the one before it, or one that another
+    entry of the same time sets, for they are published together.
+    """
+    before: list[int] = []
+    frame = TOPICS["journal"].frame
+    for time, group in groupby(journal, lambda each: each[1].time):
+        entries = list(group)
+        origins = [entry.content["origin"] for _, entry in entries if entry.kind == "origin"]
+        for message, entry in entries:
+            header = codec.decode(message.data).header
+            if header.frame_id != frame:
+                return message, entry, "header.frame_id", f"{header.frame_id!r:.80}", f"{frame!r}"
+            own = join_seconds(header.stamp.sec, header.stamp.nanosec) - time
+            allowed = origins if entry.kind == "origin" else [*before, *origins]
+            if allowed and own not in allowed:
+                return message, entry, "header.stamp", str(time + own), str(time + allowed[-1])
+        before = origins[-1:] or before
+    return None
+
+
 class Stretches:
     """Stretches of a journal, each of one simulation and one origin of time.
 
@@ -86,18 +132,24 @@ class Stretches:
     def __init__(self, journal: Iterable[tuple[Message, JournalEntry]]) -> None:
         self.runs = 0  # number of runs that messages can belong to
         self.ended = False  # whether the last entry is the end of the drill
+        self.count = 0  # entries that the drill has made, if it made none after the last one
+        self.first: tuple[Message, JournalEntry] | None = None
+        self.last_published = 0  # publishing time of the last entry [ns]
         self._earliest: list[int] = []  # publishing time of a message in each stretch [ns]
         self._begins: list[int] = []  # publishing time of the entry that begins each [ns]
         before, beginning = 0, False
         for message, entry in journal:
-            if entry.kind in BEGINNINGS:
+            if self.first is None:
+                self.first = message, entry
+            if entry.kind in BEGINNINGS or not self._begins:
                 # Entries that begin together are published together.
                 self._earliest.append(self._earliest[-1] if beginning else before)
                 self._begins.append(message.publish_time)
                 self.runs += not beginning
             beginning = entry.kind in BEGINNINGS
             self.ended = entry.kind == "end"
-            before = message.publish_time
+            self.count = entry.sequence + 1
+            before = self.last_published = message.publish_time
         # False if the clock was set back meanwhile, or if another program wrote these times.
         self._ordered = all(
             first <= second

@@ -68,11 +68,12 @@ class RecordedTopics:
 
 
 class RecordedMessages:
-    """Recorded messages of one topic in order, without repeats of the one before."""
+    """Recorded messages of one topic in order; of a latched one without repeats."""
 
-    def __init__(self, source: RecordedTopics, topic: str) -> None:
+    def __init__(self, source: RecordedTopics, topic: str, latched: bool = False) -> None:
         self._source = source
         self._topic = topic
+        self._latched = latched
         self._block: MessageBlock | None = None
         self._next = 0  # number in the block
         self._last: bytes | None = None
@@ -121,7 +122,8 @@ class RecordedMessages:
                 self._block, self._next = self._source.next(self._topic), 0
                 if self._block is None:
                     return None
-            if self._last is None or not self._repeats(self._block, self._last):
+            last = self._last if self._latched else None
+            if last is None or not self._repeats(self._block, last):
                 return self._block
             self._next += 1
 

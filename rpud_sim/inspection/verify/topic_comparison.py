@@ -47,6 +47,7 @@ class Counts:
     missing: int = 0  # computed between two recorded ones, and not in the bag
     unexpected: int = 0  # in the bag, and not computed
     tail: int = 0  # computed after the last recorded one, while the recording went on
+    before: int = 0  # in the bag, of before the journal begins: not compared
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,6 +57,7 @@ class Suspect:
     difference: Difference  # how it differs
     key: Key  # stamp [ns] and sequence number
     data: bytes  # its bytes, zero between fields
+    published: int  # when it was published [ns]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,7 +82,8 @@ class TopicComparison:
     Either side may lack messages: a recorder began late, ended early or lost some, or messages were
     inserted. Only the messages that follow show whether one is missing or altered, so the
     comparison always looks at two of each side. ``span`` is the part of the runs that the bag
-    covers.
+    covers. Messages of a latched topic may repeat. ``begins`` is stamp and publishing time of the
+    journal's first entry, if it is not the drill's first [ns].
     """
 
     def __init__(
@@ -90,7 +93,12 @@ class TopicComparison:
         recorded: RecordedMessages,
         stretches: Stretches,
         span: Span,
+        latched: bool = False,
+        begins: tuple[int, int] | None = None,
     ) -> None:
+        self.older: Message | None = None  # the last one of before the journal begins
+        self._latched = latched
+        self._begins = begins
         self.counts = Counts()  # results so far
         # messages so far that are not as computed, at most 10,000
         self.suspects: list[Suspect] = []
@@ -112,7 +120,7 @@ class TopicComparison:
     def add(self, computed: Fields, position: Position) -> None:
         """Add the next computed message, and the progress of the drill at it."""
         key = computed_key(computed)
-        if key == self._last[0] and computed == self._last[1]():
+        if self._latched and key == self._last[0] and computed == self._last[1]():
             # A repeated computed message adds nothing; repeats in the bag are skipped as well.
             if self._computed:
                 again = dataclasses.replace(self._computed[-1], last_stretch=position[0])
@@ -131,7 +139,7 @@ class TopicComparison:
         """
         number = 0
         count = len(computed.messages)
-        if computed.key(0) == self._last[0]:
+        if self._latched and computed.key(0) == self._last[0]:
             self.add(computed.fields(0), computed.position(0))
             number = 1
         while number < count:
@@ -170,6 +178,7 @@ class TopicComparison:
 
     def _count_equal(self, more: int) -> None:
         counts = self.counts
+        self._begins = None
         missing = self._missing if counts.equal + counts.different else 0
         self._missing = 0
         self.counts = dataclasses.replace(
@@ -189,6 +198,17 @@ class TopicComparison:
             if message is None:
                 return None
             key = recorded_key(message, self._codec)
+            if self._begins is not None:
+                stamp, published = self._begins
+                # Of the same stamp, a sample is of before the entry, and a waveform of after it.
+                awaited = bool(self._computed) and self._computed[0].key == key
+                older = key[0] < stamp or (key[0] == stamp and not awaited)
+                if older or message.publish_time < published:
+                    self.older = message
+                    before = self.counts.before + 1
+                    self.counts = dataclasses.replace(self.counts, before=before)
+                    continue
+                self._begins = None
             self._recorded.append(_Recorded(key, message, *self._stretches.of(message)))
         return self._recorded[index]
 
@@ -280,7 +300,8 @@ class TopicComparison:
             message = recorded.message
             difference = Difference(self._topic, stamp, message.log_time, field, value, computed)
             data = without_padding(message, self._codec)
-            self.suspects.append(Suspect(difference, recorded.key, data))
+            suspect = Suspect(difference, recorded.key, data, message.publish_time)
+            self.suspects.append(suspect)
 
     def _is_equal(self, recorded: _Recorded, expected: bytes) -> bool:
         """Whether all fields are equal bit for bit; padding between fields is ignored."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import Any
 import rpud_sim.bag
 from rpud_sim.bag import BagFormatError, BagReader, Message, TopicSummary
 from rpud_sim.bag.cdr import Codec
-from rpud_sim.foundation.time import SECOND
+from rpud_sim.foundation.time import SECOND, join_seconds
 from rpud_sim.inspection.verify.computed_block import computed_blocks
 from rpud_sim.inspection.verify.content_comparison import ContentComparison
 from rpud_sim.inspection.verify.coverage import find_coverage
@@ -21,17 +22,26 @@ from rpud_sim.inspection.verify.installed_types import (
     is_provable,
     proof_codec,
 )
+from rpud_sim.inspection.verify.messages import (
+    first_difference,
+    recorded_key,
+    without_padding,
+)
 from rpud_sim.inspection.verify.recorded_journal import (
     BEGINNINGS,
     Stretches,
     UnverifiableError,
     journal_entries,
+    wrong_header,
 )
 from rpud_sim.inspection.verify.recorded_topics import RecordedMessages, RecordedTopics
 from rpud_sim.inspection.verify.topic_comparison import Counts, Difference, Suspect, TopicComparison
 from rpud_sim.simulation import EngineError
+from rpud_sim.simulation.fields import Fields, faults_fields, header_fields
 from rpud_sim.simulation.journal import JournalEntry
 from rpud_sim.simulation.rerun import JournalError, Rerun
+from rpud_sim.simulation.run import Run
+from rpud_sim.simulation.state import state_of
 from rpud_sim.simulation.together import Entry, Together, one_by_one
 from rpud_sim.simulation.topics import PROVED, TOPICS
 from rpud_sim.simulation.versions import engine_and_processor, mended_since
@@ -51,6 +61,8 @@ class Verification:
     first_difference: Difference | None
     undecided: str  # why it cannot be decided whether messages differ, one line; empty if it can
     simulated: int  # simulation time that was run again [ns]
+    # stamp from which on messages are compared [ns]; None if the journal has the drill's start
+    begins: int | None
     warnings: tuple[str, ...]  # one line each
     other_versions: bool  # whether other versions made the bag than those that verified it
 
@@ -63,6 +75,11 @@ class Verification:
     def missing(self) -> int:
         """Number of messages that are missing between recorded ones, of all topics."""
         return sum(counts.missing for counts in self.topics.values())
+
+    @property
+    def before(self) -> int:
+        """Number of messages of before the journal begins, of all topics."""
+        return sum(counts.before for counts in self.topics.values())
 
     @property
     def tail(self) -> int:
@@ -93,6 +110,7 @@ def verify(
         min(differences, key=lambda difference: difference.log_time, default=None),
         next((part.undecided for part in parts if part.undecided), ""),
         sum(part.simulated for part in parts),
+        max((part.begins for part in parts if part.begins is not None), default=None),
         tuple(dict.fromkeys(text for part in parts for text in part.warnings)),
         any(part.other_versions for part in parts),
     )
@@ -131,10 +149,14 @@ class _Proof:
     def run(self, report: Callable[[float], object]) -> Verification:
         self._stretches = Stretches(self._entries())
         self._coverage = find_coverage(self._bag, self._coverage_codecs(), self._stretches)
+        # of entries of the journal, and of what they prove at once
+        self._journal_differences: list[Difference] = []
+        self._first_faults: Fields = {}
+        self._check_headers()
         comparisons = self._compare(report)
         counts = {name: comparison.counts for name, comparison in comparisons.items()}
         suspects = {name: c.suspects for name, c in comparisons.items() if c.suspects}
-        found = [group[0].difference for group in suspects.values()]
+        found = [suspect for group in suspects.values() for suspect in group]
         undecided = ""
         if suspects and self._stretches.runs > 1:
             found = self._decide(suspects, counts, report)
@@ -144,6 +166,15 @@ class _Proof:
                     f"the bag holds {self._stretches.runs} runs, and it cannot be decided which "
                     f"of them messages of {self._summaries[left[0]].topic.name} belong to"
                 )
+        until = self._coverage.journal_until
+        decided = [each for each in found if until is None or each.published <= until]
+        if found and not decided:
+            undecided = self._early_end(len(found))
+        older = sum(counts[name].before for name in counts if not TOPICS[name].latched)
+        if not undecided and older:
+            undecided = f"{older} messages are of before the journal begins"
+        self._check_older_faults(comparisons)
+        differences = [*self._journal_differences, *(each.difference for each in decided)]
         held = [
             name for name in self._names if self._summaries[name].message_count or counts[name].tail
         ]
@@ -154,9 +185,10 @@ class _Proof:
                 self._summaries[name].topic.name: None if lost is None else lost.total
                 for name, lost in losses.items()
             },
-            min(found, key=lambda difference: difference.log_time, default=None),
+            min(differences, key=lambda difference: difference.log_time, default=None),
             undecided,
             self._simulated,
+            begins[0] if (begins := self._begins()) else None,
             tuple(self._warnings),
             self._other_versions,
         )
@@ -177,9 +209,11 @@ class _Proof:
             name: TopicComparison(
                 names[name],
                 codec,
-                RecordedMessages(recorded, names[name]),
+                RecordedMessages(recorded, names[name], TOPICS[name].latched),
                 self._stretches,
                 self._coverage.span,
+                TOPICS[name].latched,
+                self._begins(),
             )
             for name, codec in self._codecs.items()
         }
@@ -205,15 +239,17 @@ class _Proof:
         suspects: Mapping[str, Sequence[Suspect]],
         counts: dict[str, Counts],
         report: Callable[[float], object],
-    ) -> list[Difference]:
-        """Look for suspects in all runs; return the differences of those that no run gives.
+    ) -> list[Suspect]:
+        """Look for suspects in all runs; return those that no run gives.
 
         Times may mislead: other recorders do not keep publishing times, or the clock was set back.
         If the content of a topic's messages proves all of them, its counts are corrected.
         """
         simulated = self._simulated
         contents = {
-            name: ContentComparison(group, self._codecs[name], self._messages(name))
+            name: ContentComparison(
+                group, self._codecs[name], self._messages(name), TOPICS[name].latched
+            )
             for name, group in suspects.items()
         }
         for _, name, values in one_by_one(found for found, _, _ in self._computed(report)):
@@ -228,10 +264,10 @@ class _Proof:
                     "by content, and missing ones are not counted"
                 ] = None
         return [
-            difference
+            suspect
             for content in contents.values()
             if not content.in_order
-            for difference in content.unmatched
+            for suspect in content.unmatched
         ]
 
     def _computed(
@@ -241,15 +277,24 @@ class _Proof:
         rerun = Rerun()
         stretch = -1
         try:
-            for _, entry in self._entries():
+            for message, entry in self._entries():
                 before = rerun.time
-                if entry.kind in BEGINNINGS:
+                if entry.kind in BEGINNINGS or stretch < 0:
                     stretch += 1
                 if entry.kind == "begin":
                     self._check_versions(entry.content)
                     before = 0
+                if entry.kind == "state" and rerun.run is None:
+                    self._check_versions(entry.content.get("beginning"))
+                    before = entry.time
+                known = rerun.run
                 for found in rerun.repeat(entry):
                     yield found, stretch, rerun.origin + rerun.time
+                if entry.kind == "state" and known is not None:
+                    self._compare_state(message, entry, known)
+                if entry.kind == "state" and known is None and rerun.run is not None:
+                    faults = rerun.run.simulation.faults
+                    self._first_faults = faults_fields(faults, rerun.time, rerun.origin)
                 # A restored checkpoint takes the time back.
                 reached = entry.time if entry.kind == "restore" else rerun.time
                 self._count(reached - before, report)
@@ -264,6 +309,57 @@ class _Proof:
                 self._count(rerun.time - before, report)
         except (JournalError, EngineError) as error:
             raise UnverifiableError(f"{self._journal}: {error}") from error
+
+    def _begins(self) -> tuple[int, int] | None:
+        """Return stamp and publishing time of the first entry; None if it is the drill's first."""
+        assert self._stretches.first is not None
+        message, entry = self._stretches.first
+        if entry.sequence == 0:
+            return None
+        stamp = self._codec.decode(message.data).header.stamp
+        return join_seconds(stamp.sec, stamp.nanosec), message.publish_time
+
+    def _early_end(self, count: int) -> str:
+        held, counted = self._stretches.count, self._coverage.journal_count
+        why = f"the bag holds {held} of its entries, and a status counts {counted}"
+        if counted <= held:
+            why = "its last entries may be missing"
+        return f"the journal ends early: {why}. {count} messages after it are not as computed"
+
+    def _check_headers(self) -> None:
+        wrong = wrong_header(self._entries(), self._codec)
+        if wrong is not None:
+            message, entry, *values = wrong
+            self._add_journal_difference(message, entry, *values)
+
+    def _compare_state(self, message: Message, entry: JournalEntry, run: Run) -> None:
+        # As texts, for NaN is not itself. The faults are published before or after the entry.
+        texts = []
+        for state in (state_of(run), entry.content.get("state")):
+            told = state if isinstance(state, dict) else {}
+            texts.append(json.dumps({**told, "faults_published": None}, sort_keys=True))
+        if texts[0] != texts[1]:
+            self._add_journal_difference(message, entry, "state", "a state", "another one")
+
+    def _check_older_faults(self, comparisons: Mapping[str, TopicComparison]) -> None:
+        """Compare the faults that a late recorder got first with those of the first state."""
+        older = comparisons["faults"].older if "faults" in comparisons else None
+        if older is None:
+            return
+        codec = self._codecs["faults"]
+        header = {"header": header_fields("faults", recorded_key(older, codec)[0])}
+        expected = codec.encode({**self._first_faults, **header})
+        if without_padding(older, codec) != expected:
+            found = first_difference(codec, older.data, expected)
+            stamp = recorded_key(older, codec)[0]
+            self._journal_differences.append(Difference(older.topic, stamp, older.log_time, *found))
+
+    def _add_journal_difference(
+        self, message: Message, entry: JournalEntry, field: str, value: str, computed: str
+    ) -> None:
+        self._journal_differences.append(
+            Difference(self._journal, entry.time, message.log_time, field, value, computed)
+        )
 
     def _entries(self) -> Iterator[tuple[Message, JournalEntry]]:
         return journal_entries(self._bag.messages({self._journal}), self._codec)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -33,6 +34,8 @@ class DrillParameters:
         self._changed = changed
         self._fixed = fixed
         self._settings = declare_settings(node)
+        # A reset sets parameters in the pacing thread, a service in another one.
+        self._applying = threading.Lock()
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
@@ -68,8 +71,9 @@ class DrillParameters:
         if not any(change.name in PARAMETERS for change in changes):
             return
         # All of them: a reset may set others back at the same time.
-        values = {name: self._value(name) for name in PARAMETERS}
-        self._settings = self._settings.replace(values)
+        with self._applying:
+            values = {name: self._value(name) for name in PARAMETERS}
+            self._settings = self._settings.replace(values)
         self._changed(self._settings)
 
     def _value(self, name: str) -> Any:

@@ -159,7 +159,7 @@ class Drilling:
         self._pace()
 
     def step(self, until: int) -> Future[int]:
-        """Let a paused simulation go on to a simulation time [ns]; the result is that time."""
+        """Let a paused simulation go on to a simulation time [ns]; the result is its stamp."""
         return self._paced.step(until)
 
     def act(self, action: Callable[[Run], None]) -> None:
@@ -197,10 +197,11 @@ class Drilling:
         self.time_control.interrupt("a checkpoint was restored")
         self._paced.flush()
         old.note("restore", name=name)
-        self._publishers.publish(old.changes())
+        self._publishers.publish(old.entries())
         now = old.origin + old.time - new.time
         origin = self._source.return_to(new.time, now if continues else new.origin)
         self._paced.resume(new, origin, old.control.active)
+        new.note_state()  # a recorder that came after the checkpoint cannot go back to it
         self._reporter.begin()
         self._restored(self._settings)
         self._pace()
@@ -248,6 +249,7 @@ class Drilling:
         self._saved[FORK] = settings, self._seed
         run.note("save", name=FORK, forked_from=dict(start.forked_from))
         self._paced.resume(run, self.run.origin, active=True)
+        run.note_state()  # a late subscriber gets the last entries only
 
     def _copy(self, start: Start, journal: Journal) -> Run:
         return start.run.copy(journal, self._publishers.wanted, self._reporter.add)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import Drive as DriveMessage
@@ -15,6 +16,7 @@ from rpud_msgs.msg import Feed as FeedMessage
 from rpud_msgs.msg import WeightOnBit as WeightOnBitMessage
 from sensor_msgs.msg import JointState
 
+from rpud_sim.bag.sequence import SequenceGaps
 from rpud_sim.drilling.feed import POSITION, RATE
 from rpud_sim.foundation.quantities import ParameterError
 from rpud_sim.foundation.time import SECOND, join_seconds
@@ -46,10 +48,7 @@ class Gate:
             ("command/feed", FeedMessage, self._on_feed),
             ("joint_commands", JointState, self._on_joint_commands),
         ):
-            # Raw: the middleware would drop a malformed payload without a count.
-            # rclpy passes the times of a message to a callback with two arguments.
-            callback: Any = self._reading(name.removeprefix("command/"), kind, handler)
-            node.create_subscription(kind, name, callback, COMMAND_QOS, raw=True)
+            _CommandTopic(node, name, kind, handler, inbox)
 
     def open(self, opened: bool) -> None:
         """Accept commands from now on, or reject all of them."""
@@ -57,22 +56,6 @@ class Gate:
             self._open.set()
         else:
             self._open.clear()
-
-    def _reading(
-        self, name: str, kind: type, handler: Callable[[Any, int], None]
-    ) -> Callable[[bytes, Mapping[str, int]], None]:
-        def read(payload: bytes, information: Mapping[str, int]) -> None:
-            arrived = arrival(information)
-            try:
-                message = deserialize_message(payload, kind)
-            except Exception:  # RMWError, or what the conversion to Python raises
-                self._inbox.refuse_malformed(
-                    f"{name}: a payload of {len(payload)} bytes is malformed"
-                )
-            else:
-                handler(message, arrived)
-
-        return read
 
     def _on_weight_on_bit(self, message: WeightOnBitMessage, arrived: int) -> None:
         try:
@@ -129,11 +112,79 @@ class Gate:
             raise ParameterError(f"{name} is stale: its stamp is {what}; allowed is {timeout:g} s")
 
 
+class _CommandTopic:
+    """Subscription to one topic of commands; counts those that the middleware overwrote."""
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        kind: type,
+        handler: Callable[[Any, int], None],
+        inbox: Inbox,
+    ) -> None:
+        self._name = name.removeprefix("command/")
+        self._kind = kind
+        self._handler = handler
+        self._inbox = inbox
+        self._overwritten = 0  # as the middleware counts: not those of a queue of its reader
+        self._counted = 0
+        # rclpy passes the times of a message to a callback with two arguments.
+        callback: Any = self._on_message
+        # Raw: the middleware would drop a malformed payload without a count.
+        self._subscription = node.create_subscription(
+            kind,
+            name,
+            callback,
+            COMMAND_QOS,
+            raw=True,
+            event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
+        )
+        self._gaps = SequenceGaps(lambda: self._subscription.handle.get_publisher_count())
+
+    def _on_message(self, payload: bytes, information: Mapping[str, Any]) -> None:
+        """Take all commands that wait: the executor takes one of each topic in a turn."""
+        taken: tuple[bytes, Mapping[str, Any]] | None = (payload, information)
+        handle = self._subscription.handle
+        with handle:
+            for _ in range(COMMAND_QOS.depth):
+                if taken is None:
+                    break
+                self._read(*taken)
+                taken = handle.take_message(self._kind, True)
+        self._count_discarded()
+
+    def _read(self, payload: bytes, information: Mapping[str, Any]) -> None:
+        number = information["publication_sequence_number"]
+        if number is not None:
+            self._gaps.note(number)
+        try:
+            message = deserialize_message(payload, self._kind)
+        except Exception:  # RMWError, or what the conversion to Python raises
+            self._inbox.refuse_malformed(
+                f"{self._name}: a payload of {len(payload)} bytes is malformed"
+            )
+        else:
+            self._handler(message, arrival(information))
+
+    def _on_lost(self, event: Any) -> None:
+        self._overwritten = event.total_count
+        self._count_discarded()
+
+    def _count_discarded(self) -> None:
+        """Count by gaps or by the middleware, whichever found more: each overlooks some."""
+        found = max(self._gaps.missing, self._overwritten)
+        if found > self._counted:
+            self._inbox.discard(found - self._counted)
+            self._counted = found
+
+
 def arrival(information: Mapping[str, int]) -> int:
     """Return when the middleware received a message, on the monotonic clock [ns].
 
     The middleware notes the time of day, which may be set meanwhile. So a message counts as one
-    that arrived within the last second.
+    that arrived within the last second; without a note as one that arrived now.
     """
-    waited = time.time_ns() - information["received_timestamp"]
+    received = information["received_timestamp"]
+    waited = time.time_ns() - received if received else 0
     return time.monotonic_ns() - min(max(waited, 0), SECOND)

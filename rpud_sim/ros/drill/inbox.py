@@ -24,8 +24,7 @@ _MALFORMED_PERIOD = 10.0  # between two log lines about malformed commands [s]
 class Inbox:
     """Queue of checked commands in the order in which they came.
 
-    One thread appends, another drains; each of these is one atomic operation of a deque. Any thread
-    may refuse requests of services.
+    One thread appends, another drains, and any may refuse requests of services.
     """
 
     def __init__(self, logger: RcutilsLogger) -> None:
@@ -39,6 +38,8 @@ class Inbox:
         self._counting = threading.Lock()
         self.accepted = 0  # commands that were drained, since the start
         self.rejected = 0  # commands that were refused, since the start
+        # commands that were overwritten before they were taken, since the start
+        self.discarded = 0
         self.requests_refused = 0  # requests of services that were refused, since the start
         self.last_refusal = ""  # why the latest command or request was refused
 
@@ -48,12 +49,14 @@ class Inbox:
 
     def begin(self) -> None:
         """Count from zero, and discard waiting commands: they were meant for the run before."""
-        self._waiting.clear()
         self.begin_delays()
-        self.accepted = 0
-        self.rejected = 0
-        self.requests_refused = 0
-        self.last_refusal = ""
+        with self._counting:
+            self.discarded = len(self._waiting)
+            self._waiting.clear()
+            self.accepted = 0
+            self.rejected = 0
+            self.requests_refused = 0
+            self.last_refusal = ""
 
     def begin_delays(self) -> None:
         self.delays = Lateness()
@@ -63,13 +66,21 @@ class Inbox:
 
         ``arrived`` is when the middleware received it, on the monotonic clock [ns]; None for now.
         """
-        self._waiting.append((time.monotonic_ns() if arrived is None else arrived, command))
+        with self._counting:
+            self._waiting.append((time.monotonic_ns() if arrived is None else arrived, command))
+        self._notify()
+
+    def discard(self, count: int) -> None:
+        """Count commands that the middleware overwrote before they were taken."""
+        with self._counting:
+            self.discarded += count
         self._notify()
 
     def refuse(self, reason: str) -> None:
         """Count an invalid command, and log why."""
         self._reject(reason)
-        self._log(f"command refused: {reason}")
+        with self._counting:
+            self._log(f"command refused: {reason}")
 
     def refuse_malformed(self, reason: str) -> None:
         """Count a malformed command; log one in ten seconds."""
@@ -84,8 +95,9 @@ class Inbox:
             self._log(f"request refused: {reason}")
 
     def _reject(self, reason: str) -> None:
-        self.rejected += 1
-        self.last_refusal = reason
+        with self._counting:
+            self.rejected += 1
+            self.last_refusal = reason
         self._notify()
 
     def _log(self, text: str) -> None:
@@ -101,10 +113,11 @@ class Inbox:
 
     def drain(self) -> list[Command]:
         """Return the waiting commands in order, and count them as accepted."""
-        commands = []
-        while self._waiting:
-            arrived, command = self._waiting.popleft()
-            self.delays.add(time.monotonic_ns() - arrived)
-            commands.append(command)
-        self.accepted += len(commands)
-        return commands
+        with self._counting:
+            waiting = list(self._waiting)
+            self._waiting.clear()
+            self.accepted += len(waiting)
+        now = time.monotonic_ns()
+        for arrived, _ in waiting:
+            self.delays.add(now - arrived)
+        return [command for _, command in waiting]

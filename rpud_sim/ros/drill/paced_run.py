@@ -52,6 +52,7 @@ class PacedRun:
         self._pacer = pacer
         self._logger = logger
         self._clock_due = 0.0
+        self._unreported = False  # whether the status lacks changes
         self._planned = planned
         self._streams: deque[Stream] = deque()
         self._switch(run)
@@ -98,7 +99,7 @@ class PacedRun:
             self._stand_still()
             return _STANDSTILL_PERIOD
         elif (idle := self._pacer.idle(until)) > 0.0:
-            if self._reporter.due():
+            if self._reporter.due() or (self._unreported and self._reporter.rested):
                 self.report()
             self._fill_time(until)
             return idle
@@ -107,7 +108,7 @@ class PacedRun:
         return 0.0
 
     def step(self, goal: int) -> Future[int]:
-        """Begin a step to a simulation time [ns]; the result is that time."""
+        """Begin a step to a simulation time [ns]; the result is the stamp of that time."""
         if self._apply_commands():  # they were given before
             self.report()
         return self.time_control.step(goal)
@@ -122,6 +123,7 @@ class PacedRun:
 
     def report(self, state: str = "") -> None:
         """Publish changes and the status; its state is that of the time control if empty."""
+        self._unreported = False
         later = self._pacer.ahead and not state
         if not state:
             state = self.time_control.state if self._run.control.active else "inactive"
@@ -145,16 +147,23 @@ class PacedRun:
             struck = [time for time, name, _ in entries if name == "contact_force"]
             self._reporter.add_impact_delays(map(self._pacer.delay_since, struck))
         changed = self._apply_planned() | self._apply_commands()
+        self._unreported |= changed
+        if changed:
+            self._publishers.publish(self._run.changes())
         if not self._pacer.ahead:
             self._publish_rest()
         for refusal in self._run.simulation.drain_refusals():
             self._logger.warning(refusal)
-        due = self._report_due(until)
+        # In steps a test waits for each of them. Otherwise a stream of commands would have one in
+        # each block, and its readers would be late.
+        due = self._report_due(until) or (
+            self._unreported and (self.time_control.stepping or self._reporter.rested)
+        )
         step = self.time_control.complete_step(until)
-        if changed or step is not None or due:
+        if step is not None or due:
             self.report()
         if step is not None:
-            step.set_result(until)
+            step.set_result(self._run.origin + until)
 
     def _fill_time(self, until: int) -> None:
         """Publish what has no deadline, in parts, until a deadline is near.
@@ -214,6 +223,7 @@ class PacedRun:
         commands = self._inbox.drain()
         for command in commands:
             self._run.control.apply(command)
+            self._run.note_state(due=True)
         changed = self._run.control.act()
         return bool(commands) or changed or self._reporter.refused_more()
 

@@ -107,6 +107,7 @@ def report_to_diagnostics(
                 {
                     "commands_accepted": counts.commands_accepted,
                     "commands_rejected": counts.commands_rejected,
+                    "commands_discarded": counts.commands_discarded,
                     **report.command_delays.values("command"),
                     "requests_refused": report.requests_refused,
                     "last_refusal": report.last_refusal,
@@ -169,6 +170,8 @@ def _borehole_values(report: Report) -> dict[str, object]:
 def _command_health(counts: Bookkeeping) -> tuple[bytes, str]:
     if counts.commands_lost:
         return DiagnosticStatus.ERROR, "commands are lost: the drill is made safe"
+    if counts.commands_discarded:
+        return DiagnosticStatus.WARN, f"{counts.commands_discarded} discarded"
     if counts.commanders > 1:
         return DiagnosticStatus.WARN, f"{counts.commanders} publishers command at once"
     return DiagnosticStatus.OK, f"{counts.commands_rejected} refused"

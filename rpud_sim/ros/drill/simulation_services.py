@@ -111,12 +111,7 @@ class SimulationServices:
                 Result.RESULT_FEATURE_UNSUPPORTED, "the time is that of /clock: step its source"
             )
 
-        origin = 0
-
         def begin(drilling: Drilling) -> Any:
-            # What changes the origin interrupts a step. It may have changed again when we are told.
-            nonlocal origin
-            origin = drilling.run.origin
             control = drilling.time_control
             for holds, state in (
                 (control.playing, "playing"),
@@ -135,8 +130,7 @@ class SimulationServices:
                 )
             return drilling.step(until)
 
-        reached = self._host.request(begin)
-        return origin + int(reached)
+        return int(self._host.request(begin))
 
     def answer(self, response: Any, act: Callable[[], Any]) -> Any:
         """Fill the response with the result of an action, and return it."""

@@ -20,6 +20,7 @@ from rpud_sim.simulation.run import Run
 from rpud_sim.simulation.statistics import Statistics
 
 REPORT_PERIOD = 1.0  # of status and diagnostics [s]
+CHANGE_PERIOD = 0.05  # of reports that commands cause while time goes on, at least [s]
 _BATCH_SIZE = 20  # blocks that are counted at once: one by one would take most of the time
 # Topics that command the same: two publishers on one line are a mistake.
 _COMMAND_TOPICS = (
@@ -55,6 +56,7 @@ class StatusReporter:
         self._blocks: list[Block] = []
         self._impact_delays = Lateness()
         self._diagnostics_wait = False
+        self._rests_until = 0
         self.begin()
 
     @property
@@ -102,10 +104,17 @@ class StatusReporter:
         return time.monotonic_ns() >= self._due
 
     def refused_more(self) -> bool:
-        """Whether commands were refused since the last report."""
-        return self._last is not None and (
-            self._inbox.rejected != self._last.bookkeeping.commands_rejected
-        )
+        """Whether commands were refused or discarded since the last report."""
+        if self._last is None:
+            return False
+        counts = self._last.bookkeeping
+        reported = counts.commands_rejected, counts.commands_discarded
+        return (self._inbox.rejected, self._inbox.discarded) != reported
+
+    @property
+    def rested(self) -> bool:
+        """Whether the last report is long enough ago for one of changes."""
+        return time.monotonic_ns() >= self._rests_until
 
     def finish(self) -> None:
         """Make the next report a full one."""
@@ -136,6 +145,7 @@ class StatusReporter:
         bookkeeping = Bookkeeping(
             commands_accepted=self._inbox.accepted,
             commands_rejected=self._inbox.rejected,
+            commands_discarded=self._inbox.discarded,
             commands_lost=run.control.commands_lost,
             commanders=max(
                 sum(map(self._node.count_publishers, topics)) for topics in self._command_topics
@@ -168,6 +178,7 @@ class StatusReporter:
             acknowledged=self._publishers.acknowledged(),
         )
         self._diagnostics_wait = True
+        self._rests_until = time.monotonic_ns() + round(CHANGE_PERIOD * SECOND)
 
     def publish_diagnostics(self) -> None:
         """Publish the diagnostics of the latest report, unless that was done."""

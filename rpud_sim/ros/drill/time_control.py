@@ -59,7 +59,7 @@ class TimeControl:
         self._playing, self._at_start = False, True
 
     def step(self, goal: int) -> Future[int]:
-        """Begin a step to a simulation time [ns]; the result is that time."""
+        """Begin a step to a simulation time [ns]; the result is the stamp of that time."""
         self._goal = goal
         self._step = Future()
         return self._step

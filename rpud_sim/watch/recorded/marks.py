@@ -22,7 +22,7 @@ MOST_MARKS = 500  # number of marks of a kind; further ones are counted
 AT_ONCE = 64  # parts with marks that are read before the page stands
 
 # Entries that the drill writes for itself, and that change nothing.
-_QUIET = ("flush", "stop", "origin", "save")
+_QUIET = ("flush", "stop", "origin", "save", "state")
 _TEXTS = {
     "begin": "a run begins",
     "end": "the drill stopped",

@@ -135,7 +135,14 @@ def test_a_message_that_was_put_in_is_unexpected(bag, tmp_path):
     assert verification.first_difference.computed is None
 
 
-def test_a_repeated_message_is_none_of_its_own(bag, tmp_path):
+def test_an_exact_duplicate_is_counted_and_a_difference(bag, tmp_path):
+    duplicate = numbered("wrench", 12, lambda message: [message.data, message.data])
+    verification = verify(altered(bag, tmp_path / "bag", duplicate))
+    assert totals(verification)[1:] == (0, 0, 1)
+    assert verification.first_difference.topic == "/rpud/wrench"
+
+
+def test_a_repeated_message_of_a_latched_topic_is_none_of_its_own(bag, tmp_path):
     def twice(message):
         latched = message.topic in (JOURNAL, "/rpud/faults")
         return [message.data] * (2 if latched else 1)

@@ -1,6 +1,7 @@
 """Parameters as ROS sees them: described, fixed or changeable, and changed together or not."""
 
 import math
+import threading
 
 import pytest
 import rclpy
@@ -264,6 +265,30 @@ def test_an_override_that_cannot_be_used_is_named(node, name, value, complaint):
         declare_settings(drill)
     assert str(caught.value).startswith(complaint)
     assert "\n" not in str(caught.value)
+
+
+def test_a_change_during_a_reset_is_not_lost(node, monkeypatch):
+    drill = node()
+    parameters = DrillParameters(drill, lambda settings: None)
+    read = drill.get_parameter
+    change = [Parameter("command_loss_ramp", value=3.0)]
+    client = threading.Thread(target=lambda: drill.set_parameters(change))
+    resetting = threading.current_thread()
+
+    def read_slowly(name):
+        found = read(name)
+        reset = read("command_timeout").value == 2.0 and threading.current_thread() is resetting
+        if name == "command_loss_ramp" and reset and not client.ident:
+            # The client changes what the reset has read, and has not yet taken.
+            client.start()
+            client.join(1.0)  # until it is done, or waits for the reset
+        return found
+
+    monkeypatch.setattr(drill, "get_parameter", read_slowly)
+    parameters.restore(parameters.settings.replace({"command_timeout": 2.0}))
+    client.join()
+    settings = parameters.settings
+    assert (settings.command_timeout, settings.command_loss_ramp) == (2.0, 3.0)
 
 
 def test_changeable_parameters_are_restored_and_nothing_else_is_touched(node):

@@ -38,9 +38,9 @@ class Heard(Inbox):
 class Commander:
     """A gate, and a publisher of commands that waits until the gate has checked them."""
 
-    def __init__(self):
-        self.drill = rclpy.create_node("drill_node")
-        self.client = rclpy.create_node("commander")
+    def __init__(self, namespace="/"):
+        self.drill = rclpy.create_node("drill_node", namespace=namespace)
+        self.client = rclpy.create_node("commander", namespace=namespace)
         self.inbox = Heard(self.drill.get_logger())
         self.gate = Gate(self.drill, Settings(), self.inbox, lambda: NOW)
         self.gate.open(True)
@@ -100,6 +100,11 @@ def stamped(seconds):
     return Header(stamp=Time(sec=sec, nanosec=nanosec))
 
 
+def test_a_message_without_a_time_of_arrival_has_not_waited():
+    before = time.monotonic_ns()
+    assert arrival({"received_timestamp": 0}) >= before
+
+
 def test_commands_that_can_be_used_are_taken(commander):
     assert commander.give(WeightOnBitMessage(force=20.0)) == WeightOnBit(20.0)
     drive = DriveMessage(enabled=True, voltage=60.0, frequency=17000.0)
@@ -147,6 +152,39 @@ def test_a_malformed_payload_is_refused_and_counted_and_the_next_command_taken(
         f": a payload of {len(payload)} bytes is malformed"
     )
     assert isinstance(commander.give(kind()), (WeightOnBit, Drive))
+
+
+def test_each_command_to_a_stopped_drill_is_taken_refused_or_counted_as_discarded(shared):
+    commander = Commander("/stopped")
+    inbox, count = commander.inbox, 3000
+    try:
+        commander.give(WeightOnBitMessage(force=1.0))
+        publisher = commander.publishers[WeightOnBitMessage]
+        for number in range(count - 1):  # nobody spins the drill meanwhile
+            publisher.publish(WeightOnBitMessage(force=-1.0 if number % 7 == 0 else 2.0))
+
+        def counted():
+            inbox.drain()
+            return inbox.accepted + inbox.rejected + inbox.discarded == count
+
+        commander.until(counted)
+        assert inbox.discarded > 0
+        assert inbox.rejected > 0
+    finally:
+        commander.close()
+
+
+def test_all_commands_that_wait_are_taken_in_one_turn(shared):
+    commander = Commander("/stream")
+    try:
+        publisher = commander.publishers[WeightOnBitMessage]
+        for _ in range(10):
+            publisher.publish(WeightOnBitMessage(force=2.0))
+        publisher.wait_for_all_acked()
+        commander.executor.spin_once(timeout_sec=30.0)
+        assert len(commander.inbox.drain()) == 10
+    finally:
+        commander.close()
 
 
 def test_a_drive_that_would_break_the_stack_is_refused(commander):

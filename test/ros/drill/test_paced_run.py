@@ -1,5 +1,7 @@
 """Blocks are computed ahead and published at their deadlines; commands act between two."""
 
+import time
+
 import pytest
 import rclpy
 from manual_clock import SECOND, ManualClock
@@ -9,7 +11,7 @@ from rpud_sim.ros.drill.namesakes import DuplicateNodes
 from rpud_sim.ros.drill.paced_run import PacedRun
 from rpud_sim.ros.drill.pacer import Pacer
 from rpud_sim.ros.drill.publishers import DrillPublishers
-from rpud_sim.ros.drill.status_reporter import StatusReporter
+from rpud_sim.ros.drill.status_reporter import CHANGE_PERIOD, StatusReporter
 from rpud_sim.simulation.commands import WeightOnBit
 from rpud_sim.simulation.configuration import Settings
 from rpud_sim.simulation.run import Beginning, Run
@@ -140,8 +142,21 @@ def test_a_command_that_comes_while_a_block_waits_acts_at_its_end(drill):
     assert drill.advance() == 2 * PERIOD
     assert seen == [before]
     assert drill.weight_on_bit == 33.0
-    assert drill.reporter.last.status["weight_on_bit"] == 33.0
-    assert drill.reporter.last.time == 2 * PERIOD
+
+
+def test_a_stream_of_commands_acts_in_each_block_and_is_reported_at_a_rate_of_its_own(drill):
+    drill = drill()
+    drill.play()
+    drill.advance()
+    began = time.monotonic()
+    drill.publishers.topics.clear()
+    for number in range(100):
+        drill.inbox.accept(WeightOnBit(10.0 + number))
+        drill.advance()
+        assert drill.weight_on_bit == 10.0 + number
+    elapsed = time.monotonic() - began
+    assert drill.inbox.accepted == 100
+    assert drill.publishers.topics.count("status") <= elapsed / CHANGE_PERIOD + 2
 
 
 def test_a_command_between_two_blocks_acts_at_the_next_end(drill):

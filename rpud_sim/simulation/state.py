@@ -1,0 +1,282 @@
+"""Whole state of a run as JSON, from which a run goes on with the same bits.
+
+Numbers are exact and arrays are base64. A state may come from a stranger's bag: reading it makes
+only immutable values of this package, and objects that a new run of the same beginning has too.
+"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import sys
+from array import array
+from collections import deque
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rpud_sim.drilling.strata import Strata
+from rpud_sim.foundation.parameters import ParameterGroup
+from rpud_sim.foundation.time import split_fraction
+from rpud_sim.model.drill import STATE, Drill
+from rpud_sim.model.parameters import Parameters
+from rpud_sim.model.segment import IMPACT, SEGMENT
+from rpud_sim.simulation.block import Block
+from rpud_sim.simulation.channels import CHANNELS
+from rpud_sim.simulation.configuration import Configuration, to_configuration, to_values
+from rpud_sim.simulation.signals import STAGES
+
+if TYPE_CHECKING:
+    from rpud_sim.simulation.run import Run
+
+_DTYPES: Mapping[str, np.dtype[Any]] = {
+    "state": STATE,
+    "segment": SEGMENT,
+    "impact": IMPACT,
+    "float64": np.dtype(np.float64),
+    "int64": np.dtype(np.int64),
+    "bool": np.dtype(np.bool_),
+}
+_RECORDS = (STATE, SEGMENT, IMPACT)
+# The same without padding, which holds whatever was in memory.
+_PACKED = {
+    name: np.dtype([(field, dtype[field]) for field in dtype.names]) if dtype.names else dtype
+    for name, dtype in _DTYPES.items()
+}
+# Records that wait for the next block, by the attribute that holds them.
+_WAITING = {"_segments": SEGMENT, "_impacts": IMPACT}
+_STAGES = {f"{kind.__module__}.{kind.__name__}": kind for kind in STAGES.values()}
+# Attributes that are no state: what a run gets from its owner, room for results, and what is kept
+# so that it need not be calculated again. What commands do is in the simulation.
+_LEFT_OUT = frozenset(
+    (
+        *("_beginning", "_control", "_journal", "_wanted", "_on_block", "_recent_energy"),
+        *("_published_faults", "_refusals", "_parameters"),
+        *("_capacity", "_room", "_segment_room", "_impact_room", "_written", "_struck"),
+        *("_advance_code", "_interrupt_code", "_known_state", "_cut_for", "_last_cut"),
+    )
+)
+# Whole numbers that follow from the beginning.
+_RATES = ("_rate", "_sample_rate", "_stream_period")
+_TYPES = {"float": float, "int": int, "bool": bool, "str": str}
+
+
+def state_of(run: Run) -> dict[str, Any]:
+    """Return the state of a run between two blocks."""
+    begun = to_values(run.beginning.settings.configuration)
+    now = to_values(run.simulation.configuration)
+    return {
+        "parameters": {name: value for name, value in now.items() if value != begun[name]},
+        "faults_published": run.faults_published,
+        "run": _Writer().write(run),
+    }
+
+
+def set_state(run: Run, time: int, state: Mapping[str, Any]) -> None:
+    """Put a new run into a state of a run with the same beginning.
+
+    Raises:
+        ArithmeticError, LookupError, TypeError, ValueError: if it is no state at this time [ns].
+    """
+    beginning = to_values(run.beginning.settings.configuration)
+    configuration = to_configuration({**beginning, **state["parameters"]})
+    run.simulation._plant.engine.drain_covering()  # impacts of time zero are no part of it
+    _Reader(configuration).read(run, state["run"])
+    run.faults_published = bool(state["faults_published"])
+    plant = run.simulation._plant
+    began = plant.engine._state[0]
+    if (
+        run.time != time
+        or plant._instant != split_fraction(time)
+        or not plant.next_step > time
+        or not 0 <= began["seconds"] + began["fraction"] <= sum(plant._instant)
+    ):
+        raise ValueError("its times do not agree")
+
+
+class _Writer:
+    def __init__(self) -> None:
+        self._seen: set[int] = set()  # objects that are written already
+
+    def write(self, value: Any) -> Any:
+        if value is None or isinstance(value, (bool, int, float, str)):
+            return value
+        if isinstance(value, np.generic):
+            return value.item()
+        if isinstance(value, complex):
+            return {"complex": [value.real, value.imag]}
+        if isinstance(value, np.ndarray):
+            name = next(name for name, dtype in _DTYPES.items() if dtype == value.dtype)
+            return {"array": name, "bytes": _text(value.astype(_PACKED[name]).tobytes())}
+        if isinstance(value, array):
+            return {"doubles": _text(value.tobytes())}
+        if isinstance(value, np.random.Generator):
+            return {"random": value.bit_generator.state}
+        if isinstance(value, dict):
+            pairs = [[self.write(key), self.write(each)] for key, each in value.items()]
+            return {"dict": pairs}
+        if callable(value):  # a message that is made when a fault needs it
+            return self.write(value())
+        if _is_value(type(value)):
+            names = _fields(type(value))
+            return {"value": _name(value), "of": [self.write(getattr(value, n)) for n in names]}
+        if isinstance(value, (tuple, list, deque)):
+            return {type(value).__name__: [self.write(each) for each in value]}
+        return self._object(value)
+
+    def _object(self, value: Any) -> Any:
+        if id(value) in self._seen:
+            return None
+        self._seen.add(id(value))
+        attributes = {
+            name: self.write(each)
+            for name, each in vars(value).items()
+            if name not in _LEFT_OUT and not _is_fixed(each) and id(each) not in self._seen
+        }
+        return {"object": _name(value), "of": attributes}
+
+
+class _Reader:
+    def __init__(self, configuration: Configuration) -> None:
+        self._configuration = configuration
+
+    def read(self, old: Any, tree: Any) -> Any:
+        """Return the value of a tree; an object is set in place of the old one of its class."""
+        if not isinstance(tree, dict):
+            return tree
+        kind = next(iter(tree), "")
+        content: Any = tree.get(kind)
+        if kind == "complex":
+            return complex(*content)
+        if kind == "array":
+            packed = np.frombuffer(_data(tree["bytes"]), _PACKED[content])
+            # Zeros, for the conversion leaves out the bytes between two fields.
+            values = np.zeros(len(packed), _DTYPES[content])
+            for field in values.dtype.names or ():
+                values[field] = packed[field]
+            return values if values.dtype.names else packed.copy()
+        if kind == "doubles":
+            return array("d", _data(content))
+        if kind == "random":
+            random = np.random.default_rng()
+            random.bit_generator.state = content
+            return random
+        if kind == "dict":
+            return {self.read(None, key): self.read(None, each) for key, each in content}
+        if kind in ("tuple", "list", "deque"):
+            return {"tuple": tuple, "list": list, "deque": deque}[kind](
+                self.read(None, each) for each in content
+            )
+        if kind == "value":
+            return self._value(content, tree["of"])
+        if kind != "object":
+            raise ValueError(f"{kind:.80} is no kind of a state's values")
+        return self._object(old, content, tree["of"])
+
+    def _value(self, name: str, trees: list[Any]) -> Any:
+        module, _, own = name.rpartition(".")
+        found: Any = getattr(sys.modules.get(module), own, None)
+        if not (module.startswith("rpud_sim.") and isinstance(found, type) and _is_value(found)):
+            raise ValueError(f"{name:.80} is no value of a state")
+        fields = _fields(found)
+        values = {field: self.read(None, tree) for field, tree in zip(fields, trees, strict=True)}
+        for field, hint in fields.items():
+            wanted = hint if isinstance(hint, type) else _TYPES.get(str(hint))
+            if wanted is not None and type(values[field]) is not wanted:
+                raise ValueError(f"{name}.{field} = {values[field]!r:.40} is no {wanted.__name__}")
+        if found is Block:
+            _check_records("covering", [values["covering"]], SEGMENT)
+            _check_records("impacts", [values["impacts"]], IMPACT)
+            if not len(values["covering"]):
+                raise ValueError("a block has no segment")
+        return found(**values)
+
+    def _object(self, old: Any, name: str, trees: Mapping[str, Any]) -> Any:
+        if name in _STAGES:
+            channel = next(iter(CHANNELS.values()))
+            old = _STAGES[name](channel, 0.0, np.random.default_rng(0), None)
+        if old is None or _name(old) != name:
+            raise ValueError(f"{name:.80} does not belong to the state")
+        held = vars(old)
+        for attribute, tree in trees.items():
+            if attribute not in held or attribute in _LEFT_OUT or _is_fixed(held[attribute]):
+                raise ValueError(f"{name} has no state {attribute:.40}")
+            before, value = held[attribute], self.read(held[attribute], tree)
+            _check(attribute, before, value)
+            if isinstance(before, deque):  # of its length
+                before.clear()
+                before.extend(value)
+            elif value is not before:
+                setattr(old, attribute, value)
+        if "_configuration" in held:
+            old._configuration = self._configuration
+        return old
+
+
+def _check(name: str, before: Any, value: Any) -> None:
+    """Check the type of an attribute: compiled code takes no other, and does not look."""
+    if isinstance(before, (bool, int, float, str, complex, tuple, list, deque, array, dict)):
+        if type(value) is not type(before):
+            raise ValueError(f"{name} = {value!r:.40} is no {type(before).__name__}")
+    elif isinstance(before, np.ndarray):
+        if not isinstance(value, np.ndarray) or value.dtype != before.dtype:
+            raise ValueError(f"{name} is no array of {before.dtype!s:.40}")
+        if before.dtype in _RECORDS and value.shape != before.shape:
+            raise ValueError(f"{name} has the shape {value.shape}, not {before.shape}")
+    elif hasattr(before, "__dict__") and not _is_value(type(before)) and value is not before:
+        raise ValueError(f"{name} is no {type(before).__name__}")
+    if name in _WAITING and isinstance(value, list):
+        _check_records(name, value, _WAITING[name])
+    if name in _RATES and type(before) is int and value != before:
+        raise ValueError(f"{name} = {value} is not that of the beginning, {before}")
+    if name == "_seating" and not all(map(_is_seating, value)):
+        raise ValueError("_seating holds other values than times and drills")
+
+
+def _is_seating(step: Any) -> bool:
+    if not (type(step) is tuple and len(step) == 2 and type(step[0]) is tuple):
+        return False
+    return tuple(map(type, step[0])) == (int, float) and type(step[1]) is Drill
+
+
+def _check_records(name: str, arrays: Any, dtype: np.dtype[Any]) -> None:
+    if not all(isinstance(each, np.ndarray) and each.dtype == dtype for each in arrays):
+        raise ValueError(f"{name} holds other arrays than {dtype.names and dtype.names[0]}")
+
+
+def _is_fixed(value: Any) -> bool:
+    """Return whether a value follows from the beginning of the run, or is set with it."""
+    fixed = (ParameterGroup, Strata, Configuration)
+    return isinstance(value, fixed) and not isinstance(value, Parameters)
+
+
+def _is_value(kind: type) -> bool:
+    """Return whether instances of a class are immutable and hold only their fields."""
+    if issubclass(kind, tuple):
+        return hasattr(kind, "_fields")
+    if not dataclasses.is_dataclass(kind) or issubclass(kind, (Strata, Configuration)):
+        return False
+    frozen = kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    return frozen and (kind is Parameters or not issubclass(kind, ParameterGroup))
+
+
+def _fields(kind: Any) -> dict[str, Any]:
+    """Return the fields of a value, with their types or the texts of these."""
+    if issubclass(kind, tuple):
+        hints = {name: kind.__annotations__[name] for name in kind._fields}
+    else:
+        hints = {field.name: field.type for field in dataclasses.fields(kind)}
+    return {name: getattr(hint, "__forward_arg__", hint) for name, hint in hints.items()}
+
+
+def _name(value: Any) -> str:
+    return f"{type(value).__module__}.{type(value).__name__}"
+
+
+def _text(data: bytes) -> str:
+    return base64.b64encode(data).decode()
+
+
+def _data(text: str) -> bytes:
+    return base64.b64decode(text, validate=True)

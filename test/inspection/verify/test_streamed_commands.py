@@ -1,0 +1,238 @@
+"""Bags of a drill that gets another command in each block, as from a controller of an arm."""
+
+import json
+from collections import deque
+from itertools import pairwise
+
+import pytest
+from altered_bags import altered, flipped, messages_of, numbered
+
+from rpud_sim.bag import BagWriter, Topic
+from rpud_sim.bag.definitions import find_definition
+from rpud_sim.cli.main import main
+from rpud_sim.inspection.forked_bag import write_fork
+from rpud_sim.inspection.verify.installed_types import installed_codec
+from rpud_sim.inspection.verify.verification import verify
+from rpud_sim.simulation.commands import WeightOnBit
+from rpud_sim.simulation.configuration import Settings
+from rpud_sim.simulation.faults import Fault
+from rpud_sim.simulation.fields import Bookkeeping
+from rpud_sim.simulation.journal import Journal
+from rpud_sim.simulation.run import Beginning, Run
+from rpud_sim.simulation.topics import TOPICS
+
+SECOND = 1_000_000_000
+HELD = ("journal", "status", "faults", "wrench", "contact_force", "waveform")
+JOURNAL = installed_codec(TOPICS["journal"].type)
+
+
+def streamed_bag(path, rate, duration, start):
+    """Record a drill whose weight on bit is a ramp, from a start on [s]: latched entries first."""
+    heard = []
+    run = Run(
+        Beginning(Settings(telemetry_rate=rate)), Journal(), lambda topic: heard and topic in HELD
+    )
+    run.begin(0)
+    latched = deque(maxlen=TOPICS["journal"].depth)
+    codecs = {name: installed_codec(TOPICS[name].type) for name in HELD}
+    with BagWriter(path) as bag:
+        for name in HELD:
+            topic = TOPICS[name]
+            bag.add_topic(Topic(f"/rpud/{name}", topic.type), find_definition(topic.type))
+
+        def write(messages, log_time=None):
+            for time, name, values in messages:
+                if name in HELD:
+                    data = codecs[name].encode(values)
+                    bag.write(f"/rpud/{name}", data, log_time or time, time)
+
+        faults = []
+        run.simulation.inject(Fault("lost_preload", magnitude=0.1))
+        for number in range(round(duration * rate)):
+            if not heard and number >= round(start * rate):
+                heard.append(True)
+                write(latched, run.time)
+                write(faults[-1:], run.time)
+            messages = list(run.advance_to(run.next_boundary))
+            if heard:
+                write(messages)
+                if run.time % SECOND == 0:
+                    write([run.status("running", Bookkeeping())])
+            else:
+                latched.extend(each for each in messages if each[1] == "journal")
+                faults.extend(each for each in messages if each[1] == "faults")
+            run.control.apply(WeightOnBit(10.0 + number / 1000.0))
+    return path
+
+
+@pytest.fixture(scope="module")
+def late(tmp_path_factory):
+    return streamed_bag(tmp_path_factory.mktemp("late") / "bag", 400, 4.2, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("rate", "duration"),
+    [
+        pytest.param(100, 60.0, marks=pytest.mark.extended),
+        pytest.param(1000, 6.0, marks=pytest.mark.extended),
+    ],
+)
+def test_a_late_recorder_of_a_stream_of_commands_is_proved(tmp_path, rate, duration):
+    verification = verify(streamed_bag(tmp_path / "bag", rate, duration, duration - 0.3))
+    assert verification.proved
+    assert verification.topics["/rpud/wrench"].equal == round(0.3 * rate)
+
+
+def test_verify_says_from_where_it_proves(late, capsys):
+    verification = verify(late)
+    assert verification.proved
+    assert 0.5 * SECOND < verification.begins <= 1.15 * SECOND
+    assert verification.topics["/rpud/wrench"].equal == 480
+    assert verification.before == verification.topics["/rpud/faults"].before == 1
+    assert exit_code("verify", late) == 0
+    assert f"proved from {verification.begins / SECOND:.9f} s on" in capsys.readouterr().out
+
+
+def test_faults_that_began_before_the_journal_are_compared_with_the_state(late, tmp_path):
+    place = len(messages_of(late, {"/rpud/faults"})[0].data) - 1
+    change = numbered("faults", 0, lambda m: [flipped(m.data, place)])
+    verification = verify(altered(late, tmp_path / "bag", change))
+    assert verification.first_difference.topic == "/rpud/faults"
+
+
+def test_the_last_thousand_entries_hold_a_state_at_any_time(late):
+    kinds = [JOURNAL.decode(m.data).kind for m in messages_of(late, {"/rpud/journal"})]
+    places = [place for place, kind in enumerate(kinds) if kind == "state"]
+    assert all(later - earlier <= 260 for earlier, later in pairwise(places))
+    assert places[0] <= 260
+
+
+def test_a_run_goes_on_from_a_state_in_a_bag(late, tmp_path):
+    forked = write_fork(late, tmp_path / "fork", 3.6)
+    assert forked.messages > 0
+    assert verify(tmp_path / "fork").proved
+
+
+def test_messages_of_before_the_journal_begins_are_not_decided(late, tmp_path):
+    places = [
+        place
+        for place, m in enumerate(messages_of(late, {"/rpud/journal"}))
+        if JOURNAL.decode(m.data).kind == "state"
+    ]
+    numbers = iter(range(1_000_000))
+
+    def without_older_entries(message):
+        lost = message.topic == "/rpud/journal" and next(numbers) < places[-1]
+        return [] if lost else [message.data]
+
+    verification = verify(altered(late, tmp_path / "bag", without_older_entries))
+    assert verification.before > 0
+    assert verification.undecided.endswith("messages are of before the journal begins")
+    assert verification.first_difference is None
+
+
+def without_last_entries(bag, out, count, change=lambda message: [message.data]):
+    entries = len(messages_of(bag, {"/rpud/journal"}))
+    numbers = iter(range(1_000_000))
+
+    def cut(message):
+        lost = message.topic == "/rpud/journal" and next(numbers) >= entries - count
+        return [] if lost else change(message)
+
+    return altered(bag, out, cut)
+
+
+@pytest.mark.parametrize("count", [2, 120])  # a status counts them, or not
+def test_a_journal_that_ends_early_is_no_difference(late, tmp_path, capsys, count):
+    verification = verify(without_last_entries(late, tmp_path / "bag", count))
+    assert verification.first_difference is None
+    assert verification.undecided.startswith("the journal ends early")
+    assert exit_code("verify", tmp_path / "bag") == 1
+    assert "not decided: the journal ends early" in capsys.readouterr().out
+
+
+def test_a_flipped_bit_before_an_early_end_is_a_difference(late, tmp_path):
+    change = numbered("wrench", 5, lambda m: [flipped(m.data, 60)])
+    verification = verify(without_last_entries(late, tmp_path / "bag", 120, change))
+    assert verification.first_difference.topic == "/rpud/wrench"
+
+
+def exit_code(*words):
+    with pytest.raises(SystemExit) as end:
+        main([str(word) for word in words])
+    return end.value.code
+
+
+def edited(edit):
+    """Change entries of the journal: `edit` gets the decoded message and its content."""
+
+    def apply(message):
+        if message.topic != "/rpud/journal":
+            return [message.data]
+        entry = JOURNAL.decode(message.data)
+        content = json.loads(entry.content)
+        before = json.dumps(content)
+        edit(entry, content)
+        if json.dumps(content) != before:
+            entry.content = json.dumps(content)
+        fields = {
+            "header": {
+                "stamp": {"sec": entry.header.stamp.sec, "nanosec": entry.header.stamp.nanosec},
+                "frame_id": entry.header.frame_id,
+            },
+            **{name: getattr(entry, name) for name in ("sequence", "kind", "content")},
+        }
+        return [JOURNAL.encode(fields)]
+
+    return apply
+
+
+def test_an_altered_state_is_a_difference_unless_it_is_the_first(late, tmp_path):
+    def edit(entry, content):
+        if entry.kind == "state" and content["time"] > 3 * SECOND:
+            content["state"]["run"]["of"]["_simulation"]["of"]["_drawn"] = 1.0
+
+    verification = verify(altered(late, tmp_path / "bag", edited(edit)))
+    assert verification.first_difference.field == "state"
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda state: state.clear(),
+        lambda state: state.update(run={"object": "os.system", "of": {}}),
+        lambda state: state.update(run=[]),
+        lambda state: plant(state).update(
+            _conditions={"value": "rpud_sim.cli.main.main", "of": []}
+        ),
+        lambda state: plant(state).update(time=10**18),
+        lambda state: plant(state).update(next_step=0),
+        lambda state: engine(state).update(_state={"array": "state", "bytes": ""}),
+        lambda state: engine(state).update(_state={"array": "float64", "bytes": "AAAAAAAAAAA="}),
+        lambda state: engine(state).update(_drill=1),
+        lambda state: engine(state)["_drill"]["of"].__setitem__(0, "text"),
+        lambda state: engine(state)["_drill"]["of"].pop(),
+        lambda state: engine(state).update(_room=1),
+        lambda state: engine(state).update(_seating={"deque": [1]}),
+        lambda state: state["run"]["of"].update(_rate=10**18),
+        lambda state: state["run"].clear(),
+    ],
+)
+def test_a_state_that_no_drill_has_is_one_line(late, tmp_path, capsys, spoil):
+    def edit(entry, content):
+        if entry.kind == "state":
+            spoil(content["state"])
+
+    assert exit_code("verify", altered(late, tmp_path / "bag", edited(edit))) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("rpud verify: ")
+    assert "cannot be done" in error
+    assert error.count("\n") == 1
+
+
+def plant(state):
+    return state["run"]["of"]["_simulation"]["of"]["_plant"]["of"]
+
+
+def engine(state):
+    return plant(state)["engine"]["of"]
