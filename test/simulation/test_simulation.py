@@ -153,7 +153,7 @@ def test_the_same_command_again_changes_nothing():
     journal = Journal()
     simulation = Simulation(Parameters(), journal=journal)
     simulation.advance_to(MILLISECOND)
-    simulation.apply(WeightOnBit(10.0))
+    simulation.apply(simulation.applied.weight_on_bit)
     simulation.apply(simulation.applied.drive)
     assert simulation.applied.weight_on_bit_time == simulation.applied.drive_time == 0
     assert journal.drain() == []

@@ -49,7 +49,9 @@ def test_a_step_is_over_when_everything_is_there(drill):
         assert drill.status.header.stamp.nanosec == round(drill.time * 1e9)
         assert len(drill.messages("reacting_force")) == int(drill.time * 100)
         impacts = drill.messages("contact_force")
-        assert [impact.sequence for impact in impacts] == list(range(drill.status.impacts))
+        assert [impact.sequence for impact in impacts] == list(range(len(impacts)))
+        # An impact that has begun counts, and is published at its end.
+        assert 0 <= drill.status.impacts - len(impacts) <= 1
     assert drill.time == pytest.approx(0.369)
 
 
@@ -183,7 +185,7 @@ def test_what_is_expected_is_evaluated_on_what_was_published(drill, tmp_path):
     drill.press(30.0)
     drill.step_until(field("reacting_force.force") > "29 N", timeout=2.0)
     bearable = Expectation("bearable", always(field("reacting_force.force") < "5 N"), "R1")
-    with pytest.raises(ExpectationFailedError, match=r"\[R1\] bearable: failed, margin -4"):
+    with pytest.raises(ExpectationFailedError, match=r"\[R1\] bearable: failed, margin -\d"):
         drill.expect(bearable)
     drill.step(0.5)
     [verdict] = drill.expect(always(field("status.weight_on_bit") < "31 N"), requirement="R2")

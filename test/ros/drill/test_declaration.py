@@ -269,7 +269,7 @@ def test_an_override_that_cannot_be_used_is_named(node, name, value, complaint):
 
 def test_a_change_during_a_reset_is_not_lost(node, monkeypatch):
     drill = node()
-    parameters = DrillParameters(drill, lambda settings: None)
+    parameters = DrillParameters(drill, lambda settings: None, lambda: "")
     read = drill.get_parameter
     change = [Parameter("command_loss_ramp", value=3.0)]
     client = threading.Thread(target=lambda: drill.set_parameters(change))
