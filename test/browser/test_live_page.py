@@ -139,7 +139,7 @@ def test_each_button_does_what_it_says(live, client):
     client.until(lambda: not client.faults[-1].active)
     live.until("!document.querySelector('#faults').textContent.includes('lasts')")
     press("Reset")
-    status_shows(weight_on_bit=10.0)
+    status_shows(weight_on_bit=8.0)
     live.until("document.querySelector('#banner').textContent.includes('run ')")
     text_is(live, "#faults", "none")
 
