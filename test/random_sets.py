@@ -12,7 +12,6 @@ import multiprocessing
 import os
 import signal
 import sys
-import time
 from collections import Counter
 
 import numpy as np
@@ -23,7 +22,6 @@ from rpud_sim.foundation.time import SECOND
 from rpud_sim.model.parameters import Parameters
 from rpud_sim.simulation import EngineError, Simulation
 from rpud_sim.simulation.ensemble import compile_kernels
-from rpud_sim.simulation.statistics import Statistics
 
 DURATION = 0.2  # simulated [s]
 LIMIT = 20.0  # of CPU time [s]
@@ -39,8 +37,6 @@ class Outcome:
     number: int
     reason: str | None
     hung: bool
-    events: int
-    seconds: float
 
 
 def draw(seed: int, number: int) -> Parameters:
@@ -72,21 +68,17 @@ def simulate(parameters: Parameters, number: int = 0) -> Outcome:
     """Simulate one set and return what it led to."""
     signal.signal(signal.SIGPROF, _time_out)
     signal.setitimer(signal.ITIMER_PROF, LIMIT)
-    started = time.process_time()
-    statistics = Statistics()
     reason = None
     hung = False
     try:
-        simulation = Simulation(parameters)
-        statistics.add(simulation.advance_to(round(DURATION * SECOND)))
+        Simulation(parameters).advance_to(round(DURATION * SECOND))
     except EngineError as error:
         reason = str(error)
     except TimeoutError:
         hung = True
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
-    seconds = time.process_time() - started
-    return Outcome(number, reason, hung, statistics.figures()["events"], seconds)
+    return Outcome(number, reason, hung)
 
 
 def _time_out(*_: object) -> None:
@@ -111,13 +103,6 @@ def main() -> int:
     kinds = Counter(_kind(outcome) for outcome in outcomes)
     for kind, count in kinds.most_common():
         print(f"{count:5} {kind}")
-    slowest = sorted(outcomes, key=lambda outcome: -outcome.seconds)[:3]
-    print("slowest:")
-    for outcome in slowest:
-        print(
-            f"  set {outcome.number}: {outcome.seconds:.1f} s of CPU, "
-            f"{outcome.reason or f'{outcome.events} events'}"
-        )
     return 1 if any(outcome.hung for outcome in outcomes) else 0
 
 

@@ -26,16 +26,7 @@ class DescriptionError(ValueError):
 
 
 class Description:
-    """System of a `ros2_control` element in a whole robot description.
-
-    Attributes:
-        parameters: of the hardware, by name.
-        joints: command and state interfaces of each joint, in order.
-        limits: of each joint in the URDF, as its attributes.
-
-    Raises:
-        DescriptionError: if ros2_control would refuse it.
-    """
+    """System of a `ros2_control` element in a whole robot description."""
 
     def __init__(self, robot):
         (system,) = robot.findall("ros2_control")
@@ -47,7 +38,8 @@ class Description:
         self.plugin = hardware.find("plugin").text
         self.parameters = {each.get("name"): each.text for each in hardware.findall("param")}
         moving = {joint.get("name"): joint for joint in robot.findall("joint")}
-        self.joints, self.limits = {}, {}
+        self.joints = {}  # command and state interfaces of each joint
+        self.limits = {}  # of each joint in the URDF, as its attributes
         for joint in system.findall("joint"):
             name = joint.get("name")
             if name not in moving:
@@ -62,17 +54,7 @@ class Description:
 
 
 class Hardware:
-    """States and commands of the joints of a system, with the messages between.
-
-    Args:
-        client: of the drill.
-        description: of the system.
-
-    Attributes:
-        states: value of each joint and interface, NaN before the first message.
-        commands: the same; NaN until a controller sets one.
-        sent: every message that was published.
-    """
+    """States and commands of the joints of a system, with the messages between."""
 
     def __init__(self, client, description):
         self._joints = description.joints

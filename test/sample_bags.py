@@ -15,10 +15,11 @@ import rpud_sim.bag
 from rpud_sim.bag import BagWriter, QosProfile, Topic
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.inspection import offline_bag
+from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.simulation import Parameters
 from rpud_sim.simulation.configuration import Configuration, Settings
 from rpud_sim.simulation.run import Beginning
-from rpud_sim.simulation.topics import offered_topics
+from rpud_sim.simulation.topics import TOPICS, offered_topics
 
 STRING = "std_msgs/msg/String"
 STRING_HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
@@ -160,6 +161,18 @@ def write_offline_bag(
     """Write the bag of a run without ROS at the default rates."""
     settings = Settings(Configuration(parameters))
     offline_bag.write_offline_bag(path, Beginning(settings, phase, seed, scenario), duration)
+
+
+def proved_messages(path: Path, skipped: int = 0) -> list[tuple[str, bytes]]:
+    """Return what is proved, and the journal, after the first `skipped` nanoseconds.
+
+    It has no paddings, in which the middleware leaves any bytes.
+    """
+    names = (*PLAIN_PROVED, "journal")
+    codecs = {f"/rpud/{name}": installed_codec(TOPICS[name].type) for name in names}
+    with rpud_sim.bag.open(path) as opened:
+        found = list(opened.messages(codecs.keys(), skipped))
+    return [(m.topic, codecs[m.topic].without_padding(m.data)) for m in found]
 
 
 def write_without_walk(path: Path, source: Path) -> Path:

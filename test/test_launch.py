@@ -13,7 +13,6 @@ import pytest
 from ament_index_python.packages import (
     PackageNotFoundError,
     get_package_prefix,
-    get_package_share_directory,
 )
 from support import until
 
@@ -52,21 +51,6 @@ def declared(path: Path) -> set[str]:
     own = {call.args[0].value for call in calls(path, "DeclareLaunchArgument")}
     included = [other for other in LAUNCH_FILES if other.name in strings(path)]
     return own.union(*map(declared, included))
-
-
-def test_there_are_the_four_launch_files():
-    assert [path.name for path in LAUNCH_FILES] == [
-        "display.launch.py",
-        "drill.launch.py",
-        "drill_record.launch.py",
-        "replay.launch.py",
-    ]
-
-
-@every_launch_file
-def test_launch_file_is_installed(path):
-    installed = Path(get_package_share_directory("rpud_sim"), "launch", path.name)
-    assert installed.read_text() == path.read_text()
 
 
 @every_launch_file
@@ -233,13 +217,6 @@ def test_a_recorded_drill_and_its_recorder_end_well_at_an_interrupt(launch, tmp_
     launched.interrupt()
     assert launched.wait() == 0
     assert (tmp_path / "bag" / "metadata.yaml").exists()
-
-
-def test_a_compression_that_the_recorder_lacks_starts_nothing(launch, tmp_path):
-    launched = launch("drill_record.launch.py", f"bag:={tmp_path / 'bag'}", "compression:=zip")
-    assert launched.wait() == 1
-    assert "zip" in launched.output
-    assert left_behind(launched) == []
 
 
 def test_the_compressions_are_those_of_the_recorder():

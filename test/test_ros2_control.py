@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 from robot_descriptions import ROOT, arm_with_drill, expanded
-from ros2_control_hardware import INTERFACES, PARAMETERS, Description, DescriptionError
+from ros2_control_hardware import INTERFACES, PARAMETERS, Description
 
 from rpud_sim.drilling.mount import MountParameters
 from rpud_sim.simulation.process_fields import FEED_JOINT, ROTATION_JOINT
@@ -59,34 +59,6 @@ def test_only_the_feed_takes_commands_and_it_is_named_first(mode):
         (FEED_JOINT, ((mode,), INTERFACES)),
         (ROTATION_JOINT, ((), INTERFACES)),
     ]
-
-
-def test_a_joint_that_the_urdf_does_not_have_is_refused():
-    """As by ros2_control: without rpud_feed.urdf the macro cannot be used."""
-    robot = arm_with_drill()
-    (feed,) = [joint for joint in robot.findall("joint") if joint.get("name") == FEED_JOINT]
-    robot.remove(feed)
-    with pytest.raises(DescriptionError, match=f"Joint '{FEED_JOINT}' not found in URDF"):
-        Description(robot)
-
-
-def test_the_whole_is_one_tree_with_limits_that_a_parser_reads():
-    robot = arm_with_drill()
-    links = [link.get("name") for link in robot.findall("link")]
-    joints = robot.findall("joint")
-    parent = {joint.find("child").get("link"): joint.find("parent").get("link") for joint in joints}
-    assert len(set(links)) == len(links) == len(joints) + 1 == len(parent) + 1
-    assert set(links) - set(parent) == {"tool0"}
-    names = [each.get("name") for each in joints]
-    assert len(set(names)) == len(names)
-    for joint in joints:
-        needed = {
-            "fixed": set(),
-            "continuous": {"velocity", "effort"},
-            "prismatic": {"lower", "upper", "velocity", "effort"},
-        }[joint.get("type")]
-        limit = joint.find("limit")
-        assert needed <= set({} if limit is None else limit.attrib)
 
 
 def types():

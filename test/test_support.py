@@ -42,16 +42,3 @@ def test_stop_ends_a_process_that_ignores_sigint_and_its_children(monkeypatch):
     stubborn.stop()
     assert stubborn.wait() == -signal.SIGTERM
     assert has_ended(child)
-
-
-def test_signals_reach_only_their_process():
-    first = Process(sys.executable, "-c", "import time; print('up'); time.sleep(600)")
-    second = Process(sys.executable, "-c", "import time; print('up'); time.sleep(600)")
-    try:
-        first.wait_for_line("up")
-        first.kill()
-        assert first.wait() == -signal.SIGKILL
-        assert second.running
-    finally:
-        first.stop()
-        second.stop()

@@ -75,13 +75,10 @@ def test_it_is_one_tree_from_the_base():
     assert len(JOINT) == len(ROBOT.findall("joint")) == len(LINKS) - 1
     assert sorted([*children, "rpud_base"]) == sorted(LINKS)
     assert set(parents) == {"rpud_base", MOUNT_FRAME}
-
-
-def test_the_mount_is_where_an_arm_attaches_and_its_axis_is_the_arm_s():
-    joint = JOINT["rpud_base_joint"]
-    assert joint.get("type") == "fixed"
-    assert joint.find("child").get("link") == MOUNT_FRAME
-    assert height(joint) == 0.0
+    # An arm attaches at the mount, whose axis is the drill's.
+    base = JOINT["rpud_base_joint"]
+    assert (base.get("type"), base.find("child").get("link")) == ("fixed", MOUNT_FRAME)
+    assert height(base) == 0.0
     # A root with an inertia is what robot_state_publisher complains of.
     assert LINKS["rpud_base"].find("inertial") is None
 
@@ -145,7 +142,7 @@ def test_moments_of_inertia_are_those_of_the_shape(link):
 
 
 @pytest.mark.parametrize("regime", ["free", "drilling"])
-@pytest.mark.parametrize("weight_on_bit", [0.0, 10.0, 100.0])
+@pytest.mark.parametrize("weight_on_bit", [0.0, 100.0])
 def test_the_limits_cover_what_the_drill_does(regime, weight_on_bit):
     """Ten seconds of the paper's drill, at every tenth of a millisecond."""
     simulation = Simulation(preset(regime).replace(weight_on_bit=weight_on_bit))
@@ -196,12 +193,9 @@ def test_feed_and_rotation_extend_the_tree_at_its_root_and_at_the_tool():
     materials = {material.get("name") for material in ROBOT.findall("material")}
     used = {material.get("name") for material in FEED.iter("material")}
     assert used <= materials
-
-
-def test_feed_and_rotation_are_joints_along_and_about_the_drill_axis():
-    feed, rotation = FEED_JOINTS[FEED_JOINT], FEED_JOINTS[ROTATION_JOINT]
-    assert (feed.get("type"), rotation.get("type")) == ("prismatic", "continuous")
-    for joint in (feed, rotation):
+    for name, kind in ((FEED_JOINT, "prismatic"), (ROTATION_JOINT, "continuous")):
+        joint = FEED_JOINTS[name]
+        assert joint.get("type") == kind
         assert numbers(joint.find("axis"), "xyz") == [0.0, 0.0, 1.0]
         assert height(joint) == 0.0
 

@@ -4,7 +4,7 @@ import pytest
 from drill_client import Client, contents, nanoseconds, stamps
 from rpud_msgs.msg import Drive, Result, Status, WeightOnBit
 from rpud_msgs.srv import ResetSimulation, RestoreSimulation, SaveSimulation
-from sample_bags import PLAIN_PROVED
+from sample_bags import PLAIN_PROVED, proved_messages
 from std_srvs.srv import SetBool
 from support import Process
 
@@ -156,24 +156,12 @@ def test_each_of_its_runs_is_forked(used, tmp_path, run, at):
     assert forked.warnings == ()
     verification = verify(tmp_path / "fork")
     assert verification.proved, verification
-    source, own = set(held(bag)), held(tmp_path / "fork", skipped=1)
+    source = set(proved_messages(bag))
+    own = proved_messages(tmp_path / "fork", skipped=1)
     # A run that a reset or a checkpoint ended ends by itself in its fork.
     others = [topic for topic, data in own if (topic, data) not in source]
     assert others == ["/rpud/journal"] * (run < 4)
     assert len(own) > 20
-
-
-def held(bag, skipped=0):
-    """Return the proved messages and the journal; the middleware leaves any bytes in paddings.
-
-    Those of the first `skipped` nanoseconds are left out: the latched ones of a fork.
-    """
-    codecs = {
-        f"/rpud/{name}": installed_codec(TOPICS[name].type) for name in (*PLAIN_PROVED, "journal")
-    }
-    with rpud_sim.bag.open(bag) as opened:
-        found = list(opened.messages(codecs.keys(), skipped))
-    return [(m.topic, codecs[m.topic].without_padding(m.data)) for m in found]
 
 
 def test_a_checkpoint_is_replaced_and_too_many_are_refused(start_drill, connect):

@@ -107,19 +107,6 @@ def test_a_step_is_over_when_all_its_messages_are_there(drill):
     with pytest.raises(RefusedError, match=r"is not after the drill's time") as refused:
         drill.run_to(1.5)
     assert refused.value.result == Result.RESULT_OPERATION_FAILED
-
-
-def test_a_reset_with_a_seed_gives_the_same_forces_again(drill):
-    forces = drill.listen("reacting_force")
-    runs = []
-    for seed in (5, 5, 6):
-        drill.reset(seed=seed)
-        assert drill.time == 0.0
-        forces.clear()
-        drill.press(20.0)
-        drill.step(0.3)
-        runs.append([each.force for each in forces])
-    assert runs[0] == runs[1] != runs[2]
     with pytest.raises(ParameterError, match=r"scope = 'al' is unknown; did you mean all?"):
         drill.reset("al")
 
@@ -150,18 +137,6 @@ def test_faults_are_injected_and_cleared_by_number_kind_or_all(drill):
         drill.inject("free_mass_jamed")
     with pytest.raises(RefusedError, match=r"^no fault is active$"):
         drill.clear("noise")
-
-
-def test_it_engages_and_sets_parameters(drill):
-    drill.engage(False)
-    assert drill.status.regime == Status.REGIME_FREE
-    drill.engage()
-    assert drill.status.regime == Status.REGIME_DRILLING
-    drill.set_parameters(real_time_factor=2, command_timeout=0.5)
-    with pytest.raises(RefusedError, match=r"real_time_factor out of range Min: 0.0"):
-        drill.set_parameters(real_time_factor=-1.0)
-    with pytest.raises(RefusedError, match=r"'gravty' is unknown; did you mean gravity?"):
-        drill.set_parameters(gravty=1.6)
 
 
 def test_it_works_beside_the_default_context_of_the_process(process):

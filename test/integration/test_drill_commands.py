@@ -4,7 +4,7 @@ import math
 import re
 
 import pytest
-from drill_client import SECOND, nanoseconds, stamps, steps
+from drill_client import SECOND, nanoseconds
 from rpud_msgs.msg import Drive, WeightOnBit
 
 
@@ -18,23 +18,6 @@ def client(drill, connect):
     client = connect("/commanded")
     client.until(lambda: client.status)
     return client
-
-
-@pytest.fixture
-def settle(client):
-    """Put the drill back to 10 N and full drive, and hear that it took both."""
-
-    def send():
-        client.command(WeightOnBit(force=10.0))
-        client.command(Drive(enabled=True, voltage=100.0, frequency=16000.0))
-
-        def settled():
-            last = client.status[-1]
-            return (last.weight_on_bit, last.drive_voltage, last.drive_enabled) == (10, 100, True)
-
-        client.until(settled)
-
-    return send
 
 
 def applied(status):
@@ -61,32 +44,6 @@ def test_a_weight_on_bit_that_cannot_be_is_refused_counted_and_logged(client, dr
     drill.wait_for_line(
         re.escape(f"command refused: weight_on_bit = {said} N is outside its range [0, 1000] N")
     )
-
-
-def test_impacts_stop_with_the_drive_and_begin_again_with_it(client, settle):
-    settle()
-    impacts, waveforms = client.listen("contact_force"), client.listen("waveform")
-    client.until(lambda: len(impacts) >= 20)
-    client.command(Drive(enabled=False))
-    off = client.until(lambda: next((it for it in client.status if not it.drive_enabled), None))
-    # Zeros leave voltage and frequency as they are.
-    assert (off.drive_voltage, off.drive_frequency) == (100.0, 16000.0)
-    stopped = nanoseconds(off.drive_applied)
-    client.until(lambda: stamps(client.status[-1:])[0] >= stopped + int(1.2 * SECOND))
-    client.until(lambda: stamps(waveforms[-1:])[0] > stopped + SECOND)
-    quiet = client.status[-1].impacts
-    client.until(lambda: impacts[-1].sequence + 1 >= quiet)
-    last = [stamp for stamp in stamps(impacts) if stamp > stopped + SECOND // 2]
-    assert last == []
-    # The actuator stands still: only the suspension moves what is left of it.
-    assert waveforms[-1].actuator_position == pytest.approx(
-        waveforms[-1].nodal_plane_position, abs=1e-15
-    )
-    assert quiet == impacts[-1].sequence + 1
-    client.command(Drive(enabled=True, voltage=100.0, frequency=16000.0))
-    client.until(lambda: client.status[-1].drive_enabled)
-    client.until(lambda: impacts[-1].sequence >= quiet + 20)
-    assert set(steps([message.sequence for message in impacts])) == {1}
 
 
 def test_applied_commands_come_back_with_the_time_at_which_they_took_effect(client):

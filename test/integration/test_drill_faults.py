@@ -112,10 +112,7 @@ def test_what_lasts_and_what_could_be_is_listed(client):
     ("kind", "channel", "magnitude", "said"),
     [
         ("bias", "", 1.0, "channel"),
-        ("bias", "waveform", 1.0, "waveform"),
         ("lost_preload", "", 1.5, "1.5 is outside its range (0, 1]"),
-        ("lost_preload", "wrench", 0.5, "wrench"),
-        ("noise", "wrench", float("inf"), "inf"),
         ("choking", "", 0.8, "already there as fault 1"),
     ],
 )
@@ -135,24 +132,6 @@ def test_an_unknown_kind_is_answered_with_the_nearest_then_with_those_of_this_dr
     assert message.startswith(said)
     assert "resonance_drift" in message
     assert "feed_stall" not in message
-
-
-def test_there_is_nothing_to_clear_but_what_lasts(client):
-    assert clear(client, 99) == (False, "there is no fault 99 to clear")
-    assert clear(client) == (True, "")
-
-
-def test_a_jam_silences_the_impacts_and_its_end_brings_them_back(client):
-    impacts = client.heard["contact_force"]
-    client.step(0.5)
-    client.until(lambda: len(impacts) > 50)
-    assert client.inject("free_mass_jammed").success
-    jammed = at(client, client.step(0.5))
-    assert jammed.drive_enabled
-    again = at(client, client.step(0.5))
-    assert again.impacts == jammed.impacts
-    assert clear(client) == (True, "")
-    assert at(client, client.step(0.5)).impacts > again.impacts + 50
 
 
 @pytest.mark.extended

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from drill_client import SECOND, nanoseconds, stamps, steps
-from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import deserialize_message
 from rpud_msgs.msg import ContactForce, Status
 
@@ -170,21 +169,3 @@ def test_a_drill_that_stood_still_counts_it_and_skips_nothing(start_drill, conne
     client.until(warned)
     count = len(statuses)
     client.until(lambda: len(statuses) >= count + 2 and abs(statuses[-1].lag) < 0.05)
-
-
-def test_the_drill_can_be_the_source_of_time(start_drill, connect):
-    client = connect("/timed")
-    clocks, statuses = client.listen("/clock", qos_profile_sensor_data), client.status
-    planes, impacts = client.listen("nodal_plane"), client.listen("contact_force")
-    began = time.monotonic()
-    start_drill("/timed", publish_clock=True)
-    client.until(lambda: len(clocks) > 50 and len(planes) > 50 and statuses and impacts)
-    elapsed = (time.monotonic() - began) * SECOND
-    times = [nanoseconds(message.clock) for message in clocks]
-    assert all(0 < at < elapsed for at in times)
-    assert all(step > 0 and step % (SECOND // 100) == 0 for step in steps(times))
-    assert stamps(planes)[0] < elapsed
-    assert set(stamps(planes)) & set(times)
-    assert all(0 <= stamp < elapsed for stamp in stamps(impacts))
-    assert all(0 <= stamp < elapsed for stamp in stamps(statuses))
-    assert nanoseconds(statuses[-1].drive_applied) == 0

@@ -9,7 +9,6 @@ from drill_client import (
     duration,
     nanoseconds,
     stamps,
-    steps,
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rpud_msgs.msg import Drive, Result, SimulationState, Status, WeightOnBit
@@ -88,14 +87,6 @@ def test_a_step_that_goes_nowhere_is_refused(client, seconds):
     said = f"step = {seconds:g} s is outside its range (0, 1e+06] s"
     assert refused.result.error_message == said
     assert client.step(0.01) == SECOND // 100
-
-
-def test_a_run_to_the_past_is_refused(client):
-    client.step(0.5)
-    refused = run_to(client, SECOND // 4)
-    assert refused.result.result == Result.RESULT_OPERATION_FAILED
-    said = "time = 0.250000 s is not after the drill's time, 0.500000 s"
-    assert refused.result.error_message == said
 
 
 def test_a_run_to_a_time_that_is_too_far_away_is_refused(client):
@@ -258,13 +249,3 @@ def test_a_signal_ends_a_step_and_its_client_gets_an_answer(start_drill, connect
     assert step.result().result.error_message == "interrupted: the drill has stopped"
     assert process.wait() == 0
     assert "Traceback" not in process.output
-
-
-def test_stamps_of_a_stepped_drill_are_evenly_spaced_across_steps(client):
-    clock = client.listen("/clock")
-    client.until(lambda: client.step(0.01) and clock)
-    for _ in range(20):
-        client.step(0.0125)
-    client.until(lambda: nanoseconds(clock[-1].clock) >= stamps(client.status[-1:])[0])
-    # Between two steps the time may be repeated.
-    assert all(step >= 0 for step in steps([nanoseconds(message.clock) for message in clock]))

@@ -16,21 +16,6 @@ import rpud_sim.bag
 from rpud_sim.bag.losses import RECORDING_RECORD
 
 CONFIG = get_package_share_directory("rpud_sim") + "/config"
-TYPES = {
-    "/rpud/actuator_state": "rpud_msgs/msg/ActuatorState",
-    "/rpud/contact_force": "rpud_msgs/msg/ContactForce",
-    "/rpud/drill_node/transition_event": "lifecycle_msgs/msg/TransitionEvent",
-    "/rpud/drill_tool": "rpud_msgs/msg/DrillTool",
-    "/rpud/faults": "rpud_msgs/msg/Faults",
-    "/rpud/joint_states": "sensor_msgs/msg/JointState",
-    "/rpud/journal": "rpud_msgs/msg/JournalEntry",
-    "/rpud/nodal_plane": "rpud_msgs/msg/NodalPlane",
-    "/rpud/reacting_force": "rpud_msgs/msg/ReactingForce",
-    "/rpud/status": "rpud_msgs/msg/Status",
-    "/rpud/trajectory": "rpud_msgs/msg/Trajectory",
-    "/rpud/waveform": "rpud_msgs/msg/Waveform",
-    "/rpud/wrench": "geometry_msgs/msg/WrenchStamped",
-}
 
 
 def run(*words):
@@ -48,11 +33,10 @@ def run(*words):
 def read(path):
     """Give the messages of a bag by topic, as rosbags reads them."""
     with AnyReader([path]) as reader:
-        types = {connection.topic: connection.msgtype for connection in reader.connections}
-        heard = {topic: [] for topic in types}
+        heard = {connection.topic: [] for connection in reader.connections}
         for connection, _, data in reader.messages():
             heard[connection.topic].append(reader.deserialize(data, connection.msgtype))
-    return types, heard
+    return heard
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +48,7 @@ def session(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def bag(session):
+def heard(session):
     path, (code, _, errors) = session
     assert code == 0, errors
     return read(path)
@@ -91,16 +75,7 @@ def test_the_recorder_keeps_to_the_bound_that_was_asked_for(session):
         assert bag.records(RECORDING_RECORD) == [{"max_loss": "0.25"}]
 
 
-def test_the_bag_has_every_topic_with_its_type(bag):
-    types, heard = bag
-    assert TYPES.items() <= types.items()
-    assert all(heard[topic] for topic in TYPES)
-    commands = {"command/weight_on_bit", "command/drive", "command/feed", "joint_commands"}
-    assert set(types) - set(TYPES) == {f"/rpud/{name}" for name in commands}
-
-
-def test_the_bag_has_every_sample_and_every_impact_from_the_first_on(bag):
-    _, heard = bag
+def test_the_bag_has_every_sample_and_every_impact_from_the_first_on(heard):
     for topic in TELEMETRY:
         times = stamps(heard[f"/rpud/{topic}"])
         assert len(times) == 200, topic
@@ -113,25 +88,7 @@ def test_the_bag_has_every_sample_and_every_impact_from_the_first_on(bag):
     assert last.weight_on_bit == 20.0
 
 
-def test_the_bag_has_two_seconds_of_both_streams_without_a_gap(bag):
-    _, heard = bag
-    waveforms, trajectories = heard["/rpud/waveform"], heard["/rpud/trajectory"]
-    sequence = 0
-    for message in waveforms:
-        assert message.sequence == sequence
-        sequence += len(message.reacting_force)
-    assert sequence == 100_000
-    sequence = 0
-    for message in trajectories:
-        assert message.sequence == sequence
-        sequence += len(message.duration)
-    whole = sum(message.duration.sum() for message in trajectories)
-    # The last segment has not ended when the drill does; none is longer than 10 ms.
-    assert 1.99 <= whole <= 2.0
-
-
-def test_the_duration_is_simulation_time_to_the_nanosecond(bag):
-    _, heard = bag
+def test_the_duration_is_simulation_time_to_the_nanosecond(heard):
     planes, statuses = stamps(heard["/rpud/nodal_plane"]), heard["/rpud/status"]
     origin = nanoseconds(heard["/rpud/trajectory"][0].origin)
     assert planes[-1] == stamps(statuses[-1:])[0] == origin + 2 * SECOND
@@ -152,19 +109,9 @@ def test_a_bag_is_never_overwritten_and_that_is_said_in_one_line(tmp_path):
     ("words", "complaint"),
     [
         (["--set", "weight_on_bit=-1"], "weight_on_bit = -1 N is outside its range [0, 1000] N"),
-        (["--set", "weight_on_bit=nan"], "weight_on_bit = 'nan' N is outside its range"),
-        (
-            ["--set", "wieght_on_bit=1"],
-            "wieght_on_bit is not a parameter; did you mean weight_on_bit",
-        ),
-        (["--set", "weight_on_bit"], "'weight_on_bit' is not of the form name=value"),
-        (["--set", "telemetry_rate=33.3"], "telemetry_rate = 33.3 Hz is not a whole number"),
         (["--config", "/missing.yaml"], "/missing.yaml: No such file or directory"),
         (["--duration", "0"], "--duration = 0 s is outside its range (0, 1e+09] s"),
-        (["--duration", "nan"], "--duration = nan s is outside its range (0, 1e+09] s"),
         (["--namespace", "a b"], "Invalid namespace: namespace must not contain characters"),
-        (["--namespace", "a//b"], "Invalid namespace: namespace must not contain repeated '/'"),
-        (["--namespace", "/9"], "Invalid namespace: "),
     ],
 )
 def test_what_cannot_be_used_is_one_line_and_leaves_no_bag(capsys, tmp_path, words, complaint):
@@ -184,7 +131,7 @@ def test_ctrl_c_ends_drill_and_recorder_and_the_bag_is_whole(process, tmp_path):
     os.killpg(running.pid, signal.SIGINT)
     assert running.wait() == 0
     running.wait_for_line(f"^bag: {path}")
-    _, heard = read(path)
+    heard = read(path)
     impacts = heard["/rpud/contact_force"]
     assert [message.sequence for message in impacts] == list(range(len(impacts)))
     assert heard["/rpud/status"][-1].state == Status.STATE_STOPPED
@@ -210,7 +157,7 @@ def test_a_killed_drill_leaves_a_whole_bag_and_no_recorder(process, tmp_path):
     recorder = recorder_of(running)
     running.kill()
     until(lambda: not Path("/proc", recorder).exists() or has_ended(recorder))
-    _, heard = read(path)
+    heard = read(path)
     impacts = heard["/rpud/contact_force"]
     assert len(impacts) > 100
     assert [message.sequence for message in impacts] == list(range(len(impacts)))

@@ -2,15 +2,12 @@
 
 import time
 
-import numpy as np
 import pytest
 from drill_client import SECOND, TELEMETRY, nanoseconds, stamps, steps
-from numpy.testing import assert_allclose
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rpud_msgs.msg import Result, Status
-from trajectories import arrays_of, rebuild
 
 
 @pytest.fixture(scope="module")
@@ -91,59 +88,3 @@ def test_the_diagnostics_count_what_is_refused_and_say_why(client):
     assert client.reset(8).result != Result.RESULT_OK
     client.until(lambda: latest("requests_refused") == str(before + 3))
     assert latest("last_refusal") == "scope 8 is unknown"
-
-
-def test_streams_have_no_gap_and_rebuild_each_other_at_rates_that_do_not_divide(
-    start_drill, connect
-):
-    rate = 44100
-    rates = {"telemetry_rate": 30, "sample_rate": rate, "block_duration": 0.1}
-    start_drill("/streams", weight_on_bit=20, **rates)
-    client = connect("/streams")
-    waveforms, trajectories = client.listen("waveform"), client.listen("trajectory")
-    planes = client.listen("nodal_plane")
-    client.until(lambda: len(waveforms) >= 8 and len(trajectories) >= 9)
-    origin = nanoseconds(trajectories[0].origin)
-
-    following = steps([message.sequence for message in waveforms])
-    assert following == [len(message.reacting_force) for message in waveforms[:-1]]
-    assert set(following) == {rate // 10}
-    for message in waveforms:
-        assert message.sample_period == 1.0 / rate
-        assert stamps([message]) == [origin + message.sequence * SECOND // rate]
-
-    following = steps([message.sequence for message in trajectories])
-    assert following == [len(message.duration) for message in trajectories[:-1]]
-    arrays = arrays_of(trajectories)
-    starts = arrays["start_seconds"] + arrays["start_fraction"]
-    assert_allclose(np.diff(starts), arrays["duration"][:-1], atol=1e-14)
-    for message in trajectories:
-        exact = origin + (message.start_seconds[0] + message.start_fraction[0]) * SECOND
-        assert abs(stamps([message])[0] - exact) <= 1000  # as a float cannot tell it better
-
-    first = np.ceil(starts[0] * rate)
-    compared = 0
-    for message in waveforms:
-        number = message.sequence + np.arange(len(message.reacting_force))
-        told = (number >= first) & (number / rate < starts[-1])
-        if not told.any():
-            continue
-        compared += told.sum()
-        number = number[told]
-        expected = rebuild(arrays, number // rate, number % rate / rate)
-        for name, tolerance in {
-            "nodal_plane_position": 1e-13,
-            "actuator_position": 1e-13,
-            "free_mass_position": 1e-13,
-            "drill_tool_displacement": 1e-13,
-            "contact_force": 1e-3,
-            "reacting_force": 1e-8,
-        }.items():
-            found = np.array(getattr(message, name))[told]
-            assert_allclose(found, expected[name], rtol=1e-9, atol=tolerance, err_msg=name)
-    assert compared > 5 * rate // 10
-    # Periods of 33333333.3 ns do not add up to a drift.
-    times = [stamp - origin for stamp in stamps(planes)]
-    numbers = [round(at * 30 / SECOND) for at in times]
-    assert set(steps(numbers)) == {1}
-    assert times == [number * SECOND // 30 for number in numbers]

@@ -82,14 +82,6 @@ def test_without_commands_drive_and_weight_go_to_zero_by_a_ramp_and_come_back_wi
     client.until(lambda: len(forces_since(quiet)) > 50)
 
 
-def test_commands_that_keep_coming_keep_it_drilling(client):
-    for number in range(1, 6):
-        client.command(WeightOnBit(force=10.0 + number))
-        client.until(lambda number=number: client.status[-1].weight_on_bit == 10.0 + number)
-        assert not at(client, client.step(0.4)).commands_lost
-    assert client.status[-1].commands_accepted == 5
-
-
 @pytest.mark.parametrize(
     ("stamp", "said"),
     [(1.0, "1.000 s old"), (1.499, "0.501 s old"), (2.501, "0.501 s ahead of the drill's time")],

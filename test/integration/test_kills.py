@@ -9,9 +9,10 @@ import pytest
 pytestmark = pytest.mark.extended
 
 
-def test_killed_writers_leave_all_but_their_end(process):
+@pytest.mark.parametrize("words", [("--count", "15"), ("--count", "2", "--live")], ids=str)
+def test_what_is_killed_leaves_all_but_its_end(process, words):
     script = Path(__file__).parent.parent / "kills.py"
     # How long a busy machine takes to write is not this test's business, but `make kills`'s.
-    kills = process(sys.executable, script, "--count", "15", "--max-loss", "0.1", "--any-loss")
+    kills = process(sys.executable, script, *words, "--max-loss", "0.1", "--any-loss")
     assert kills.wait() == 0, kills.output
-    assert re.match("15 kills .* each recovered without a gap", kills.output)
+    assert re.match(f"{words[1]} kills .* each recovered without a gap", kills.output)

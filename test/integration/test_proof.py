@@ -13,7 +13,7 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rpud_msgs.msg import Drive, Result, Status, WeightOnBit
 from rpud_msgs.srv import ResetSimulation, RestoreSimulation, SaveSimulation
-from sample_bags import PLAIN_PROVED
+from sample_bags import PLAIN_PROVED, proved_messages
 from std_srvs.srv import SetBool
 from support import Process
 
@@ -21,9 +21,7 @@ import rpud_sim.bag
 from rpud_sim.bag.cdr import Codec
 from rpud_sim.bag.definitions import find_definition
 from rpud_sim.inspection.forked_bag import write_fork
-from rpud_sim.inspection.verify.installed_types import installed_codec
 from rpud_sim.inspection.verify.verification import verify
-from rpud_sim.simulation.topics import TOPICS
 
 JOURNAL = "/rpud/journal"
 ACTIVATE, DEACTIVATE = Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_DEACTIVATE
@@ -296,20 +294,10 @@ def test_a_fork_without_a_change_is_the_rest_of_a_run(bag, place, run):
         write_fork(bag, fork, place * length, run=run)
         verification = verify(fork)
         assert verification.proved, verification
-        own = comparable(fork, skipped=1)
-    recorded = set(comparable(bag))
+        own = proved_messages(fork, skipped=1)
+    recorded = set(proved_messages(bag))
     others = [topic for topic, data in own if (topic, data) not in recorded]
     # The first run ended by a reset, and its fork by itself. Latched ground truth may be
     # overwritten before it is sent.
     assert set(others) <= {"/rpud/faults", *([JOURNAL] if run == 1 else [])}
     assert len(own) > 10
-
-
-def comparable(path, skipped=0):
-    """Return the messages without their paddings, after the first `skipped` nanoseconds."""
-    codecs = {
-        f"/rpud/{name}": installed_codec(TOPICS[name].type) for name in (*PLAIN_PROVED, "journal")
-    }
-    with rpud_sim.bag.open(path) as opened:
-        found = list(opened.messages(codecs.keys(), skipped))
-    return [(m.topic, codecs[m.topic].without_padding(m.data)) for m in found]

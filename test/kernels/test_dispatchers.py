@@ -112,38 +112,14 @@ def test_kernels_serve_a_read_only_copy_elsewhere_with_other_times(package, tmp_
 
 
 @pytest.mark.extended
-@pytest.mark.parametrize(
-    ("file", "old", "new", "result"),
-    [
-        ("rules.py", "FACTOR = 3.0", "FACTOR = 4.0", "39.0"),
-        ("kernel.py", "total = 0.0", "total = 1.0", "34.0"),
-    ],
-)
-def test_a_changed_source_is_never_served_by_the_former_kernel(package, file, old, new, result):
+def test_a_changed_source_is_never_served_by_the_former_kernel(package):
     assert run(package) == COMPILED
-    source = package / "room" / file
+    source = package / "room" / "rules.py"
     before = source.stat()
-    source.write_text(source.read_text().replace(old, new))
+    source.write_text(source.read_text().replace("FACTOR = 3.0", "FACTOR = 4.0"))
     os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
-    assert run(package) == f"{result} ['kernel', 'rule']"
+    assert run(package) == "39.0 ['kernel', 'rule']"
     assert len(list((package / "kernels").iterdir())) == 1  # the former one is gone
-
-
-@pytest.mark.extended
-def test_a_damaged_kernel_is_compiled_again(package):
-    run(package)
-    (kernel,) = (package / "kernels").iterdir()
-    kernel.write_bytes(kernel.read_bytes()[:-100])
-    assert run(package) == COMPILED
-    assert run(package) == LOADED
-
-
-@pytest.mark.extended
-def test_a_user_keeps_what_the_installation_cannot(package, tmp_path):
-    (package / "kernels").write_text("")  # as if it could not be written to, also for root
-    own = tmp_path / "own"
-    assert run(package, own) == COMPILED
-    assert run(package, own) == LOADED
 
 
 @pytest.mark.extended

@@ -52,9 +52,6 @@ def on(voltage=100.0, frequency=16000.0):
     return Drive(True, voltage, frequency)
 
 
-# --- the gain model ---------------------------------------------------------------------------
-
-
 @given(drives, drives)
 def test_the_gain_model_is_proportional_to_the_voltage_at_once(first, second):
     actuator = Actuator(GAIN, AMPLITUDE, first)
@@ -74,9 +71,6 @@ def test_the_gain_model_is_proportional_to_the_voltage_at_once(first, second):
 def test_the_gain_model_has_no_power_to_heat_and_no_phase_to_track(name, value):
     with pytest.raises(ParameterError, match=f"{name} = {value} needs actuator_model = resonance"):
         ActuatorParameters(**{name: value})
-
-
-# --- the load ---------------------------------------------------------------------------------
 
 
 def test_a_vibration_too_light_for_the_free_mass_is_refused():
@@ -109,9 +103,6 @@ def test_the_amplitude_sags_under_load_and_with_it_the_power():
     assert loaded.actuator.mechanical_work < 12.5
 
 
-# --- temperature and drift --------------------------------------------------------------------
-
-
 def test_the_temperature_tends_to_that_of_the_heat_in_the_thermal_time_constant():
     actuator = Actuator(HEATING, AMPLITUDE, on())
     for number in range(1, 1001):
@@ -133,9 +124,6 @@ def test_heat_lowers_the_resonance_and_with_it_amplitude_and_power():
     assert rise == pytest.approx(50.0 / (1.0 + detuning**2), rel=0.02)
     assert now.amplitude == pytest.approx(AMPLITUDE / math.hypot(1.0, detuning), rel=0.02)
     assert now.phase == pytest.approx(-math.atan(detuning), abs=0.02)
-
-
-# --- the generator ----------------------------------------------------------------------------
 
 
 def test_a_tracking_generator_follows_a_warm_resonance():

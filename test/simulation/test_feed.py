@@ -44,9 +44,6 @@ def drilled(simulation, *times):
     )
 
 
-# ---- bits
-
-
 @given(st.floats(1e-4, 0.04))
 @settings(max_examples=10, deadline=None)
 def test_a_rigid_arm_at_rest_without_rock_model_gives_the_bits_of_its_weight_on_bit(position):
@@ -79,9 +76,6 @@ def test_the_drill_gets_into_the_rock_and_out_again():
     assert not block.process.mount.in_contact
     assert simulation.weight_on_bit == 0.0
     assert simulation.depth < 3 * deep
-
-
-# ---- energy
 
 
 def residuals(simulation, times):
@@ -137,9 +131,6 @@ def test_a_changed_load_spring_is_in_the_account():
     energy, feed = energy + more, feed + fed
     assert feed.spring_changes > 0.0
     assert abs(feed.residual(energy.weight_on_bit_work)) < 1e-12
-
-
-# ---- commands
 
 
 @pytest.mark.parametrize(
@@ -200,9 +191,6 @@ def test_an_inactive_drill_does_not_feed():
     control.act()
     simulation.advance_to(50 * MILLISECOND)
     assert simulation.process.mount.feed == 0.0
-
-
-# ---- journal and checkpoints
 
 
 def started(values=DRILLS):

@@ -30,9 +30,7 @@ def test_a_node_s_own_values_come_before_those_for_all(file):
     ("text", "complaint"),
     [
         ("", "is not a ROS parameter file: it holds no mapping"),
-        ("- 1\n- 2\n", "is not a ROS parameter file: it holds no mapping"),
         ("weight_on_bit: 20.0\n", ": weight_on_bit has no mapping named ros__parameters"),
-        ("/**: {weight_on_bit: 20.0}\n", ": /** has no mapping named ros__parameters"),
         ("/**:\n  ros__parameters: 3\n", ": /** has no mapping named ros__parameters"),
         ("/**: [\n", "is not YAML: while parsing"),
         ('"two\\nlines": 3', ": 'two\\nlines' has no mapping named ros__parameters"),
@@ -52,28 +50,18 @@ def test_a_file_that_is_no_parameter_file_is_one_line_with_its_name(file, text, 
     ("text", "name", "value"),
     [
         ("weight_on_bit=20", "weight_on_bit", 20),
-        ("weight_on_bit=2.5", "weight_on_bit", 2.5),
         ("vibration_amplitude=1e-5", "vibration_amplitude", 1e-5),
-        ("elastic_modulus=1.96e11", "elastic_modulus", 1.96e11),
         ("regime=free", "regime", "free"),
         ("drive_enabled=false", "drive_enabled", False),
         ("a=b=c", "a", "b=c"),
         ("a=", "a", None),
         ("a={", "a", "{"),
-        ("a=!!int ''", "a", "!!int ''"),
         ("a=2001-13-45", "a", "2001-13-45"),
     ],
 )
 def test_an_assignment_is_read_as_yaml_and_every_number_as_a_number(text, name, value):
     assert parse_assignment(text) == (name, value)
     assert type(parse_assignment(text)[1]) is type(value)
-
-
-def test_a_quoted_number_is_text_as_it_is_for_ros(file):
-    assert read_parameter_file(file("/**: {ros__parameters: {a: '1e-3', b: 1e-3}}")) == {
-        "a": "1e-3",
-        "b": 1e-3,
-    }
 
 
 @pytest.mark.parametrize("text", ["weight_on_bit", "=3", ""])

@@ -59,9 +59,6 @@ def without_stops(messages):
     return [repr(message) for message in messages if message[1] != "journal"]
 
 
-# --- advance ----------------------------------------------------------------------------------
-
-
 SIGNALS = (
     ScheduledFault(5 * MILLISECOND, 70 * MILLISECOND, Fault("delayed", "nodal_plane", 0.03)),
     ScheduledFault(7_654_321, 80 * MILLISECOND, Fault("intermittent", "contact_force", 0.5)),
@@ -123,9 +120,6 @@ def test_every_block_is_counted_once_without_a_gap():
     assert all(after.start == before.end for before, after in itertools.pairwise(blocks))
 
 
-# --- the journal ------------------------------------------------------------------------------
-
-
 def test_the_beginning_comes_first_and_then_the_origin():
     run, messages = begun(journal=Journal())
     assert topics(messages) == ["journal", "journal", "faults"]
@@ -176,9 +170,6 @@ def test_entries_are_numbered_over_the_whole_run():
     assert kinds(messages).count("stop") == 2
 
 
-# --- the origin -------------------------------------------------------------------------------
-
-
 def test_a_place_changes_stamps_and_publishes_the_faults_again():
     run, first = begun(journal=Journal())
     list(run.advance_to(10 * MILLISECOND))
@@ -194,9 +185,6 @@ def test_a_place_changes_stamps_and_publishes_the_faults_again():
     ]
     assert stamp_of(nodal_plane) == 5 + 15 * MILLISECOND
     assert stamp_of(first[-1][2]) == ORIGIN
-
-
-# --- faults -----------------------------------------------------------------------------------
 
 
 def test_faults_are_published_once_for_each_change():
@@ -222,9 +210,6 @@ def test_faults_are_published_once_for_each_change():
     assert [stamp["nanosec"] for stamp in onsets] == [12_345_685, 20 * MILLISECOND + 7]
 
 
-# --- status -----------------------------------------------------------------------------------
-
-
 def test_the_status_gives_every_field_of_its_message():
     declared = re.findall(r"^[\w/]+ +([a-z]\w*) *(?:#.*)?$", STATUS.read_text(), re.MULTILINE)
     assert len(declared) > 25
@@ -236,9 +221,6 @@ def test_the_status_gives_every_field_of_its_message():
     assert stamp_of(fields) == ORIGIN + 10 * MILLISECOND
     assert (fields["state"], fields["commands_accepted"], fields["lag"]) == ("running", 3, 0.25)
     assert fields["impacts"] == run.simulation.impact_count > 0
-
-
-# --- commands ---------------------------------------------------------------------------------
 
 
 def test_the_powers_of_the_status_balance():
@@ -273,9 +255,6 @@ def test_other_settings_reach_the_watchdog_and_the_drill():
     assert run.control.act()
     assert run.control.commands_lost
     assert run.simulation.parameters.gravity == 1.62
-
-
-# --- the beginning ----------------------------------------------------------------------------
 
 
 @given(

@@ -127,46 +127,28 @@ def test_one_fault_may_begin_when_the_last_of_its_kind_ends(file):
     ("text", "complaint"),
     [
         ("", " is not a scenario: it holds no mapping"),
-        ("- 1", " is not a scenario: it holds no mapping"),
         ("{}", ": faults = None is not a list"),
-        ("faults: 3", ": faults = 3 is not a list"),
         ("fault: []", ": 'fault' is not one of seed, faults"),
-        ("1: []", ": 1 is not one of seed, faults"),
         ("{seed: -1, faults: []}", ": seed = -1 is not a whole number in its range [0, "),
-        ("{seed: 1.5, faults: []}", ": seed = 1.5 is not a whole number"),
         ("{seed: true, faults: []}", ": seed = 'true' is not a whole number"),
-        (f"{{seed: {GREATEST_SEED + 1}, faults: []}}", ": seed = 9223372036854775808 is not"),
         ("{seed: 0x" + "f" * 5000 + ", faults: []}", ": seed = a number too long to show is"),
         ("faults: [3]", ": entry 1: 3 is not a mapping"),
         ("faults: [{onset: 1}]", ": entry 1: kind is missing"),
         ("faults: [{kind: choking}]", ": entry 1: onset is missing"),
         ("faults: [{kind: choking, onset: 1, until: 3}]", ": entry 1: 'until' is not one of kind,"),
-        ("faults: [{kind: chocking, onset: 1}]", ": entry 1: fault kind = 'chocking' is unknown"),
         ("faults: [{kind: off, onset: 1}]", ": entry 1: channel of off = '' is not one of "),
-        ("faults: [{kind: off, channel: waveform, onset: 1}]", ": entry 1: off on waveform is ref"),
         (
             "faults: [{kind: choking, onset: 1}, {kind: hard_rock, onset: -1}]",
             ": entry 2: onset = -1 s is outside its range [0, 1e+06] s",
         ),
         ("faults: [{kind: choking, onset: .nan}]", ": entry 1: onset = nan is not a number"),
-        ("faults: [{kind: choking, onset: .inf}]", ": entry 1: onset = inf s is outside its range"),
-        ("faults: [{kind: choking, onset: '1'}]", ": entry 1: onset = '1' is not a number"),
-        ("faults: [{kind: choking, onset: }]", ": entry 1: onset = None is not a number"),
         (
             "faults: [{kind: choking, onset: 1, duration: 0}]",
             ": entry 1: duration = 0 s is outside its range [1e-09, 1e+06] s",
         ),
         (
-            "faults: [{kind: choking, onset: 1, magnitude: 2}]",
-            ": entry 1: magnitude of choking = 2 is outside its range (0, 1]",
-        ),
-        (
             "faults: [{kind: choking, onset: 1, magnitude: {uniform: [.nan, 1]}}]",
             ": entry 1: magnitude of choking = nan is not a number",
-        ),
-        (
-            "faults: [{kind: off, channel: wrench, onset: 1, magnitude: 2}]",
-            ": entry 1: off on wrench has no magnitude",
         ),
         (
             "faults: [{kind: choking, onset: {normal: [1, 2]}}]",
@@ -184,10 +166,6 @@ def test_one_fault_may_begin_when_the_last_of_its_kind_ends(file):
         (
             "faults: [{kind: choking, onset: 2}, {kind: choking, onset: 1, duration: 1.5}]",
             ": entry 1: choking begins while that of entry 2 lasts",
-        ),
-        (
-            "faults: [{kind: choking, onset: 2}, {kind: choking, onset: 3}]",
-            ": entry 2: choking begins while that of entry 1 lasts",
         ),
         ("faults: [", " is not YAML: while parsing"),
     ],

@@ -179,17 +179,6 @@ def test_at_one_instant_ends_come_before_beginnings():
     ]
 
 
-def test_an_injected_fault_makes_room_for_a_scheduled_one_at_the_instant_of_its_end():
-    simulation = Simulation(
-        Parameters(), scenario=scenario(scheduled("free_mass_jammed", 2 * SECOND))
-    )
-    simulation.advance_to(SECOND)
-    simulation.inject(Fault("free_mass_jammed"), SECOND)
-    simulation.advance_to(2 * SECOND)
-    assert simulation.drain_refusals() == []
-    assert len(simulation.faults.active) == 1
-
-
 def test_a_scheduled_fault_that_is_there_already_is_refused_and_reported():
     simulation = Simulation(
         Parameters(),

@@ -160,9 +160,6 @@ def test_serialized_by_the_block_they_are_the_same(values):
         assert [each[2:] for each in placed] == expected
 
 
-# --- spans ------------------------------------------------------------------------------------
-
-
 @settings(max_examples=15)
 @given(
     values=VALUES,

@@ -10,6 +10,7 @@ from rpud_sim.studies.processes import WorkerError, run_on_processes
 from rpud_sim.studies.sweep.chunks import Chunk, make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.specification_file import parse_specification
+from rpud_sim.studies.workers import run_on_workers
 
 SPECIFICATION = parse_specification(
     {"design": "grid", "duration": 5.0, "swept": {"weight_on_bit": [5.0, 10.0, 15.0, 20.0, 25.0]}}
@@ -55,7 +56,7 @@ def test_a_chunk_that_ends_every_worker_is_named_and_takes_no_other_with_it(chun
 
 def test_an_error_of_a_worker_is_raised_here(chunks):
     wrong = dataclasses.replace(chunks[0], versions={"numpy": "1.2.3"})
-    with pytest.raises(WorkerError, match="a worker has numpy"):
+    with pytest.raises(WorkerError, match=r"a worker has numpy .* this machine 1\.2\.3"):
         list(run_on_processes(simulate, [wrong], 1))
     assert multiprocessing.active_children() == []
 
@@ -65,3 +66,11 @@ def test_closing_the_iterator_ends_the_workers(chunks):
     next(outcomes)
     outcomes.close()
     assert multiprocessing.active_children() == []
+
+
+def test_kernels_are_compiled_once_before_local_processes_start(chunks):
+    calls = []
+    outcomes = run_on_workers(simulate, chunks, 1, None, lambda: calls.append("compiled"))
+    assert calls == ["compiled"]
+    assert len(list(outcomes)) == len(chunks)
+    assert calls == ["compiled"]

@@ -12,6 +12,7 @@ ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.skipif(
     not (ROOT / ".venv").exists(), reason="set up without make, as a ROS workspace"
 )
+PROFILE = f"42 SYSTEM_DEFAULT {ROOT}/config/fastdds_loopback.xml"
 shells = pytest.mark.parametrize("shell", ["bash", "zsh", "dash", "sh"])
 
 
@@ -66,33 +67,21 @@ def test_sourcing_survives_and_keeps_strict_options(shell):
 
 
 @shells
-def test_ros_stays_on_this_machine_unless_set_otherwise(shell):
-    script = '. "$ENV"; echo $ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE'
-    assert run(shell, script).stdout == "42 SYSTEM_DEFAULT\n"
-    own = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-    assert run(shell, script, **own).stdout == "7 SUBNET\n"
-
-
-@shells
 @pytest.mark.parametrize(
     ("own", "expected"),
     [
-        ({}, f"SYSTEM_DEFAULT {ROOT}/config/fastdds_loopback.xml"),
-        (
-            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
-            f"SYSTEM_DEFAULT {ROOT}/config/fastdds_loopback.xml",
-        ),
-        (
-            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
-            "SUBNET",
-        ),  # the profile would keep it to loopback
-        ({"FASTRTPS_DEFAULT_PROFILES_FILE": "/my/profiles.xml"}, "LOCALHOST /my/profiles.xml"),
-        ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, "LOCALHOST"),  # it reads no such profile
+        ({}, PROFILE),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, PROFILE),
+        # The profile would keep it to loopback.
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_DOMAIN_ID": "7"}, "7 SUBNET"),
+        ({"FASTRTPS_DEFAULT_PROFILES_FILE": "/my/profiles.xml"}, "42 LOCALHOST /my/profiles.xml"),
+        ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, "42 LOCALHOST"),  # it reads no such profile
     ],
     ids=["default", "localhost", "subnet", "own_profile", "other_middleware"],
 )
 def test_discovery_is_left_to_the_profile_only_where_it_is_read(shell, own, expected):
-    script = '. "$ENV"; echo $ROS_AUTOMATIC_DISCOVERY_RANGE $FASTRTPS_DEFAULT_PROFILES_FILE'
+    range_and_profile = "$ROS_AUTOMATIC_DISCOVERY_RANGE $FASTRTPS_DEFAULT_PROFILES_FILE"
+    script = f'. "$ENV"; echo $ROS_DOMAIN_ID {range_and_profile}'
     assert run(shell, script, **own).stdout == f"{expected}\n"
 
 

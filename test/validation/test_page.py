@@ -11,7 +11,7 @@ from validation.choices import energy_shares, figure_12_implies
 from validation.contradictions import contradiction_rows
 from validation.named_choices import AS_FIGURE_12, FITTED, NAMED, REASONED, TABLES
 from validation.page import page
-from validation.paper_numbers import MEASURED, NUMBERS, SIMULATED
+from validation.paper_numbers import MEASURED, SIMULATED
 from validation.results import Effort, named, run_validation
 from validation.tables import tool_table
 
@@ -138,8 +138,3 @@ def test_the_energy_after_a_blow_is_that_of_both_bodies():
     assert shares["common"] == pytest.approx(5 / 7)
     assert shares["tool"] == pytest.approx(shares["common"] * 2 / 7)
     assert shares["net"] == pytest.approx(1.0 - (5 / 7) ** 2)
-
-
-def test_a_number_of_the_paper_is_compared_in_its_unit():
-    assert {number.unit for number in NUMBERS} == {"1/s", "N", "J", "m"}
-    assert len({(number.source, number.label) for number in NUMBERS}) == len(NUMBERS)

@@ -1,7 +1,5 @@
 """Specifications of fits: what they hold, and one line for every mistake."""
 
-import math
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -66,44 +64,26 @@ targets:
     [
         (None, "is empty"),
         (changed(target=1), "target is not an entry; did you mean targets?"),
-        (changed(unknowns=...), "unknowns: is missing"),
         (changed(unknowns={}), "unknowns: holds no parameter with bounds"),
-        (changed(targets=...), "targets: holds no target that the fit may use"),
         (target(hold_out=True), "targets: holds no target that the fit may use"),
         (changed(points=100), "points = 100 is no power of two"),
-        (changed(rounds=0), "rounds = 0 is outside its range [1, 20]"),
         (changed(parameters={"gravty": 1}), "parameters.gravty is not a parameter; did you mean g"),
-        (changed(parameters={"seed": 1}), "parameters.seed is not a parameter"),
         (changed(parameters={"weight_on_bit": 1}), "unknowns.weight_on_bit: is among the param"),
-        (unknown("weight_on_bitt", [1, 2]), "weight_on_bitt is not a parameter; did you mean w"),
         (unknown("weight_on_bit", [2, 1]), "unknowns.weight_on_bit: low 2 is not below high 1"),
         (unknown("weight_on_bit", 2), "unknowns.weight_on_bit: 2 is not of the form [low, high]"),
-        (unknown("weight_on_bit", [0, 1e9]), "weight_on_bit = 1e+09 N is outside its range"),
         (unknown("gravity", {"low": 0, "high": 1, "scale": "log"}), "low 0 has no logarithm"),
-        (unknown("gravity", {"low": 0, "high": 1, "scale": "x"}), "scale = 'x' is not one of"),
-        (unknown("gravity", {"low": 0, "hihg": 1}), "hihg is not an entry; did you mean high?"),
-        (unknown("contact_model", ["prined"]), "contact_model = 'prined' is not one of printed"),
         (target(figure="reacting_force"), "figure: reacting_force is not a figure; did you mean r"),
-        (target(figure=["events"]), "targets[0].figure: ['events'] is not a figure; known are"),
         (target(figure="events", value=-1), "targets[0].value = -1 is outside its range [0, "),
         (target(value=...), "targets[0].value: is missing"),
-        (target(value=math.nan), "targets[0].value = nan N is outside its range"),
         (target(tolerance=0), "targets[0].tolerance = 0 N is outside its range"),
-        (target(tolerance="5 N"), "targets[0].tolerance = '5 N' N is outside its range"),
         (target(value=0), "targets[0].tolerance: '5 %' of 0 is no tolerance above 0"),
         (target(statistic="mean"), "targets[0].statistic: reacting_force_mean has none"),
-        (target(figure="contact_force", statistic="median"), "statistic = 'median' is not one of"),
-        (target(figure="contact_force", statistic="quantile 2"), "quantile = 2 is outside its"),
         (target(window=0), "targets[0].window: begins at 0 s and ends at 0 s"),
         (target(window=[1, 2, 3]), "targets[0].window: [1, 2, 3] is neither seconds nor"),
-        (target(window=1e3), "targets[0].window = 1000 s is outside its range [0, 100] s"),
         (target(impact_velocity=5), "impact_velocity: is for contact_peak_force and contact_peak"),
         (target(parameters={"gravity": -1}), "targets[0]: gravity = -1 m/s^2 is outside"),
-        (target(regime="wet"), "targets[0]: regime = 'wet' is not one of free, drilling"),
         (changed(data=[{}]), "data[0]: needs either bag or csv"),
         (changed(data=[{"csv": "missing.csv"}]), "missing.csv: No such file or directory"),
-        (changed(data=[{"bag": "missing"}]), "missing"),
-        (changed(data=[{"csf": "x"}]), "data[0].csf is not an entry; did you mean csv?"),
     ],
 )
 def test_a_mistake_is_one_line_with_entry_and_reason(content, complaint):

@@ -10,14 +10,7 @@ from hypothesis import strategies as st
 from rpud_sim.simulation import preset
 from rpud_sim.simulation.ensemble import initial_phases, run_ensemble
 from rpud_sim.simulation.statistics import FIGURES
-from rpud_sim.studies.processes import WorkerError
-from rpud_sim.studies.sweep.chunks import (
-    Chunk,
-    chunk_count,
-    chunk_size,
-    make_chunks,
-    simulate,
-)
+from rpud_sim.studies.sweep.chunks import Chunk, chunk_count, chunk_size, make_chunks, simulate
 from rpud_sim.studies.sweep.design import design_points
 from rpud_sim.studies.sweep.plan import point_seed
 from rpud_sim.studies.sweep.specification_file import parse_specification
@@ -116,10 +109,3 @@ def test_a_point_outside_the_ranges_is_a_failure_of_its_own_alone():
     assert outcome.failures == (reason, reason, None, None)
     assert np.isnan(outcome.figures[:2]).all()
     assert np.isfinite(outcome.figures[2:, 0]).all()
-
-
-def test_a_worker_with_other_versions_refuses_the_work():
-    (chunk,) = chunks_of(sweep())
-    other = dataclasses.replace(chunk, versions={**chunk.versions, "numpy": "1.2.3"})
-    with pytest.raises(WorkerError, match=r"a worker has numpy .* this machine 1\.2\.3"):
-        simulate(other)

@@ -73,49 +73,30 @@ LINE = {"minimum": 1.0, "maximum": 2.0, "points": 3}
     ("content", "complaint"),
     [
         (None, "the file: holds no mapping"),
-        ([1], "the file: holds no mapping"),
         (changed(sweeps=1), "sweeps: is unknown; did you mean swept?"),
         (changed(design=...), "design: is missing"),
-        (changed(design="random"), "design: 'random' is not one of grid, latin_hypercube, sobol"),
         (changed(points=4), "points: a grid has its points at each range of swept"),
         (changed(design="sobol"), "points: is missing, the number of points of the sobol design"),
         (changed(design="sobol", points=12), "points: 12 is no power of two"),
-        (changed(design="latin_hypercube", points=0), "points: 0 is no whole number from 1 to"),
-        (changed(duration=...), "duration: is missing"),
         (changed(duration=math.nan), "duration = nan s is outside its range"),
-        (changed(duration="1 s"), "duration = '1 s' s is outside its range"),
-        (changed(seed=-1), "seed: -1 is no whole number from 0 to"),
-        (changed(repeat=1.5), "repeat: 1.5 is no whole number from 1 to"),
         (changed(repeat=True), "repeat: True is no whole number from 1 to"),
-        (changed(fixed=[1]), "fixed: holds no mapping"),
-        (changed(fixed={"weight": 1}), "fixed.weight: is unknown; did you mean weight_on_bit?"),
         (changed(fixed={"gravity": -1}), "fixed: gravity = -1 m/s^2 is outside its range"),
         (changed(fixed={"weight_on_bit": 1}), "swept.weight_on_bit: is fixed as well"),
         (swept(), "swept: names no parameter"),
-        (swept(weight=LINE), "swept.weight: is unknown"),
         (swept(free_mass=1), "swept.free_mass: 1 is neither a list nor minimum and maximum"),
         (swept(free_mass=[]), "swept.free_mass: holds no value"),
         (swept(free_mass=[1, 1.0]), "swept.free_mass: holds a value twice"),
-        (swept(free_mass=[1, -1]), "swept.free_mass[1]: free_mass = -1 kg is outside its range"),
         (swept(free_mass=list(range(1, 10_002))), "swept.free_mass: holds 10001 values, more than"),
         (swept(regime=LINE), "swept.regime: has no range; give a list of its choices"),
-        (swept(regime=["wet"]), "swept.regime[0]: regime = 'wet' is not one of free, drilling"),
-        (swept(free_mass={"minimum": 1}), "swept.free_mass.maximum: is missing"),
-        (swept(free_mass=LINE | {"points": 1}), "swept.free_mass.points: 1 is no whole number"),
         (swept(free_mass=LINE | {"step": 1}), "swept.free_mass.step: is unknown; known are minim"),
-        (swept(free_mass=LINE | {"scale": "x"}), "swept.free_mass.scale: 'x' is not one of linear"),
         (swept(free_mass=LINE | {"minimum": 2}), "swept.free_mass: minimum 2 is not below maximum"),
         (
             swept(gravity=LINE | {"minimum": 0, "scale": "log"}),
             "swept.gravity.minimum: 0 has no logarithm",
         ),
-        (
-            swept(free_mass=LINE | {"maximum": 20}),
-            "swept.free_mass.maximum: free_mass = 20 kg is outside its range [1e-12, 10] kg",
-        ),
+        (swept(free_mass=LINE | {"maximum": 20}), "swept.free_mass.maximum: free_mass = 20 kg is"),
         (swept(free_mass=LINE | {"source": 7}), "swept.free_mass.source: 7 is not a text"),
         (changed(figures=["force"]), "figures: force is unknown; known are events, drill_tool"),
-        (changed(figures=3), "figures: 3 is not a list of names"),
         (changed(design="saltelli", points=6), "points: 6 is no power of two, as a saltelli"),
         (
             changed(design="saltelli", points=4, swept={"gravity": [1, 2]}, cases={"a": {}}),
@@ -132,21 +113,9 @@ def test_a_mistake_is_one_line_with_entry_and_reason(content, complaint):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("", "spec.yaml: the file: holds no mapping"),
-        ("design: [", "spec.yaml is not YAML: "),
-    ],
-)
-def test_a_file_that_is_none_is_named(file, text, complaint):
-    with pytest.raises(SweepError) as caught:
-        read_specification(file(text))
-    assert complaint in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path):
+def test_a_file_that_is_none_is_named(file, tmp_path):
+    with pytest.raises(SweepError, match=r"spec\.yaml: the file: holds no mapping$"):
+        read_specification(file(""))
     with pytest.raises(SweepError, match=r"missing\.yaml: No such file or directory$"):
         read_specification(tmp_path / "missing.yaml")
 

@@ -102,10 +102,3 @@ def test_other_yaml_files_are_not_collected(pytester):
     pytester.makepyfile("def test_a(): pass")
     run(pytester).assert_outcomes(passed=1)
     assert not (pytester.path / "left").exists()
-
-
-def test_a_mistake_in_a_campaign_is_one_line(pytester):
-    pytester.makefile(".yaml", arm=CAMPAIGN.replace("seeds:", "seads:"))
-    result = run(pytester)
-    result.assert_outcomes(errors=1)
-    result.stdout.fnmatch_lines(["*/arm.yaml:8: 'seads': did you mean seeds[?]"])

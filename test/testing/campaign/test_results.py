@@ -86,13 +86,6 @@ def test_the_page_names_runs_that_failed_and_plots_their_margins_apart(campaign)
     assert "What failed" not in campaign_page(flown(campaign))
 
 
-def test_what_no_run_decides_has_no_plot(campaign):
-    page = campaign_page(flown(campaign, lambda run: {"judged": {"drive off": OPEN}}))
-    assert "margin: drive off" not in page
-    assert "reaction time: drive off" not in page
-    assert "reaction time: force" in page
-
-
 def test_an_outcome_travels_as_text_and_results_are_json_without_infinity(campaign):
     made = outcome(campaign, {"force": FAILURE, "drive off": OPEN})
     assert outcome_from_json(made.to_json()) == made
