@@ -1,5 +1,6 @@
 """Records: runs, losses, repetitions, silence, other clocks and other bags."""
 
+import numpy as np
 import pytest
 from altered_bags import altered, unchanged
 from random_expectations import record_of
@@ -22,6 +23,7 @@ from rpud_sim.verdicts import (
     quantile,
     signal,
 )
+from rpud_sim.verdicts.messages import Piece, Table, TopicMessages
 
 FORCE = signal("reacting_force.force")
 WEIGHT = signal("status.weight_on_bit")
@@ -39,6 +41,15 @@ def entry(sequence, kind, time, stamp=None):
 
 def impact(sequence, force):
     return {"sequence": sequence, "peak_force": force}
+
+
+def test_messages_of_a_foreign_type_are_one_line():
+    time = np.array([1])
+    numbered = Table({"log_time": time, "sequence": np.array([2**63], np.uint64)})
+    with pytest.raises(ExpectationError, match="no field 'kind'"):
+        numbered.values("kind", "kind")
+    with pytest.raises(ExpectationError, match="journal: sequence: OverflowError"):
+        TopicMessages("journal", [Piece(numbered, time, time)], [np.array([True])])
 
 
 def test_a_signal_that_never_came_is_undecided_and_named():
