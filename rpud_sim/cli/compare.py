@@ -109,10 +109,11 @@ def run(arguments: argparse.Namespace) -> int:
     from rpud_sim.inspection.compare.content import content
 
     if arguments.out:
-        from rpud_sim.inspection.compare.compare_page import check_target, write_page
+        from rpud_sim.inspection.compare.compare_page import write_page
+        from rpud_sim.inspection.output import check_new_file
 
         with failing(CompareError):
-            check_target(arguments.out)
+            check_new_file(arguments.out, CompareError)
     with failing(BagError, CompareError), progress_bar(" messages", scaled=True) as bar:
         found = compare(
             [arguments.bag, *arguments.others],
