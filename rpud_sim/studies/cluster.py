@@ -36,6 +36,10 @@ class _SchedulerLostError(Exception):
     """The chunks in flight are lost."""
 
 
+class _SilentSchedulerError(Exception):
+    """Something accepts connections at the address, and does not answer as a scheduler."""
+
+
 class _Queue(Generic[_Chunk]):
     """Chunks that are still to run: first those that came back, then further ones."""
 
@@ -79,13 +83,20 @@ def run_on_cluster(
         ) from None
     _check_reachable(address)
     queue = _Queue(chunks)
+    deadline = time.monotonic()  # of an answer: one attempt at first, more after a loss
     with _quiet_log():
         while True:
             try:
                 yield from _run_on_scheduler(queue, address, work)
                 return
             except _SchedulerLostError:
-                _wait_for_scheduler(address)
+                deadline = time.monotonic() + RESTART_TIMEOUT
+            except _SilentSchedulerError:
+                if time.monotonic() >= deadline:
+                    raise WorkerError(
+                        f"--scheduler {address}: cannot be reached: no Dask scheduler answers there"
+                    ) from None
+            _wait_for_scheduler(address, deadline)
 
 
 @contextlib.contextmanager
@@ -109,6 +120,7 @@ def _run_on_scheduler(
 
     Raises:
         _SchedulerLostError: if the scheduler has gone; the chunks in flight are in the queue again.
+        _SilentSchedulerError: if there is none yet.
         WorkerError: if the cluster cannot run a chunk.
     """
     from distributed import Client
@@ -117,7 +129,11 @@ def _run_on_scheduler(
     running: dict[Future, _Chunk] = {}
     finished: SimpleQueue[Future] = SimpleQueue()
     try:
-        with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
+        try:
+            client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
+        except (OSError, TimeoutError):
+            raise _SilentSchedulerError from None
+        with client:
             cluster = _Cluster(client)
 
             def fill() -> None:
@@ -183,9 +199,8 @@ class _Cluster:
         return self._threads
 
 
-def _wait_for_scheduler(address: str) -> None:
-    """Wait until a scheduler listens again at an address."""
-    deadline = time.monotonic() + RESTART_TIMEOUT
+def _wait_for_scheduler(address: str, deadline: float) -> None:
+    """Wait until something listens again at an address."""
     while True:
         try:
             return _check_reachable(address)
