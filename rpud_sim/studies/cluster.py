@@ -36,10 +36,6 @@ class _SchedulerLostError(Exception):
     """The chunks in flight are lost."""
 
 
-class _SilentSchedulerError(Exception):
-    """Something accepts connections at the address, and does not answer as a scheduler."""
-
-
 class _Queue(Generic[_Chunk]):
     """Chunks that are still to run: first those that came back, then further ones."""
 
@@ -83,20 +79,13 @@ def run_on_cluster(
         ) from None
     _check_reachable(address)
     queue = _Queue(chunks)
-    deadline = time.monotonic()  # of an answer: one attempt at first, more after a loss
     with _quiet_log():
         while True:
             try:
                 yield from _run_on_scheduler(queue, address, work)
                 return
             except _SchedulerLostError:
-                deadline = time.monotonic() + RESTART_TIMEOUT
-            except _SilentSchedulerError:
-                if time.monotonic() >= deadline:
-                    raise WorkerError(
-                        f"--scheduler {address}: cannot be reached: no Dask scheduler answers there"
-                    ) from None
-            _wait_for_scheduler(address, deadline)
+                _wait_for_scheduler(address)
 
 
 @contextlib.contextmanager
@@ -120,7 +109,6 @@ def _run_on_scheduler(
 
     Raises:
         _SchedulerLostError: if the scheduler has gone; the chunks in flight are in the queue again.
-        _SilentSchedulerError: if there is none yet.
         WorkerError: if the cluster cannot run a chunk.
     """
     from distributed import Client
@@ -129,11 +117,7 @@ def _run_on_scheduler(
     running: dict[Future, _Chunk] = {}
     finished: SimpleQueue[Future] = SimpleQueue()
     try:
-        try:
-            client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
-        except (OSError, TimeoutError):
-            raise _SilentSchedulerError from None
-        with client:
+        with Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) as client:
             cluster = _Cluster(client)
 
             def fill() -> None:
@@ -199,8 +183,9 @@ class _Cluster:
         return self._threads
 
 
-def _wait_for_scheduler(address: str, deadline: float) -> None:
-    """Wait until something listens again at an address."""
+def _wait_for_scheduler(address: str) -> None:
+    """Wait until a scheduler listens again at an address."""
+    deadline = time.monotonic() + RESTART_TIMEOUT
     while True:
         try:
             return _check_reachable(address)
@@ -211,11 +196,19 @@ def _wait_for_scheduler(address: str, deadline: float) -> None:
 
 
 def _check_reachable(address: str) -> None:
-    """Raise WorkerError for an address where no scheduler listens: a client would retry forever."""
+    """Raise WorkerError for an address where no scheduler answers: a client would wait forever."""
     try:
         parts = urlsplit(address)
         if parts.scheme != "tcp" or not parts.hostname or parts.port is None:
             raise ValueError("it must be tcp://HOST:PORT")
-        socket.create_connection((parts.hostname, parts.port), CONNECT_TIMEOUT).close()
+        with socket.create_connection((parts.hostname, parts.port), CONNECT_TIMEOUT) as connection:
+            # A scheduler begins with its versions, before it is asked.
+            if not connection.recv(1):
+                raise ConnectionResetError("it is no Dask scheduler")
+    except TimeoutError:
+        raise WorkerError(
+            f"--scheduler {address}: cannot be reached: no answer of a Dask scheduler in "
+            f"{CONNECT_TIMEOUT:g} s"
+        ) from None
     except (OSError, ValueError) as error:
         raise WorkerError(f"--scheduler {address}: cannot be reached: {error}") from None
