@@ -41,9 +41,10 @@ class SqliteFile:
         with reading(shown):
             self.size = path.stat().st_size
             # The library makes a URI of the path.
-            self._reader = Sqlite3Reader(Path(quote(os.path.abspath(path))))
+            quoted = Path(quote(os.path.abspath(path)))
+            self._reader = Sqlite3Reader(quoted)
         with self._reading():
-            _check_tables(self._reader.path)
+            _check_tables(quoted)
             self._reader.open()
         try:
             with self._reading():

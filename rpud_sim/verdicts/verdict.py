@@ -128,14 +128,17 @@ def _why_undecided(expectation: Expectation, record: Record, end: int, zero: int
 
 
 def _unit(formula: Formula, record: Record) -> str:
-    units = set()
-    for part in formula.walk():
-        if isinstance(part, (Compare, Quantile)):
-            field = record.field(part.signal)
-            units.add(unit_of(part.number, field if isinstance(field, Field) else None))
-        elif isinstance(part, Count):
-            units.add("")
+    units = _units(formula, record)
     return MIXED if len(units) > 1 else "".join(units)
+
+
+def _units(formula: Formula, record: Record) -> set[str]:
+    if isinstance(formula, Count):  # a number, whatever is compared in its event
+        return {""}
+    if isinstance(formula, (Compare, Quantile)):
+        field = record.field(formula.signal)
+        return {unit_of(formula.number, field if isinstance(field, Field) else None)}
+    return set().union(*(_units(child, record) for child in formula.children()))
 
 
 def _decided(evaluation: Evaluation, formula: Formula, time: int, held: bool) -> int:

@@ -36,7 +36,7 @@ def deadly(chunk):
 
 
 def test_an_outcome_that_cannot_be_pickled_is_said(chunks):
-    with pytest.raises(WorkerError, match="^the outcome of chunk 0 cannot be pickled: ") as caught:
+    with pytest.raises(WorkerError, match=r"^the outcome of chunk 0 cannot be pickled: ") as caught:
         list(run_on_processes(weakref.ref, chunks[:1], 1))
     assert "\n" not in str(caught.value)
     assert multiprocessing.active_children() == []
